@@ -1,0 +1,30 @@
+"""The catalogue of physical effects, one small file each: its equation gives columns, gradients and documentation."""
+
+from __future__ import annotations
+
+from robot_ident.effects.coulomb import Coulomb
+from robot_ident.effects.effect import Coefficient, Effect, Mathematics, Signals
+from robot_ident.effects.gravity_spring import GravitySpring
+from robot_ident.effects.rotor_inertia import RotorInertia
+from robot_ident.effects.torque_offset import TorqueOffset
+from robot_ident.effects.viscous import Viscous
+from robot_ident.effects.wrist_coupling import WristCoupling
+from robot_ident.errors import InputError, did_you_mean
+from robot_ident.robot.robot import Robot
+
+CATALOGUE: dict[str, type[Effect]] = {
+    effect.name: effect for effect in (Viscous, Coulomb, TorqueOffset, GravitySpring, RotorInertia, WristCoupling)
+}
+
+
+def make_effect(label: str, robot: Robot) -> Effect:
+    """Return the effect that `name@joint` means on a robot; InputError suggests the nearest name or joint."""
+    name, at, joint = label.partition("@")
+    if name not in CATALOGUE:
+        raise InputError(f"unknown effect {name!r}{did_you_mean(name, CATALOGUE)} (robot_ident effects lists them)")
+    if not at:
+        raise InputError(f"effect {name!r} needs its joint: {name}@{robot.joints[0]}")
+    return CATALOGUE[name](robot, robot.joint_index(joint))
+
+
+__all__ = ["CATALOGUE", "Coefficient", "Effect", "Mathematics", "Signals", "make_effect"]

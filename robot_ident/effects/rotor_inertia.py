@@ -1,0 +1,27 @@
+"""Rotor inertia of a drive, seen through its gear."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from typing import Any
+
+from robot_ident.effects.effect import Coefficient, Effect, Mathematics, Signals
+
+
+class RotorInertia(Effect):
+    """Inertia of the rotor on the joint side: tau = Ia ddq. Where a link's inertia has the same column it merges with
+    it.
+    """
+
+    name = "rotor_inertia"
+    equation = "Ia ddq"
+    meaning = "rotor inertia on the joint side"
+    coefficients = (Coefficient("rotor_inertia", "kg m^2", "kg"),)
+
+    def terms(self, x: Signals, m: Mathematics) -> Sequence[dict[int, Any]]:
+        """Return ddq."""
+        return [{self.joint: x.ddq[self.joint]}]
+
+    def truth(self) -> dict[str, float] | None:
+        """Return the robot's armature."""
+        return {"rotor_inertia": float(self.robot.drives.armature[self.joint])}

@@ -1,0 +1,1 @@
+"""Estimation: parameters with their uncertainty, validation on another motion, Monte Carlo."""

@@ -1,0 +1,71 @@
+"""The stacked equations F theta = b of one or several measurements (Swevers et al. 1997, eq. 8)."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+
+import numpy as np
+
+from robot_ident.errors import InputError
+from robot_ident.model.structure import Structure
+from robot_ident.motion import Array
+from robot_ident.recording.measurement import Measurement
+
+
+@dataclass(frozen=True)
+class Equations:
+    """Rows that count, of all measurements and joints.
+
+    phi [R, p], torque [R] Nm, both averaged and low-passed; joint [R], block [R]: which joint and measurement a row
+    belongs to; variance [R] (Nm)^2 of its noise, nan where unknown; independent [R]: share of independent noise among
+    its neighbours.
+    """
+
+    phi: Array
+    torque: Array
+    joint: np.ndarray
+    block: np.ndarray
+    variance: Array
+    independent: Array
+
+    @property
+    def rows(self) -> int:
+        """Number of rows R."""
+        return len(self.torque)
+
+
+def stack(measurements: Sequence[Measurement], structure: Structure) -> Equations:
+    """Return the equations of some measurements; InputError when a joint has too few rows."""
+    source = ", ".join(measured.source for measured in measurements)
+    parts: list[list[Array]] = []
+    for block, measured in enumerate(measurements):
+        phi = measured.passed(structure.columns(measured.motion))
+        torque = measured.passed(measured.torque)
+        used = measured.used[measured.rows]
+        variance = measured.averaged_variance
+        for joint in range(structure.robot.n):
+            rows = used[:, joint]
+            count = int(rows.sum())
+            parts.append(
+                [
+                    phi[rows, joint],
+                    torque[rows, joint],
+                    np.full(count, joint),
+                    np.full(count, block),
+                    np.full(count, variance[joint]),
+                    np.full(count, measured.independent),
+                ]
+            )
+    joined = [np.concatenate(part) for part in zip(*parts, strict=True)]
+    phi, torque, joint_of, block_of, variance_of, independent = joined
+    for joint, name in enumerate(structure.robot.joints):
+        if not np.any(joint_of == joint):
+            raise InputError(
+                f"{source}: {name} has no usable sample (it stands still, or is slower than the minimum speed)"
+            )
+    if len(torque) <= len(structure.parameters):
+        raise InputError(
+            f"{source}: {len(torque)} usable samples are too few for {len(structure.parameters)} parameters"
+        )
+    return Equations(phi, torque, joint_of.astype(int), block_of.astype(int), variance_of, independent)

@@ -1,0 +1,1 @@
+"""Models: base parameters, columns with names, and estimated values with their uncertainty."""

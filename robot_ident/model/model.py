@@ -1,0 +1,121 @@
+"""An identified model: parameters with their covariance, and all that is needed to judge and to use it."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from dataclasses import asdict, dataclass, field
+from typing import Any
+
+import numpy as np
+
+from robot_ident.model.structure import Structure
+from robot_ident.motion import Array, Motion, frozen_array
+from robot_ident.robot.robot import Robot
+
+
+@dataclass(frozen=True)
+class Fit:
+    """How well a model follows one joint: mean square of the residual, its root, the variance of the data's noise,
+    relative error.
+
+    mse, noise_variance in (Nm)^2, of the same (averaged, low-passed) data; noise_variance None where unknown.
+    relative: the norm of the residual over that of the torque.
+    """
+
+    mse: float
+    rms: float
+    noise_variance: float | None
+    relative: float
+
+
+@dataclass(frozen=True)
+class NoiseLevel:
+    """Noise of the data: variance [n] of one sample of torque and position (None where unknown), M periods of N
+    samples.
+    """
+
+    torque_variance: tuple[float | None, ...]
+    position_variance: tuple[float | None, ...]
+    periods: int
+    samples_per_period: int
+
+
+@dataclass(frozen=True)
+class Model:
+    """tau = Phi(q, dq, ddq) theta with an estimate of theta [p] and its covariance [p, p].
+
+    estimator: ls or wls. processing: how the recordings were processed, as a plain mapping. residual: by joint.
+    provenance: recordings with their hashes, versions, date. notes: what was said on the way.
+    """
+
+    structure: Structure
+    values: Array
+    covariance: Array
+    estimator: str
+    noise: NoiseLevel
+    residual: Mapping[str, Fit]
+    condition_number: float
+    log10_det_covariance: float
+    processing: Mapping[str, Any] = field(default_factory=dict)
+    provenance: Mapping[str, Any] = field(default_factory=dict)
+    notes: tuple[str, ...] = ()
+
+    def __post_init__(self) -> None:
+        """Freeze the arrays and check their shapes."""
+        p = len(self.structure.parameters)
+        object.__setattr__(self, "values", frozen_array(self.values, p))
+        object.__setattr__(self, "covariance", frozen_array(self.covariance, p, p))
+
+    @property
+    def robot(self) -> Robot:
+        """The robot that it models."""
+        return self.structure.robot
+
+    @property
+    def std(self) -> Array:
+        """Standard deviation of every parameter [p]: the root of the covariance's diagonal (eq. 9)."""
+        return np.sqrt(np.diag(self.covariance))
+
+    def predict(self, motion: Motion) -> Array:
+        """Return the model's torque [N, n] Nm along a motion."""
+        tau: Array = self.structure.columns(motion) @ self.values
+        return tau
+
+    def to_dict(self) -> dict[str, Any]:
+        """Return the contents of `model.yaml`, the same as `identify --json` prints."""
+        listed = [
+            {
+                "name": parameter.name,
+                "value": float(value),
+                "std": float(std),
+                "unit": parameter.unit,
+                "joint": parameter.joint,
+                "effect": parameter.effect,
+                "meaning": parameter.meaning,
+            }
+            for parameter, value, std in zip(self.structure.parameters, self.values, self.std, strict=True)
+        ]
+        definition = self.robot.definition
+        return {
+            "schema": "robot_ident/model/1",
+            "robot": self.robot.name,
+            "estimator": self.estimator,
+            "effects": list(self.structure.labels),
+            "parameters": listed,
+            "noise": {
+                "torque_variance": list(self.noise.torque_variance),
+                "position_variance": list(self.noise.position_variance),
+                "periods": self.noise.periods,
+                "samples_per_period": self.noise.samples_per_period,
+            },
+            "residual": {joint: asdict(fit) for joint, fit in self.residual.items()},
+            "condition_number": self.condition_number,
+            "log10_det_covariance": self.log10_det_covariance,
+            "processing": dict(self.processing),
+            "provenance": dict(self.provenance),
+            "notes": list(self.notes),
+            "covariance": self.covariance.tolist(),
+            "robot_definition": None
+            if definition is None
+            else {"yaml": dict(definition.yaml), "urdf": definition.urdf},
+        }

@@ -1,0 +1,56 @@
+"""Motion of the joints over time: frozen arrays with their units."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from typing import Any
+
+import numpy as np
+from numpy.typing import ArrayLike, NDArray
+
+Array = NDArray[np.float64]
+Mask = NDArray[np.bool_]
+
+
+def frozen_array(values: ArrayLike, *shape: int | None) -> Array:
+    """Return a read-only float array; ValueError when its shape differs from `shape` (None: any length)."""
+    array: Array = np.array(values, dtype=float)
+    if shape and (
+        array.ndim != len(shape) or any(s not in (None, got) for s, got in zip(shape, array.shape, strict=True))
+    ):
+        raise ValueError(f"an array of shape {shape} was expected, got {array.shape}")
+    array.setflags(write=False)
+    return array
+
+
+@dataclass(frozen=True)
+class Motion:
+    """Position, velocity and acceleration of n joints at N instants.
+
+    q [N, n] rad (m on a prismatic joint), dq [N, n] rad/s, ddq [N, n] rad/s^2.
+    """
+
+    q: Array
+    dq: Array
+    ddq: Array
+
+    def __post_init__(self) -> None:
+        """Freeze the three arrays and check that they agree."""
+        q = frozen_array(self.q, None, None)
+        object.__setattr__(self, "q", q)
+        object.__setattr__(self, "dq", frozen_array(self.dq, *q.shape))
+        object.__setattr__(self, "ddq", frozen_array(self.ddq, *q.shape))
+
+    @property
+    def samples(self) -> int:
+        """Number of instants N."""
+        return self.q.shape[0]
+
+    @property
+    def joints(self) -> int:
+        """Number of joints n."""
+        return self.q.shape[1]
+
+    def __getitem__(self, rows: Any) -> Motion:
+        """Return the motion at some of its instants (a slice, mask or index array)."""
+        return Motion(self.q[rows], self.dq[rows], self.ddq[rows])

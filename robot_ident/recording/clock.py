@@ -1,0 +1,137 @@
+"""The clock of a recording: were the samples taken unevenly, or only stamped so?
+
+A stamp t_k = a + b k + e_k with jitter e_k. Where the robot samples evenly and stamps late, taking e_k at face value
+puts an error dq e_k on the position; where it samples unevenly, ignoring e_k does. The slope of the position's
+roughness over dq e_k is 1 when the stamps tell the truth and 0 when the clock does; the data decide.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+
+from robot_ident.errors import InputError
+from robot_ident.motion import Array
+from robot_ident.recording.recording import Recording
+
+_EVEN = 2e-3  # jitter below this share of the sample time is of no consequence
+_ROUGHNESS = 9  # samples of the local cubic fit that tells roughness from motion
+
+
+@dataclass(frozen=True)
+class Clock:
+    """The times at which the samples were taken.
+
+    dt: sample time [s]. t [N]: times of the samples. index [N]: place of each sample on the even grid, or None when
+    the sampling itself is uneven. missing: samples that the grid has and the recording lacks. notes: what was decided
+    and why.
+    """
+
+    dt: float
+    t: Array
+    index: np.ndarray | None
+    missing: int
+    notes: tuple[str, ...]
+
+
+def read_clock(recording: Recording) -> Clock:
+    """Return the clock of a recording; InputError when there are too few samples for one."""
+    t = recording.t
+    if len(t) < 20:
+        raise InputError(f"{recording.source}: {len(t)} samples are too few to identify anything")
+    index, start, dt = _grid(t)
+    jitter = t - (start + dt * index)
+    missing = int(index[-1] - index[0] + 1 - len(index))
+    lost = (f"{missing} of {index[-1] - index[0] + 1} samples are missing",) if missing else ()
+    size = float(np.sqrt(np.mean(jitter**2)))
+    even = start + dt * index
+    if size < _EVEN * dt:
+        return Clock(dt, even, index, missing, lost)
+    slope = _slope(recording, index, jitter, dt)
+    shown = f"{size * 1e3:.2f} ms"
+    if slope is None:
+        return Clock(
+            dt, even, index, missing, (*lost, f"stamps jitter by {shown} rms, too little to matter; even clock used")
+        )
+    if slope < 0.5:
+        note = f"stamps jitter by {shown} rms, the sampling does not (slope {slope:.2f}, 0 = even); even clock used"
+        return Clock(dt, even, index, missing, (*lost, note))
+    note = f"the sampling jitters by {shown} rms as stamped (slope {slope:.2f}, 1 = as stamped); stamps used"
+    return Clock(dt, t, None, missing, (*lost, note))
+
+
+def fill(values: Array, index: np.ndarray) -> Array:
+    """Return values [N, n] on the whole even grid, gaps filled in a straight line."""
+    grid = np.arange(index[0], index[-1] + 1)
+    if len(grid) == len(index):
+        return values
+    return np.column_stack([np.interp(grid, index, column) for column in values.T])
+
+
+def even_positions(recording: Recording, clock: Clock) -> Array:
+    """Return positions [K, n] on an even grid of the clock's sample time, gaps bridged."""
+    if clock.index is not None:
+        return fill(recording.q, clock.index)
+    grid = np.arange(clock.t[0], clock.t[-1] + 0.5 * clock.dt, clock.dt)
+    return np.column_stack([np.interp(grid, clock.t, column) for column in recording.q.T])
+
+
+def roughness(q: Array) -> Array:
+    """Return the noise of positions q [N, n] on an even grid [n]: third differences hold 20 times its variance and
+    little motion.
+    """
+    size: Array = np.sqrt(np.mean(np.diff(q, n=3, axis=0) ** 2, axis=0) / 20.0)
+    return size
+
+
+def _grid(t: Array) -> tuple[np.ndarray, float, float]:
+    """Return (index [N], start, dt) of the even grid nearest to the stamps, gaps allowed.
+
+    The stretch that sets dt doubles until it is the whole recording, so that a small error of dt never slips a whole
+    sample.
+    """
+    dt, start, length = float(np.median(np.diff(t))), float(t[0]), min(len(t), 100)
+    while True:
+        index = _place(t[:length], start, dt)
+        dt, start = (float(c) for c in np.polyfit(index, t[:length], 1))
+        if length == len(t):
+            break
+        length = min(2 * length, len(t))
+    index = _place(t, start, dt)
+    dt, start = (float(c) for c in np.polyfit(index, t, 1))
+    return index - index[0], start + dt * index[0], dt
+
+
+def _place(t: Array, start: float, dt: float) -> np.ndarray:
+    """Return strictly increasing places on the grid: lost samples shift all later ones, a jump that comes back shifts
+    none.
+    """
+    from scipy.ndimage import median_filter
+
+    order = np.arange(len(t))
+    shift = median_filter(np.rint((t - start) / dt).astype(np.int64) - order, size=9, mode="nearest")
+    return np.asarray(np.maximum.accumulate(shift) + order)
+
+
+def _slope(recording: Recording, index: np.ndarray, jitter: Array, dt: float) -> float | None:
+    """Return the slope of the position's roughness over that of dq e (weighted over joints), None when noise hides
+    it.
+    """
+    from scipy.signal import savgol_filter
+
+    if index[-1] + 1 < 3 * _ROUGHNESS or index[-1] + 1 > 4 * len(index):
+        return 1.0
+    q = fill(recording.q, index)
+    e = fill(jitter[:, None], index)[:, 0]
+
+    def rough(x: Array) -> Array:
+        return x - np.asarray(savgol_filter(x, _ROUGHNESS, 3, axis=0))
+
+    speed = savgol_filter(q, 2 * _ROUGHNESS + 1, 3, deriv=1, delta=dt, axis=0)
+    r, x = rough(q), rough(speed * e[:, None])
+    weight = 1.0 / np.maximum(np.var(r, axis=0), 1e-24)
+    information = float(np.sum(weight * np.sum(x * x, axis=0)))
+    if information < 25.0:
+        return None
+    return float(np.sum(weight * np.sum(r * x, axis=0)) / information)

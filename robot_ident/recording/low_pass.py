@@ -1,0 +1,107 @@
+"""Low passes without phase, the same for torque and every regressor column."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from functools import cached_property
+from typing import Protocol
+
+import numpy as np
+
+from robot_ident.motion import Array
+
+
+class LowPass(Protocol):
+    """A linear filter along time."""
+
+    @property
+    def cutoff(self) -> float:
+        """Hz."""
+
+    @property
+    def independent(self) -> float:
+        """Share of the variance of white noise that passes."""
+
+    def apply(self, x: Array) -> Array:
+        """Return x [N, ...] filtered along its first axis."""
+
+
+@dataclass(frozen=True)
+class PeriodicLowPass:
+    """Keeps the lines of a period up to `cutoff` [Hz] and nothing else: exact on a periodic signal."""
+
+    cutoff: float
+    frequency: float
+    samples: int
+
+    @property
+    def lines(self) -> int:
+        """Number of lines kept beside the mean."""
+        return min(int(self.cutoff / self.frequency + 1e-9), (self.samples - 1) // 2)
+
+    @property
+    def independent(self) -> float:
+        """(2 K + 1) / N."""
+        return (2 * self.lines + 1) / self.samples
+
+    def apply(self, x: Array) -> Array:
+        """Return x [N, ...] without its lines above the cutoff."""
+        spectrum = np.fft.rfft(x, axis=0)
+        spectrum[self.lines + 1 :] = 0.0
+        return np.fft.irfft(spectrum, self.samples, axis=0)
+
+
+@dataclass(frozen=True)
+class ZeroPhaseLowPass:
+    """Butterworth gain of order 4 run forward and backward: 1 / (1 + (f / cutoff)^8), no phase, derivatives included.
+
+    Works in the frequency domain on the signal extended by its odd reflection at both ends, as forward-backward
+    filters do.
+    """
+
+    cutoff: float
+    dt: float
+    samples: int
+
+    @cached_property
+    def _pad(self) -> int:
+        return min(self.samples - 1, int(3.0 / (self.cutoff * self.dt)) + 10)
+
+    @cached_property
+    def _frequencies(self) -> Array:
+        from scipy.fft import next_fast_len
+
+        return np.asarray(np.fft.rfftfreq(next_fast_len(self.samples + 2 * self._pad, real=True), self.dt))
+
+    @cached_property
+    def _gain(self) -> Array:
+        gain: Array = 1.0 / (1.0 + (self._frequencies / self.cutoff) ** 8)
+        return gain
+
+    @property
+    def independent(self) -> float:
+        """Variance of white noise after the filter, relative to before."""
+        return float(np.mean(self._gain**2))
+
+    def apply(self, x: Array, derivative: int = 0) -> Array:
+        """Return x [N, ...] or its time derivative, low-passed."""
+        size = 2 * (len(self._frequencies) - 1)
+        pad = self._pad
+        head = 2.0 * x[0] - x[pad:0:-1]
+        tail = 2.0 * x[-1] - x[-2 : -pad - 2 : -1]
+        long = np.concatenate([head, x, tail])
+        # the rest of the fast length leads from the last value back to the first, so that the ends meet without a step
+        rest = size - len(long)
+        ramp = np.linspace(0.0, 1.0, rest + 2)[1:-1].reshape(-1, *([1] * (x.ndim - 1)))
+        long = np.concatenate([long, long[-1] + ramp * (long[0] - long[-1])])
+        factor = self._gain * (2j * np.pi * self._frequencies) ** derivative
+        spectrum = np.fft.rfft(long, axis=0) * factor.reshape(-1, *([1] * (x.ndim - 1)))
+        return np.fft.irfft(spectrum, size, axis=0)[pad : pad + self.samples]
+
+    def noise_gain(self, derivative: int) -> float:
+        """Return the noise of a derivative per unit noise of a sample, 1/s^derivative."""
+        return float(np.sqrt(np.mean(self._gain**2 * (2.0 * np.pi * self._frequencies) ** (2 * derivative))))
+
+    def smear(self) -> int:
+        """Return how many samples to either side carry most of the filter's memory."""
+        return int(0.5 / (self.cutoff * self.dt)) + 1

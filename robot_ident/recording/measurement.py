@@ -1,0 +1,80 @@
+"""A processed recording: motion with its derivatives and torque on an even grid, its noise, and which rows count."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+from robot_ident.motion import Array, Mask, Motion
+from robot_ident.recording.low_pass import LowPass
+
+
+@dataclass(frozen=True)
+class Processing:
+    """How recordings are processed; kept in the model so that later ones are treated alike.
+
+    base_frequency: Hz, None = found from the data. periodic: None = decided by the data. low_pass: Hz, torque and
+    every column; None = none on periodic recordings, 10 Hz on others. derivative_bandwidth: Hz of the differentiation
+    of non-periodic positions; None = 4 low_pass. decimate: every how many rows one is kept after the low pass.
+    minimum_speed: rad/s below which samples are left out; None = the robot's own.
+    """
+
+    base_frequency: float | None = None
+    periodic: bool | None = None
+    low_pass: float | None = None
+    derivative_bandwidth: float | None = None
+    decimate: int = 1
+    minimum_speed: tuple[float, ...] | None = None
+
+
+@dataclass(frozen=True)
+class Measurement:
+    """One recording ready for estimation.
+
+    dt: time between rows [s]. motion: q, dq, ddq [N, n]. torque [N, n] Nm, unfiltered. used [N, n]: rows that count.
+    torque_variance, position_variance [n]: noise of one raw sample, nan where unknown. periods: M averaged, 1 where
+    none, of samples_per_period samples; averages: how many samples' noise is averaged in a row of `torque`. variance_dof: degrees of freedom of
+    torque_variance. base_frequency: Hz, None where not periodic. low_pass: what torque and columns pass before they
+    are compared, or None. decimate: rows kept after it, one in so many. period_torque [M, N, n]: the periods one by
+    one (gaps nan), or None. standstill [N, n]: rows at rest.
+    """
+
+    source: str
+    joints: tuple[str, ...]
+    dt: float
+    motion: Motion
+    torque: Array
+    used: Mask
+    standstill: Mask
+    torque_variance: Array
+    position_variance: Array
+    periods: int = 1
+    samples_per_period: int = 0
+    averages: float = 1.0
+    variance_dof: float = 0.0
+    base_frequency: float | None = None
+    low_pass: LowPass | None = None
+    decimate: int = 1
+    period_torque: Array | None = None
+    notes: tuple[str, ...] = ()
+
+    @property
+    def rows(self) -> slice:
+        """The rows kept by decimation."""
+        return slice(None, None, self.decimate)
+
+    @property
+    def averaged_variance(self) -> Array:
+        """Noise variance [n] of the compared torque: averaged over the periods, after the low pass."""
+        share = self.low_pass.independent if self.low_pass else 1.0
+        return self.torque_variance / self.averages * share
+
+    @property
+    def independent(self) -> float:
+        """Share of the rows, after decimation, that carry independent noise."""
+        share = self.low_pass.independent if self.low_pass else 1.0
+        return min(1.0, share * self.decimate)
+
+    def passed(self, x: Array) -> Array:
+        """Return x [N, ...] as it is compared: low-passed and decimated."""
+        y = self.low_pass.apply(x) if self.low_pass else x
+        return y[self.rows]

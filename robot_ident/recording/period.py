@@ -1,0 +1,144 @@
+"""The period of a recording and its steady part, found from the positions alone."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+
+from robot_ident.errors import InputError
+from robot_ident.motion import Array
+
+_COARSE = 1500  # samples of the coarse search
+_REPEATS = 1e-3  # of the variance: the largest median difference that counts as repeating
+_RETURN = 0.05  # a dip lies this far below the largest difference at shorter lags
+_SMOOTH = 0.04  # share of a period over which the mismatch of successive periods is averaged
+
+
+@dataclass(frozen=True)
+class Steady:
+    """The steady part of a recording on the even grid: samples [first, last], M whole periods of `period` samples up
+    to `last`.
+    """
+
+    period: float
+    periods: int
+    first: int
+    last: int
+
+
+def find_period(q: Array, dt: float) -> float | None:
+    """Return the period [samples] of positions q [N, n] on an even grid, or None when they don't repeat.
+
+    The median over time of the squared difference at a lag is blind to transients: its dips on a coarse grid are
+    candidates, sharpened on the full one; the shortest that repeats as well as the best is the period.
+    """
+    x = q - q.mean(axis=0)
+    scale = x.std(axis=0)
+    moving = scale > 1e-9 * max(1.0, float(scale.max()))
+    x = x[:, moving] / scale[moving]
+    stride = max(1, len(x) // _COARSE)
+    lags = _dips(x[::stride]) * stride
+    if not len(lags):
+        return None
+    sharp = [_sharpen(x, int(lag)) for lag in lags]
+    median = np.array([_median_difference(x, lag) if 4 <= lag < 0.95 * len(x) else np.inf for lag in sharp])
+    if median.min() > _REPEATS:
+        return None
+    lag = min(lag for lag, value in zip(sharp, median, strict=True) if value <= 9.0 * median.min() + 1e-9)
+    return refine_period(q, float(lag), dt)
+
+
+def refine_period(q: Array, period: float, dt: float) -> float:
+    """Return the period [samples] to a small part of a sample, from the shift between distant periods.
+
+    shift = - sum dq (q(t + L) - q(t)) / sum dq^2, over the steady samples; lags L of 1, 2, 4... periods, each
+    refining the last.
+    """
+    velocity = np.gradient(q, axis=0)
+    weight = 1.0 / np.maximum(velocity.std(axis=0), 1e-12) ** 2
+    repeats = 1
+    while (repeats + 0.5) * period < len(q):
+        lag = round(repeats * period)
+        ahead, behind = q[lag:], q[:-lag]
+        gap = np.sum(weight * (ahead - behind) ** 2, axis=1)
+        calm = gap <= 4.0 * np.percentile(gap, 30.0) + 1e-12
+        slope = 0.5 * (velocity[lag:] + velocity[:-lag])[calm]
+        shift = -np.sum(weight * slope * (ahead - behind)[calm]) / np.sum(weight * slope * slope)
+        if abs(shift) < 0.5 * period:
+            period = (lag + float(shift)) / repeats
+        repeats *= 2
+    nearest = round(period)
+    return float(nearest) if abs(period - nearest) * (len(q) / period) < 0.1 else period
+
+
+def steady_part(q: Array, period: float, step: Array, source: str) -> Steady:
+    """Return the longest part of positions q [N, n] that repeats with `period` [samples].
+
+    step [n]: differences of the noise's size. Raises InputError when it holds fewer than two periods.
+    """
+    lag = round(period)
+    if len(q) < lag + 4:
+        raise InputError(f"{source}: {len(q) / period:.1f} periods; at least 2 are needed where periods are averaged")
+    velocity = np.gradient(q, axis=0)
+    shift = lag - period
+    gap = (q[lag:] - q[:-lag] - shift * velocity[:-lag]) ** 2
+    window = max(5, int(_SMOOTH * period))
+    kernel = np.ones(window) / window
+    smooth = np.column_stack([np.convolve(column, kernel, mode="same") for column in gap.T])
+    # 16 = (4 sigma)^2 over the calm quarter; tremor of 1e-4 of the motion still counts as repeating
+    bound = 16.0 * np.percentile(smooth, 25.0, axis=0) + 4.0 * step**2 + (1e-4 * q.std(axis=0)) ** 2
+    good = np.all(smooth <= bound, axis=1)
+    first, last = _longest(good)
+    last = last + lag
+    periods = int((last - first + 1 + 1e-6 * period) / period)
+    if periods < 2:
+        found = (last - first + 1) / period
+        raise InputError(
+            f"{source}: only {found:.1f} steady periods of {period:.0f} samples found;"
+            " at least 2 are needed where periods are averaged"
+        )
+    return Steady(period, periods, first, last)
+
+
+def _longest(good: np.ndarray) -> tuple[int, int]:
+    edges = np.flatnonzero(np.diff(np.concatenate([[0], good.astype(np.int8), [0]])))
+    if not len(edges):
+        return 0, -1
+    starts, ends = edges[::2], edges[1::2]
+    best = int(np.argmax(ends - starts))
+    return int(starts[best]), int(ends[best]) - 1
+
+
+def _dips(x: Array) -> np.ndarray:
+    """Return the lags at which the median difference dips, the deepest 30, shortest first."""
+    lags = np.arange(3, len(x) // 2 + 2)
+    if len(lags) < 3:
+        return np.empty(0, dtype=int)
+    curve = np.array([_median_difference(x, int(lag)) for lag in lags])
+    curve = np.append(curve, np.inf)
+    dips = 1 + np.flatnonzero((curve[1:-1] <= curve[:-2]) & (curve[1:-1] <= curve[2:]))
+    left = np.maximum.accumulate(curve[:-1])
+    dips = dips[curve[dips] < _RETURN * left[dips]]  # what creeps away never returned
+    dips = dips[np.argsort(curve[dips], kind="stable")[:30]]
+    return np.sort(lags[dips])
+
+
+def _sharpen(x: Array, lag: int) -> int:
+    """Return the lag nearby at which x repeats best: shift = - sum dx (x(t + lag) - x(t)) / sum dx^2, over the calm
+    half.
+    """
+    slope = np.gradient(x, axis=0)
+    for _ in range(3):
+        if not 1 <= lag < len(x):
+            return lag
+        gap = x[lag:] - x[:-lag]
+        size = np.sum(gap * gap, axis=1)
+        calm = size <= np.median(size)
+        mean = 0.5 * (slope[lag:] + slope[:-lag])[calm]
+        lag += round(-float(np.sum(mean * gap[calm]) / max(float(np.sum(mean * mean)), 1e-300)))
+    return lag
+
+
+def _median_difference(x: Array, lag: int) -> float:
+    return float(np.median(np.mean((x[lag:] - x[:-lag]) ** 2, axis=1)) / 2.0)

@@ -1,0 +1,312 @@
+"""Reads a robot: a name in `config/robots`, a robot YAML, or a bare URDF."""
+
+from __future__ import annotations
+
+from collections.abc import Iterable
+from pathlib import Path
+from typing import Annotated, Any, Literal
+from xml.etree import ElementTree
+
+import numpy as np
+from pydantic import Field, ValidationInfo, field_validator
+
+from robot_ident.configuration import Closed, parse, read_yaml, schema
+from robot_ident.errors import InputError, did_you_mean
+from robot_ident.motion import Array, frozen_array
+from robot_ident.robot import workspace
+from robot_ident.robot.rigid_body import RigidBody
+from robot_ident.robot.robot import AntiAlias, Definition, Drives, Limits, Noise, Robot, Spring
+from robot_ident.share import config_file
+
+Positive = Annotated[float, Field(gt=0)]
+NotNegative = Annotated[float, Field(ge=0)]
+Vector = tuple[float, float, float]
+
+_ENDLESS = 1e9  # rad, the limit that stands for none
+
+
+class JointFile(Closed):
+    """A joint in a robot YAML; what is left out comes from the URDF."""
+
+    position: tuple[float, float] | None = Field(None, description="lower and upper limit, rad or m")
+    velocity: Positive | None = Field(None, description="largest speed, rad/s or m/s")
+    acceleration: Positive | None = Field(None, description="largest acceleration, rad/s^2 or m/s^2")
+    torque: Positive | None = Field(None, description="largest torque, Nm or N")
+    gear_ratio: Positive = Field(1.0, description="motor turns per joint turn")
+    armature: NotNegative = Field(0.0, description="rotor inertia on the joint side, kg m^2")
+    encoder_step: NotNegative = Field(0.0, description="resolution of the position, rad or m")
+    torque_constant: Positive | None = Field(None, description="joint torque per ampere, Nm/A")
+    torque_variance: Positive | None = Field(None, description="noise variance of one torque sample, (Nm)^2")
+    position_variance: NotNegative | None = Field(None, description="noise variance of one position sample, rad^2")
+    minimum_speed: NotNegative = Field(0.0, description="samples slower than this aren't used to identify, rad/s")
+
+    @field_validator("position")
+    @classmethod
+    def _ordered(cls, value: tuple[float, float] | None) -> tuple[float, float] | None:
+        if value is not None and value[0] >= value[1]:
+            raise ValueError("the lower limit must be below the upper one")
+        return value
+
+
+class RuleFile(Closed):
+    """A workspace rule in a robot YAML."""
+
+    kind: Literal["half_space", "cylinder", "box"] = Field(
+        description="half_space: kept; cylinder: forbidden; box: either"
+    )
+    frame: str | None = Field(None, description="the frame that is meant; default the end effector")
+    normal: Vector | None = Field(None, description="half_space: direction that is allowed")
+    offset: float = Field(0.0, description="half_space: smallest distance along the normal, m")
+    point: Vector = Field((0.0, 0.0, 0.0), description="cylinder: a point of its axis, m")
+    axis: Vector = Field((0.0, 0.0, 1.0), description="cylinder: direction of its axis")
+    radius: Positive | None = Field(None, description="cylinder: radius, m")
+    lower: float | Vector | None = Field(None, description="cylinder: its lower end along the axis, m; box: corner, m")
+    upper: float | Vector | None = Field(None, description="cylinder: its upper end along the axis, m; box: corner, m")
+    inside: bool = Field(True, description="box: stay inside (true) or outside (false)")
+
+    def rule(self, end_effector: str) -> workspace.WorkspaceRule:
+        """Return the rule; ValueError where a field is missing or of the wrong form."""
+        frame = self.frame or end_effector
+        if self.kind == "half_space":
+            if self.normal is None:
+                raise ValueError("a half_space needs 'normal'")
+            return workspace.half_space(frame, self.normal, self.offset)
+        if self.kind == "cylinder":
+            if self.radius is None or isinstance(self.lower, tuple) or isinstance(self.upper, tuple):
+                raise ValueError("a cylinder needs 'radius', and 'lower' and 'upper' as numbers")
+            return workspace.cylinder(frame, self.point, self.axis, self.radius, self.lower, self.upper)
+        if not isinstance(self.lower, tuple) or not isinstance(self.upper, tuple):
+            raise ValueError("a box needs 'lower' and 'upper' as [x, y, z]")
+        return workspace.box(frame, self.lower, self.upper, inside=self.inside)
+
+
+class SpringFile(Closed):
+    """Geometry of a gravity spring."""
+
+    length: Positive = Field(description="distance of the fixed end from the axis, m")
+    lever: Positive = Field(description="lever of the moving end, m")
+
+
+class AntiAliasFile(Closed):
+    """Analogue low pass of the torque channel."""
+
+    order: int = Field(8, ge=1, le=12, description="order of the Butterworth filter")
+    cutoff: Positive = Field(description="-3 dB frequency, Hz")
+
+
+class RobotFile(Closed):
+    """A robot YAML (`schema: robot_ident/robot/1`)."""
+
+    schema_: schema("robot_ident/robot/1") = Field(alias="schema", description="what this file is")  # type: ignore[valid-type]
+    name: str = Field(description="name of the robot, repeated in every file made for it")
+    urdf: str = Field(description="URDF file, relative to this one")
+    end_effector: str | None = Field(None, description="frame of the end effector; default the last one")
+    gravity: Vector = Field((0.0, 0.0, -9.81), description="in the base frame, m/s^2")
+    joints: dict[str, JointFile] = Field(
+        {}, description="the joints that move, in the order of the chain; others are locked"
+    )
+    locked: dict[str, float] = Field({}, description="angles at which other joints of the URDF are held, rad")
+    workspace: list[RuleFile] = Field([], description="rules on the position of frames")
+    springs: dict[str, SpringFile] = Field({}, description="gravity springs by joint")
+    effects: list[str] = Field([], description="effects known to be there, as name@joint; @* means every joint")
+    base_parameters: dict[str, str] = Field({}, description="shown name: standard parameter, e.g. p1: Izz1")
+    anti_alias: AntiAliasFile | None = Field(None, description="low pass in front of the torque converter")
+    simulation: dict[str, dict[str, float | dict[str, float]]] = Field(
+        {}, description="true values in the simulated robot: effect: {joint: value or {parameter: value}}"
+    )
+
+    @field_validator("workspace")
+    @classmethod
+    def _rules(cls, value: list[RuleFile], info: ValidationInfo) -> list[RuleFile]:
+        for rule in value:
+            rule.rule(info.data.get("end_effector") or "end effector")
+        return value
+
+
+def load_robot(name: str | Path = "kuka_ir361") -> Robot:
+    """Read a robot by name (`kuka_ir361`), from a robot YAML or from a URDF.
+
+    Raises InputError that names the file and the field when it can't be used.
+    """
+    path = Path(name)
+    if path.suffix == ".urdf":
+        text = _read_text(path)
+        file = RobotFile(schema="robot_ident/robot/1", name=path.stem, urdf=path.name)
+        return _build(
+            file, text, path, Definition({"schema": "robot_ident/robot/1", "name": path.stem, "urdf": path.name}, text)
+        )
+    builtin = path.suffix not in (".yaml", ".yml")
+    if builtin:
+        known = sorted(file.stem for file in config_file("robots").glob("*.yaml"))
+        if str(name) not in known:
+            raise InputError(
+                f"no robot {str(name)!r}{did_you_mean(str(name), known)} (or give a robot YAML or a URDF file)"
+            )
+        path = config_file("robots", f"{name}.yaml")
+    data = read_yaml(path)
+    file = parse(RobotFile, data, path)
+    text = _read_text(path.parent / file.urdf)
+    return _build(file, text, path, None if builtin else Definition(data, text))
+
+
+def robot_of(definition: Definition, source: str) -> Robot:
+    """Return the robot of a definition that a model carries; `source` names the model's file in messages."""
+    return _build(parse(RobotFile, dict(definition.yaml), source), definition.urdf, Path(source), definition)
+
+
+def _read_text(path: Path) -> str:
+    try:
+        return path.read_text(encoding="utf-8")
+    except FileNotFoundError as error:
+        raise InputError(f"{path}: no such file") from error
+    except (OSError, UnicodeDecodeError) as error:
+        raise InputError(f"{path}: can't be read as text ({error})") from error
+
+
+def _parse_urdf(text: str, path: Path) -> Any:
+    import pinocchio
+
+    try:
+        return pinocchio.buildModelFromXML(_endless(text))
+    except (ValueError, RuntimeError, ElementTree.ParseError) as error:
+        raise InputError(f"{path}: not a URDF that can be used ({str(error).splitlines()[0]})") from error
+
+
+def _endless(text: str) -> str:
+    """Return the URDF with continuous joints as revolute ones without a position limit: one number then tells their angle."""
+    if '"continuous"' not in text:
+        return text
+    tree = ElementTree.fromstring(text)
+    for joint in tree.iter("joint"):
+        if joint.get("type") == "continuous":
+            joint.set("type", "revolute")
+            limit = joint.find("limit")
+            if limit is None:
+                limit = ElementTree.SubElement(joint, "limit", {"velocity": "0", "effort": "0"})
+            limit.set("lower", str(-_ENDLESS))
+            limit.set("upper", str(_ENDLESS))
+    return ElementTree.tostring(tree, encoding="unicode")
+
+
+def _lock(model: Any, moving: Iterable[str], angles: dict[str, float], path: Path) -> Any:
+    """Return the model with every joint that isn't moving held at its angle (0 unless told)."""
+    import pinocchio
+
+    names = list(model.names)[1:]
+    for word in (*moving, *angles):
+        if word not in names:
+            raise InputError(f"{path}: joint {word!r} is not in the URDF{did_you_mean(word, names)}")
+    q = pinocchio.neutral(model)
+    lock = [name for name in names if name not in moving]
+    for name, angle in angles.items():
+        q[model.joints[model.getJointId(name)].idx_q] = angle
+    return pinocchio.buildReducedModel(model, [model.getJointId(name) for name in lock], q) if lock else model
+
+
+def _check_serial(model: Any, path: Path) -> None:
+    for joint in range(1, model.njoints):
+        kind = model.joints[joint].shortname()
+        if model.joints[joint].nq != 1 or model.joints[joint].nv != 1 or "Mimic" in kind:
+            raise InputError(
+                f"{path}: joint {model.names[joint]!r} is of type {kind}; only revolute joints with limits and prismatic"
+                " ones can move (lock it in a robot YAML, or give it limits in the URDF)"
+            )
+        if model.parents[joint] != joint - 1:
+            raise InputError(
+                f"{path}: the joints branch at {model.names[joint]!r}; list one chain under 'joints' in a robot YAML"
+            )
+
+
+def _build(file: RobotFile, text: str, path: Path, definition: Definition | None) -> Robot:
+    urdf = path if path.suffix == ".urdf" else path.parent / file.urdf
+    model = _parse_urdf(text, urdf)
+    moving = tuple(file.joints) or tuple(name for name in list(model.names)[1:] if name not in file.locked)
+    model = _lock(model, moving, file.locked, path)
+    _check_serial(model, urdf)
+    joints = tuple(list(model.names)[1:])
+    if not joints:
+        raise InputError(f"{urdf}: no joint moves")
+    records = [file.joints.get(name, JointFile()) for name in joints]
+    model.gravity.linear = np.array(file.gravity)
+    model.armature = np.array([record.armature for record in records])
+    end_effector = file.end_effector or _last_frame(model)
+    if not model.existFrame(end_effector):
+        frames = [frame.name for frame in model.frames]
+        raise InputError(f"{path}: frame {end_effector!r} is not in the URDF{did_you_mean(end_effector, frames)}")
+    rules = tuple(rule.rule(end_effector) for rule in file.workspace)
+    for rule in rules:
+        if not model.existFrame(rule.frame):
+            raise InputError(f"{path}: workspace: frame {rule.frame!r} is not in the URDF")
+    return Robot(
+        name=file.name,
+        source=str(path),
+        definition=definition,
+        joints=joints,
+        rigid=RigidBody(model),
+        limits=_limits(model, records),
+        drives=Drives(
+            gear_ratio=_column(record.gear_ratio for record in records),
+            armature=_column(record.armature for record in records),
+            encoder_step=_column(record.encoder_step for record in records),
+            torque_constant=_column(record.torque_constant for record in records),
+        ),
+        noise=Noise(
+            torque_variance=_column(record.torque_variance for record in records),
+            position_variance=_column(record.position_variance for record in records),
+        ),
+        end_effector=end_effector,
+        workspace=rules,
+        springs={joint: Spring(spring.length, spring.lever) for joint, spring in file.springs.items()},
+        simulation=_simulation(file, joints, path),
+        known_effects=_expand(file.effects, joints),
+        base_parameters=dict(file.base_parameters),
+        minimum_speed=_column(record.minimum_speed for record in records),
+        anti_alias=AntiAlias(file.anti_alias.order, file.anti_alias.cutoff) if file.anti_alias else None,
+    )
+
+
+def _last_frame(model: Any) -> str:
+    last = [frame.name for frame in model.frames if frame.parentJoint == model.njoints - 1]
+    return last[-1]
+
+
+def _column(values: Iterable[float | None]) -> Array:
+    return frozen_array([np.nan if value is None else value for value in values], None)
+
+
+def _limits(model: Any, records: list[JointFile]) -> Limits:
+    lower, upper = np.array(model.lowerPositionLimit), np.array(model.upperPositionLimit)
+    velocity, torque = np.array(model.upperVelocityLimit), np.array(model.upperEffortLimit)
+    acceleration = np.full(len(records), np.inf)
+    lower[lower <= -_ENDLESS], upper[upper >= _ENDLESS] = -np.inf, np.inf
+    velocity[velocity <= 0] = np.inf
+    torque[torque <= 0] = np.inf
+    for k, record in enumerate(records):
+        if record.position is not None:
+            lower[k], upper[k] = record.position
+        velocity[k] = record.velocity or velocity[k]
+        acceleration[k] = record.acceleration or acceleration[k]
+        torque[k] = record.torque or torque[k]
+    return Limits(*(frozen_array(v, None) for v in (lower, upper, velocity, acceleration, torque)))
+
+
+def _expand(effects: list[str], joints: tuple[str, ...]) -> tuple[str, ...]:
+    """Replace `name@*` by one effect a joint."""
+    out: list[str] = []
+    for effect in effects:
+        name, _, joint = effect.partition("@")
+        out += [f"{name}@{j}" for j in joints] if joint == "*" else [effect]
+    return tuple(out)
+
+
+def _simulation(file: RobotFile, joints: tuple[str, ...], path: Path) -> dict[str, dict[str, dict[str, float]]]:
+    out: dict[str, dict[str, dict[str, float]]] = {}
+    for effect, by_joint in file.simulation.items():
+        for joint, value in by_joint.items():
+            if joint not in joints:
+                raise InputError(
+                    f"{path}: simulation.{effect}: joint {joint!r} does not move{did_you_mean(joint, joints)}"
+                )
+            values = value if isinstance(value, dict) else {effect: value}
+            out.setdefault(effect, {})[joint] = {key: float(v) for key, v in values.items()}
+    return out

@@ -1,0 +1,78 @@
+"""The rigid arm: torque linear in the inertial parameters of its links, computed by Pinocchio."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from functools import cached_property
+from typing import Any
+
+import numpy as np
+
+from robot_ident.motion import Array, Motion
+
+# Pinocchio's order of the ten inertial parameters of a link, about and along its joint frame.
+STANDARD = ("m", "mx", "my", "mz", "Ixx", "Ixy", "Iyy", "Ixz", "Iyz", "Izz")
+STANDARD_UNITS = ("kg", "kg m", "kg m", "kg m") + ("kg m^2",) * 6
+
+
+@dataclass(frozen=True)
+class RigidBody:
+    """A serial chain of rigid links: tau = Y(q, dq, ddq) pi, with pi the 10 n inertial parameters.
+
+    Inertias are tensor entries about the origin of the joint frame (Ixy = - integral of x y dm), first moments in kg m.
+    `model` is the Pinocchio model, its armature included; it isn't changed.
+    """
+
+    model: Any
+
+    @property
+    def n(self) -> int:
+        """Number of joints."""
+        return int(self.model.nv)
+
+    @cached_property
+    def names(self) -> tuple[str, ...]:
+        """Names of the 10 n standard parameters: `Izz1` is link 1's moment of inertia about its joint axis."""
+        return tuple(f"{parameter}{link + 1}" for link in range(self.n) for parameter in STANDARD)
+
+    @cached_property
+    def parameters(self) -> Array:
+        """Standard parameters of the URDF [10 n], SI units."""
+        links = [self.model.inertias[1 + link].toDynamicParameters() for link in range(self.n)]
+        return np.concatenate(links)
+
+    @cached_property
+    def prismatic(self) -> tuple[bool, ...]:
+        """Which joints are prismatic."""
+        return tuple(self.model.joints[1 + j].shortname().startswith("JointModelP") for j in range(self.n))
+
+    def regressor(self, motion: Motion) -> Array:
+        """Return Y [N, n, 10 n], Nm per unit parameter (armature isn't part of it)."""
+        import pinocchio
+
+        data = self.model.createData()
+        y = np.empty((motion.samples, self.n, 10 * self.n))
+        for k in range(motion.samples):
+            y[k] = pinocchio.computeJointTorqueRegressor(self.model, data, motion.q[k], motion.dq[k], motion.ddq[k])
+        return y
+
+    def inverse_dynamics(self, motion: Motion) -> Array:
+        """Return the torque of the URDF's inertias and the armature [N, n] Nm, by recursive Newton-Euler."""
+        import pinocchio
+
+        data = self.model.createData()
+        tau = np.empty((motion.samples, self.n))
+        for k in range(motion.samples):
+            tau[k] = pinocchio.rnea(self.model, data, motion.q[k], motion.dq[k], motion.ddq[k])
+        return tau
+
+    def frame_position(self, q: Array, frame: str) -> Array:
+        """Return the origin of a named frame [N, 3] m in the base for positions q [N, n]."""
+        import pinocchio
+
+        data, index = self.model.createData(), self.model.getFrameId(frame)
+        p = np.empty((len(q), 3))
+        for k in range(len(q)):
+            pinocchio.forwardKinematics(self.model, data, q[k])
+            p[k] = pinocchio.updateFramePlacement(self.model, data, index).translation
+        return p

@@ -1,0 +1,120 @@
+"""A robot: its rigid arm, limits, drives, noise and what is known of its other physics."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from dataclasses import dataclass, field
+from functools import cached_property
+from typing import Any
+
+import numpy as np
+
+from robot_ident.errors import InputError, did_you_mean
+from robot_ident.motion import Array
+from robot_ident.robot.rigid_body import RigidBody
+from robot_ident.robot.workspace import WorkspaceRule
+
+
+@dataclass(frozen=True)
+class Limits:
+    """Limits of every joint [n]: position rad, velocity rad/s, acceleration rad/s^2, torque Nm; inf where unknown."""
+
+    lower: Array
+    upper: Array
+    velocity: Array
+    acceleration: Array
+    torque: Array
+
+
+@dataclass(frozen=True)
+class Drives:
+    """Drives [n], joint side: gear ratio, rotor inertia (armature) kg m^2, encoder step rad, Nm per A (nan:
+    unknown).
+    """
+
+    gear_ratio: Array
+    armature: Array
+    encoder_step: Array
+    torque_constant: Array
+
+
+@dataclass(frozen=True)
+class Noise:
+    """Variance [n] of the noise of one sample: torque (Nm)^2, position rad^2 (nan: unknown)."""
+
+    torque_variance: Array
+    position_variance: Array
+
+
+@dataclass(frozen=True)
+class Spring:
+    """Geometry of a tension spring beside a joint: distance of its fixed end from the axis and its lever [m]."""
+
+    length: float
+    lever: float
+
+
+@dataclass(frozen=True)
+class AntiAlias:
+    """Analogue low pass in front of the torque converter: a Butterworth filter of `order` with its -3 dB at `cutoff`
+    Hz.
+    """
+
+    order: int
+    cutoff: float
+
+
+@dataclass(frozen=True)
+class Definition:
+    """What a robot was read from: its YAML as data and its URDF as text, enough to read it again."""
+
+    yaml: Mapping[str, Any]
+    urdf: str
+
+
+@dataclass(frozen=True)
+class Robot:
+    """A serial arm, from URDF and YAML.
+
+    `simulation` holds the true values of effects in the simulated robot: effect -> joint -> parameter -> value.
+    `known_effects` are part of every model of this robot, as `name@joint`. `base_parameters` gives names to base
+    parameters: shown name -> standard parameter. `minimum_speed` [n] rad/s: slower samples aren't used to identify.
+    `definition` is what it was read from, None for a robot that comes with the package.
+    """
+
+    name: str
+    source: str
+    joints: tuple[str, ...]
+    rigid: RigidBody
+    limits: Limits
+    drives: Drives
+    noise: Noise
+    end_effector: str
+    definition: Definition | None = None
+    workspace: tuple[WorkspaceRule, ...] = ()
+    springs: Mapping[str, Spring] = field(default_factory=dict)
+    simulation: Mapping[str, Mapping[str, Mapping[str, float]]] = field(default_factory=dict)
+    known_effects: tuple[str, ...] = ()
+    base_parameters: Mapping[str, str] = field(default_factory=dict)
+    minimum_speed: Array = field(default_factory=lambda: np.zeros(0))
+    anti_alias: AntiAlias | None = None
+
+    @property
+    def n(self) -> int:
+        """Number of joints."""
+        return len(self.joints)
+
+    @cached_property
+    def prismatic(self) -> tuple[bool, ...]:
+        """Which joints are prismatic (their torque is a force in N)."""
+        return self.rigid.prismatic
+
+    def torque_unit(self, joint: int) -> str:
+        """Return the unit of a joint's torque."""
+        return "N" if self.prismatic[joint] else "Nm"
+
+    def joint_index(self, name: str) -> int:
+        """Return the index of a joint; InputError suggests the nearest name."""
+        if name not in self.joints:
+            raise InputError(f"robot {self.name} has no joint {name!r}{did_you_mean(name, self.joints)}")
+        return self.joints.index(name)

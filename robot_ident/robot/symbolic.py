@@ -1,0 +1,147 @@
+"""The rigid arm as CasADi expressions, for gradients and for the simulated plant.
+
+The recursion is written for any chain of revolute and prismatic joints; the tests hold it against Pinocchio.
+"""
+
+from __future__ import annotations
+
+from typing import Any
+
+import casadi as ca
+import numpy as np
+
+from robot_ident.motion import Array
+from robot_ident.robot.robot import Robot
+
+
+def _skew(v: Any) -> Any:
+    return ca.vertcat(
+        ca.horzcat(0, -v[2], v[1]),
+        ca.horzcat(v[2], 0, -v[0]),
+        ca.horzcat(-v[1], v[0], 0),
+    )
+
+
+def _rotation(axis: Array, angle: Any) -> Any:
+    """Return Rodrigues' rotation about a unit axis; numeric zeros stay structural zeros."""
+    k = ca.DM(np.round(axis, 15))
+    outer = ca.DM(np.outer(axis, axis).round(15))
+    return ca.cos(angle) * (ca.DM.eye(3) - outer) + ca.sin(angle) * ca.sparsify(_skew(k)) + outer
+
+
+def _joint_axis(robot: Robot, joint: int) -> tuple[Array, Array]:
+    """Return the linear and angular part of a joint's motion subspace in its own frame."""
+    model = robot.rigid.model
+    data = model.joints[1 + joint].createData()
+    model.joints[1 + joint].calc(data, np.zeros(model.nq), np.ones(model.nv))
+    v = data.v
+    return np.array(v.linear), np.array(v.angular)
+
+
+def _clean(matrix: Any) -> Any:
+    """Return a numeric matrix as DM with rounding errors of the URDF's angles taken out."""
+    array = np.array(matrix, dtype=float)
+    nearest = np.round(array)
+    return ca.sparsify(ca.DM(np.where(np.abs(array - nearest) < 1e-12, nearest, array)))
+
+
+def _placements(robot: Robot, q: Any) -> list[tuple[Any, Any, Any, Any]]:
+    """Return for each joint (R, p, linear axis, angular axis): the pose of its frame in the previous one."""
+    out = []
+    for joint in range(robot.n):
+        placement = robot.rigid.model.jointPlacements[1 + joint]
+        linear, angular = _joint_axis(robot, joint)
+        r, p = _clean(placement.rotation), ca.sparsify(ca.DM(np.array(placement.translation)))
+        if robot.prismatic[joint]:
+            out.append((r, p + ca.mtimes(r, ca.DM(linear) * q[joint]), _clean(linear), ca.DM.zeros(3)))
+        else:
+            out.append((ca.mtimes(r, _rotation(angular, q[joint])), p, ca.DM.zeros(3), _clean(angular)))
+    return out
+
+
+def _inertia_columns(w: Any) -> Any:
+    """Return L(w) [3, 6] with I w = L(w) [Ixx Ixy Iyy Ixz Iyz Izz]."""
+    return ca.vertcat(
+        ca.horzcat(w[0], w[1], 0, w[2], 0, 0),
+        ca.horzcat(0, w[0], w[1], 0, w[2], 0),
+        ca.horzcat(0, 0, 0, w[0], w[1], w[2]),
+    )
+
+
+def _wrench_columns(w: Any, dw: Any, a: Any) -> tuple[Any, Any]:
+    """Return force [3, 10] and moment [3, 10] of a link per unit standard parameter, about its frame's origin.
+
+    f = m a + dw x mc + w x (w x mc), n = mc x a + I dw + w x I w (Khalil and Dombre 2002, eq. 9.83).
+    """
+    carried = _skew(dw) + ca.mtimes(_skew(w), _skew(w))
+    force = ca.horzcat(a, carried, ca.SX(3, 6))
+    moment = ca.horzcat(ca.SX(3, 1), -_skew(a), _inertia_columns(dw) + ca.mtimes(_skew(w), _inertia_columns(w)))
+    return force, moment
+
+
+def regressor_expression(robot: Robot, q: Any, dq: Any, ddq: Any) -> Any:
+    """Return Y [n, 10 n] as an expression in q, dq, ddq [n]: tau = Y pi by Newton-Euler, outward then inward."""
+    w, dw = ca.SX(3, 1), ca.SX(3, 1)
+    a = -ca.SX(ca.sparsify(ca.DM(np.array(robot.rigid.model.gravity.linear))))
+    chain = _placements(robot, q)
+    wrenches = []
+    for joint, (r, p, linear, angular) in enumerate(chain):
+        a = a + ca.mtimes(_skew(dw), p) + ca.mtimes(_skew(w), ca.mtimes(_skew(w), p))
+        a, w, dw = ca.mtimes(r.T, a), ca.mtimes(r.T, w), ca.mtimes(r.T, dw)
+        a = a + linear * ddq[joint] + 2 * ca.mtimes(_skew(w), linear * dq[joint])
+        dw = dw + angular * ddq[joint] + ca.mtimes(_skew(w), angular * dq[joint])
+        w = w + angular * dq[joint]
+        wrenches.append(_wrench_columns(w, dw, a))
+    rows: list[Any] = [None] * robot.n
+    force, moment = ca.SX(3, 0), ca.SX(3, 0)
+    for joint in reversed(range(robot.n)):
+        r, p, linear, angular = chain[joint]
+        force, moment = ca.horzcat(wrenches[joint][0], force), ca.horzcat(wrenches[joint][1], moment)
+        row = ca.mtimes(linear.T, force) + ca.mtimes(angular.T, moment)
+        rows[joint] = ca.horzcat(ca.SX(1, 10 * joint), row)
+        force = ca.mtimes(r, force)
+        moment = ca.mtimes(r, moment) + ca.mtimes(_skew(p), force)
+    return ca.sparsify(ca.vertcat(*rows))
+
+
+def _symbols(robot: Robot) -> tuple[Any, Any, Any]:
+    return ca.SX.sym("q", robot.n), ca.SX.sym("dq", robot.n), ca.SX.sym("ddq", robot.n)
+
+
+def regressor_function(robot: Robot) -> Any:
+    """Return the CasADi function (q, dq, ddq) -> Y [n, 10 n]."""
+    q, dq, ddq = _symbols(robot)
+    return ca.Function("regressor", [q, dq, ddq], [regressor_expression(robot, q, dq, ddq)])
+
+
+def inverse_dynamics_expression(robot: Robot, q: Any, dq: Any, ddq: Any) -> Any:
+    """Return the torque [n] of the URDF's inertias and the armature as an expression."""
+    y = regressor_expression(robot, q, dq, ddq)
+    return ca.mtimes(y, ca.DM(robot.rigid.parameters)) + ca.DM(robot.drives.armature) * ddq
+
+
+def inverse_dynamics_function(robot: Robot) -> Any:
+    """Return the CasADi function (q, dq, ddq) -> tau [n]."""
+    q, dq, ddq = _symbols(robot)
+    return ca.Function("inverse_dynamics", [q, dq, ddq], [inverse_dynamics_expression(robot, q, dq, ddq)])
+
+
+def dynamics_function(robot: Robot) -> Any:
+    """Return the CasADi function (q, dq) -> (M [n, n] with armature, Coriolis, centrifugal and gravity torque [n])."""
+    q, dq, ddq = _symbols(robot)
+    tau = inverse_dynamics_expression(robot, q, dq, ddq)
+    mass = ca.jacobian(tau, ddq)
+    bias = ca.substitute(tau, ddq, ca.SX.zeros(robot.n))
+    return ca.Function("dynamics", [q, dq], [mass, bias])
+
+
+def frame_function(robot: Robot, frame: str) -> Any:
+    """Return the CasADi function q -> position [3] m of a named frame in the base."""
+    q = ca.SX.sym("q", robot.n)
+    model = robot.rigid.model
+    found = model.frames[model.getFrameId(frame)]
+    p = ca.SX(ca.DM(np.array(found.placement.translation)))
+    chain = _placements(robot, q)
+    for r, offset, _, _ in reversed(chain[: found.parentJoint]):
+        p = offset + ca.mtimes(r, p)
+    return ca.Function("frame", [q], [p])

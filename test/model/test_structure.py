@@ -1,0 +1,54 @@
+"""Columns of a model: numbers and expressions agree, and a mistake in an effect's name is one clear line."""
+
+from __future__ import annotations
+
+import numpy as np
+import pytest
+
+from robot_ident.errors import InputError
+from robot_ident.model.structure import Structure
+from robot_ident.motion import Motion
+from robot_ident.robot import load_robot
+
+
+@pytest.mark.parametrize(
+    ("robot", "effects"),
+    [
+        ("kuka_ir361", []),
+        ("kuka_ir361", ["torque_offset@joint_2", "wrist_coupling@joint_3"]),
+        ("kuka_ir361_spring", []),
+    ],
+)
+def test_symbolic_columns_are_the_numeric_ones(robot: str, effects: list[str]) -> None:
+    structure = Structure.build(load_robot(robot), effects)
+    motion = Motion(*np.random.default_rng(5).uniform(-1, 1, (3, 30, 3)))
+    phi, numeric = structure.symbolic(), structure.columns(motion)
+    assert numeric.shape == (30, 3, len(structure.parameters))
+    for k in range(motion.samples):
+        np.testing.assert_allclose(np.array(phi(motion.q[k], motion.dq[k], motion.ddq[k])), numeric[k], atol=1e-10)
+
+
+@pytest.mark.parametrize(
+    ("label", "words"),
+    [
+        ("viscos@joint_1", "did you mean 'viscous'"),
+        ("torque_offset@joint1", "did you mean 'joint_1'"),
+        ("torque_offset", "needs its joint"),
+        ("viscous@joint_1", "in the model already"),
+        ("rotor_inertia@joint_1", "merges with p1"),
+        ("gravity_spring@joint_2", "gives no geometry"),
+        ("wrist_coupling@joint_1", "no joint before it"),
+    ],
+)
+def test_an_effect_that_can_not_be_added_is_one_line(label: str, words: str) -> None:
+    with pytest.raises(InputError, match=words):
+        Structure.build(load_robot(), [label])
+
+
+def test_true_torque_is_inverse_dynamics_plus_friction() -> None:
+    robot = load_robot()
+    structure = Structure.build(robot)
+    motion = Motion(*np.random.default_rng(6).uniform(-1, 1, (3, 40, 3)))
+    friction = np.array([17.76, 33.48, 23.11]) * motion.dq + np.array([35.12, 6.35, 14.51]) * np.sign(motion.dq)
+    expected = robot.rigid.inverse_dynamics(motion) + friction
+    np.testing.assert_allclose(structure.columns(motion) @ structure.true_values(), expected, atol=1e-10)

@@ -1,0 +1,58 @@
+"""The clock: late stamps are ignored, uneven sampling is believed, gaps are counted."""
+
+from __future__ import annotations
+
+from typing import Any
+
+import numpy as np
+import pytest
+
+from robot_ident.errors import InputError
+from robot_ident.recording import Recording
+from robot_ident.recording.clock import read_clock
+
+
+def test_even_stamps_need_no_word(arm: Any) -> None:
+    clock = read_clock(arm.record(periods=2))
+    assert clock.notes == ()
+    assert clock.dt == pytest.approx(1 / 150, rel=1e-9)
+
+
+@pytest.mark.parametrize("late", [2e-4, 1e-3, 3e-3])
+def test_late_stamps_are_recognised_and_the_clock_regularised(arm: Any, late: float) -> None:
+    clock = read_clock(arm.record(3, periods=3, late=late))
+    assert "the sampling does not" in clock.notes[0]
+    assert clock.index is not None
+    assert np.ptp(np.diff(clock.t)) < 1e-9
+    assert clock.dt == pytest.approx(1 / 150, rel=1e-5)
+
+
+@pytest.mark.parametrize("jitter", [2e-4, 1e-3])
+def test_uneven_sampling_is_recognised_and_its_stamps_kept(arm: Any, jitter: float) -> None:
+    recording = arm.record(4, periods=3, jitter=jitter)
+    clock = read_clock(recording)
+    assert "stamps used" in clock.notes[-1]
+    np.testing.assert_array_equal(clock.t, recording.t)
+
+
+def test_dropped_samples_are_counted_and_keep_their_place(arm: Any) -> None:
+    whole, holed = arm.record(5, periods=2), arm.record(5, periods=2, dropped=0.05)
+    clock = read_clock(holed)
+    assert clock.index is not None
+    assert clock.missing == int(clock.index[-1]) + 1 - holed.samples
+    exact = np.rint((holed.t - holed.t[0]) * 150).astype(int)
+    np.testing.assert_array_equal(clock.index, exact)
+    assert whole.samples > holed.samples
+
+
+def test_clock_drift_of_100_ppm_does_not_slip_a_sample() -> None:
+    t = np.arange(200_000) / 500.0 * (1 + 1e-4)
+    q = np.sin(t)[:, None]
+    clock = read_clock(Recording(("j",), t, q, q))
+    np.testing.assert_array_equal(clock.index, np.arange(200_000))
+
+
+def test_too_few_samples_are_refused() -> None:
+    t = np.arange(5) / 10.0
+    with pytest.raises(InputError, match="5 samples"):
+        read_clock(Recording(("j",), t, t[:, None], t[:, None]))

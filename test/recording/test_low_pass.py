@@ -1,0 +1,52 @@
+"""Low passes without phase: gain, derivatives and the noise that passes."""
+
+from __future__ import annotations
+
+import numpy as np
+import pytest
+
+from robot_ident.recording.low_pass import PeriodicLowPass, ZeroPhaseLowPass
+
+
+@pytest.mark.parametrize("frequency", [0.5, 5.0, 10.0, 20.0])
+def test_gain_is_butterworths_squared_and_phase_zero(frequency: float) -> None:
+    t = np.arange(6000) / 500.0
+    x = np.sin(2 * np.pi * frequency * t)
+    y = ZeroPhaseLowPass(10.0, 1 / 500, len(t)).apply(x)
+    gain = 1 / (1 + (frequency / 10.0) ** 8)
+    middle = slice(1500, 4500)
+    np.testing.assert_allclose(y[middle], gain * x[middle], atol=2e-3)
+
+
+def test_derivatives_are_exact_in_the_band() -> None:
+    t = np.arange(4001) / 500.0
+    w = 2 * np.pi * 0.8
+    x = np.column_stack([np.sin(w * t), t**2 / 10])
+    low_pass = ZeroPhaseLowPass(20.0, 1 / 500, len(t))
+    middle = slice(800, 3200)
+    np.testing.assert_allclose(low_pass.apply(x, 1)[middle, 0], (w * np.cos(w * t))[middle], atol=1e-4)
+    np.testing.assert_allclose(low_pass.apply(x, 1)[middle, 1], (t / 5)[middle], atol=1e-4)
+    np.testing.assert_allclose(low_pass.apply(x, 2)[middle, 0], (-(w**2) * np.sin(w * t))[middle], atol=1e-2)
+
+
+def test_white_noise_passes_as_counted() -> None:
+    rng = np.random.default_rng(0)
+    low_pass = ZeroPhaseLowPass(10.0, 1 / 150, 60_000)
+    noise = low_pass.apply(rng.normal(size=60_000))
+    assert np.var(noise[500:-500]) == pytest.approx(low_pass.independent, rel=0.05)
+    slope = low_pass.apply(rng.normal(size=60_000), 1)
+    assert np.std(slope[500:-500]) == pytest.approx(low_pass.noise_gain(1), rel=0.05)
+
+
+def test_a_constant_and_a_line_pass_unchanged() -> None:
+    t = np.arange(2000) / 200.0
+    y = ZeroPhaseLowPass(5.0, 1 / 200, 2000).apply(np.column_stack([0 * t + 3.0, 2 * t]))
+    np.testing.assert_allclose(y, np.column_stack([0 * t + 3.0, 2 * t]), atol=2e-2)
+
+
+def test_periodic_low_pass_keeps_lines_up_to_the_cutoff() -> None:
+    t = np.arange(1000) / 1000 * 10
+    x = np.sin(2 * np.pi * 0.7 * t) + np.sin(2 * np.pi * 3.1 * t)
+    low_pass = PeriodicLowPass(2.0, 0.1, 1000)
+    np.testing.assert_allclose(low_pass.apply(x), np.sin(2 * np.pi * 0.7 * t), atol=1e-12)
+    assert low_pass.independent == pytest.approx(41 / 1000)
