@@ -27,12 +27,15 @@ def frozen_array(values: ArrayLike, *shape: int | None) -> Array:
 class Motion:
     """Position, velocity and acceleration of n joints at N instants.
 
-    q [N, n] rad (m on a prismatic joint), dq [N, n] rad/s, ddq [N, n] rad/s^2.
+    q [N, n] rad (m on a prismatic joint), dq [N, n] rad/s, ddq [N, n] rad/s^2. dt [s]: time between the instants,
+    None where they don't follow each other evenly. periodic: whether the first instant follows the last.
     """
 
     q: Array
     dq: Array
     ddq: Array
+    dt: float | None = None
+    periodic: bool = False
 
     def __post_init__(self) -> None:
         """Freeze the three arrays and check that they agree."""
@@ -52,5 +55,7 @@ class Motion:
         return self.q.shape[1]
 
     def __getitem__(self, rows: Any) -> Motion:
-        """Return the motion at some of its instants (a slice, mask or index array)."""
+        """Return the motion at some of its instants (a slice, mask or index array), which no longer follow each
+        other.
+        """
         return Motion(self.q[rows], self.dq[rows], self.ddq[rows])

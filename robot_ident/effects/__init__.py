@@ -2,8 +2,10 @@
 
 from __future__ import annotations
 
+from collections.abc import Mapping
+
 from robot_ident.effects.coulomb import Coulomb
-from robot_ident.effects.effect import Coefficient, Effect, Mathematics, Signals
+from robot_ident.effects.effect import Coefficient, Effect, Inner, Mathematics, Signals, Torques
 from robot_ident.effects.gravity_spring import GravitySpring
 from robot_ident.effects.rotor_inertia import RotorInertia
 from robot_ident.effects.torque_offset import TorqueOffset
@@ -17,14 +19,19 @@ CATALOGUE: dict[str, type[Effect]] = {
 }
 
 
-def make_effect(label: str, robot: Robot) -> Effect:
+def make_effect(label: str, robot: Robot, setting: Mapping[str, float] | None = None) -> Effect:
     """Return the effect that `name@joint` means on a robot; InputError suggests the nearest name or joint."""
     name, at, joint = label.partition("@")
     if name not in CATALOGUE:
         raise InputError(f"unknown effect {name!r}{did_you_mean(name, CATALOGUE)} (robot_ident effects lists them)")
+    kind = CATALOGUE[name]
+    if kind.scope == "robot":
+        if at:
+            raise InputError(f"effect {name!r} is of the whole robot: write it without @{joint}")
+        return kind(robot, 0, setting)
     if not at:
         raise InputError(f"effect {name!r} needs its joint: {name}@{robot.joints[0]}")
-    return CATALOGUE[name](robot, robot.joint_index(joint))
+    return kind(robot, robot.joint_index(joint), setting)
 
 
-__all__ = ["CATALOGUE", "Coefficient", "Effect", "Mathematics", "Signals", "make_effect"]
+__all__ = ["CATALOGUE", "Coefficient", "Effect", "Inner", "Mathematics", "Signals", "Torques", "make_effect"]

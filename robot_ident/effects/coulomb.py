@@ -15,6 +15,8 @@ class Coulomb(Effect):
     equation = "c sign(dq)"
     meaning = "Coulomb friction"
     coefficients = (Coefficient("coulomb", "Nm", "N"),)
+    symmetry = "dissipative"
+    signature = "a step at zero velocity"
 
     def terms(self, x: Signals, m: Mathematics) -> Sequence[dict[int, Any]]:
         """Return sign(dq)."""

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from typing import Any
 
 from robot_ident.effects.effect import Coefficient, Effect, Mathematics, Signals
@@ -22,10 +22,15 @@ class GravitySpring(Effect):
     equation = "-1000 k_l0 L r sin(q) / d(q), d = sqrt(L^2 + r^2 - 2 L r cos q)"
     meaning = "gravity spring, stiffness times free length"
     coefficients = (Coefficient("k_l0", "kN", "kN"),)
+    symmetry = "conservative"
+    loads_gear = True
+    signature = "static in position"
+    confused_with = ("cable",)
+    experiment = "a wide range of this joint"
 
-    def __init__(self, robot: Robot, joint: int) -> None:
+    def __init__(self, robot: Robot, joint: int, setting: Mapping[str, float] | None = None) -> None:
         """Read the spring's geometry from the robot; InputError where it has none."""
-        super().__init__(robot, joint)
+        super().__init__(robot, joint, setting)
         if robot.joints[joint] not in robot.springs:
             raise InputError(
                 f"{self.label}: robot {robot.name} gives no geometry for it; add springs: {robot.joints[joint]}:"

@@ -17,6 +17,8 @@ class RotorInertia(Effect):
     equation = "Ia ddq"
     meaning = "rotor inertia on the joint side"
     coefficients = (Coefficient("rotor_inertia", "kg m^2", "kg"),)
+    symmetry = "conservative"
+    signature = "over acceleration"
 
     def terms(self, x: Signals, m: Mathematics) -> Sequence[dict[int, Any]]:
         """Return ddq."""

@@ -17,6 +17,9 @@ class TorqueOffset(Effect):
     equation = "t0"
     meaning = "constant torque (sensor bias, or Coulomb friction that differs by direction)"
     coefficients = (Coefficient("torque_offset", "Nm", "N"),)
+    symmetry = "conservative"
+    signature = "a constant"
+    experiment = "read the current with the drives off; no motion can tell"
 
     def terms(self, x: Signals, m: Mathematics) -> Sequence[dict[int, Any]]:
         """Return 1."""

@@ -15,6 +15,8 @@ class Viscous(Effect):
     equation = "b dq"
     meaning = "viscous friction"
     coefficients = (Coefficient("viscous", "Nm s/rad", "N s/m"),)
+    symmetry = "dissipative"
+    signature = "over velocity, odd"
 
     def terms(self, x: Signals, m: Mathematics) -> Sequence[dict[int, Any]]:
         """Return dq."""

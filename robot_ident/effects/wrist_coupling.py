@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from typing import Any
 
 from robot_ident.effects.effect import Coefficient, Effect, Mathematics, Signals
@@ -26,10 +26,12 @@ class WristCoupling(Effect):
         Coefficient("viscous", "Nm s/rad", "N s/m"),
         Coefficient("coulomb", "Nm", "N"),
     )
+    symmetry = "dissipative"
+    signature = "over the velocity of two joints"
 
-    def __init__(self, robot: Robot, joint: int) -> None:
+    def __init__(self, robot: Robot, joint: int, setting: Mapping[str, float] | None = None) -> None:
         """Couple a joint with the one before it; InputError at the first joint."""
-        super().__init__(robot, joint)
+        super().__init__(robot, joint, setting)
         if joint == 0:
             raise InputError(f"{self.label}: there is no joint before it to be coupled with")
 

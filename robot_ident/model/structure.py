@@ -3,13 +3,13 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from types import SimpleNamespace
 from typing import Any
 
 import numpy as np
 
-from robot_ident.effects import Effect, Signals, make_effect
+from robot_ident.effects import Effect, Signals, Torques, make_effect
 from robot_ident.errors import InputError
 from robot_ident.model.base_parameters import BaseParameters, random_states, reduce_to_base
 from robot_ident.motion import Array, Motion
@@ -29,17 +29,23 @@ class Parameter:
 
 @dataclass(frozen=True)
 class Structure:
-    """tau = Phi(q, dq, ddq) theta (Swevers et al. 1997, eq. 1): what the columns of Phi are."""
+    """tau = Phi(q, dq, ddq) theta (Swevers et al. 1997, eq. 1): what the columns of Phi are.
+
+    parameters [p]: those that Phi is linear in. inner [r]: those inside the columns of effects, whose values the
+    effects hold.
+    """
 
     robot: Robot
     base: BaseParameters
     effects: tuple[Effect, ...]
     parameters: tuple[Parameter, ...]
+    inner: tuple[Parameter, ...] = ()
     notes: tuple[str, ...] = ()
 
     @classmethod
-    def build(cls, robot: Robot, effects: Sequence[str] = ()) -> Structure:
-        """Return the paper's model of a robot, its known effects and further ones (`name@joint`).
+    def build(cls, robot: Robot, effects: Sequence[str | Effect] = ()) -> Structure:
+        """Return the paper's model of a robot, its known effects and further ones (`name@joint`, or effects
+        themselves).
 
         Raises InputError on an unknown effect or joint, one that is in the model already, or one whose column others
         span.
@@ -47,23 +53,27 @@ class Structure:
         base = reduce_to_base(robot)
         known = [f"{name}@{joint}" for name in ("viscous", "coulomb") for joint in robot.joints]
         known += [label for label in robot.known_effects if label not in known]
-        merged = [label for label in known if (rule := _merges(label, robot, base)) is not None and rule]
-        notes = tuple(f"{label} merges with {_merges(label, robot, base)}" for label in merged)
-        labels = [label for label in known if label not in merged]
-        for label in effects:
-            effect = make_effect(label, robot)
-            if effect.label in labels:
-                raise InputError(f"effect {label!r} is in the model already")
-            rule = _merges(effect.label, robot, base)
-            if rule:
-                raise InputError(f"effect {label!r} merges with {rule}: its column is in the model already")
-            labels.append(effect.label)
-        made = tuple(make_effect(label, robot) for label in labels)
-        return cls(robot, base, made, _parameters(robot, base, made), notes)
+        made: list[Effect] = []
+        notes: list[str] = []
+        for effect in (make_effect(label, robot) for label in known):
+            into = _merges(effect, base)
+            if into:
+                notes.append(f"{effect.label} merges with {into}")
+            else:
+                made.append(effect)
+        for item in effects:
+            effect = make_effect(item, robot) if isinstance(item, str) else item
+            if effect.label in {other.label for other in made}:
+                raise InputError(f"effect {effect.label!r} is in the model already")
+            into = _merges(effect, base)
+            if into:
+                raise InputError(f"effect {effect.label!r} merges with {into}: its column is in the model already")
+            made.append(effect)
+        return cls(robot, base, tuple(made), _linear(robot, base, made), _inner(made), tuple(notes))
 
     @property
     def names(self) -> tuple[str, ...]:
-        """Names of the parameters [p]."""
+        """Names of the linear parameters [p]."""
         return tuple(parameter.name for parameter in self.parameters)
 
     @property
@@ -71,14 +81,67 @@ class Structure:
         """The effects as `name@joint`."""
         return tuple(effect.label for effect in self.effects)
 
-    def columns(self, motion: Motion) -> Array:
-        """Return Phi [N, n, p] along a motion."""
+    @property
+    def settings(self) -> Array:
+        """Values of the inner parameters [r]."""
+        return np.array([effect.setting[inner.name] for effect in self.effects for inner in effect.inner])
+
+    def with_settings(self, settings: Sequence[float]) -> Structure:
+        """Return the same structure with other inner parameters [r]."""
+        values = iter(settings)
+        effects = [effect.at({inner.name: float(next(values)) for inner in effect.inner}) for effect in self.effects]
+        return replace(self, effects=tuple(effects))
+
+    @property
+    def uses_torque(self) -> bool:
+        """Whether columns depend on the parameters, through the model's own torque."""
+        return any(effect.uses_torque for effect in self.effects)
+
+    def columns(self, motion: Motion, values: Array | None = None) -> Array:
+        """Return Phi [N, n, p] along a motion.
+
+        values [p] are needed where an effect depends on the model's torque (zero torque is taken where they are left
+        out).
+        """
         rigid = self.robot.rigid.regressor(motion)[:, :, list(self.base.columns)]
-        return np.concatenate([rigid, *(effect.columns(motion) for effect in self.effects)], axis=2)
+        plain = [rigid, *(effect.columns(motion) for effect in self.effects if not effect.uses_torque)]
+        if not self.uses_torque:
+            return np.concatenate(plain, axis=2)
+        torques = self._torques(plain, values)
+        parts, rest = [rigid], iter(plain[1:])
+        for effect in self.effects:
+            parts.append(effect.columns(motion, torques) if effect.uses_torque else next(rest))
+        return np.concatenate(parts, axis=2)
+
+    def torques(self, motion: Motion, values: Array) -> Torques:
+        """Return the torques [N, n] that effects may depend on."""
+        rigid = self.robot.rigid.regressor(motion)[:, :, list(self.base.columns)]
+        return self._torques([rigid, *(e.columns(motion) for e in self.effects if not e.uses_torque)], values)
+
+    def _torques(self, plain: Sequence[Array], values: Array | None) -> Torques:
+        load = np.zeros(plain[0].shape[:2])
+        total = np.zeros_like(load)
+        if values is None:
+            return Torques(load, total)
+        start = plain[0].shape[2]
+        load = load + plain[0] @ values[:start]
+        total = total + load
+        rest = iter(plain[1:])
+        for effect in self.effects:
+            share = values[start : start + len(effect.coefficients)]
+            start += len(effect.coefficients)
+            if effect.uses_torque:
+                continue
+            torque = next(rest) @ share
+            total = total + torque
+            if effect.loads_gear:
+                load = load + torque
+        return Torques(load, total)
 
     def symbolic(self, sign: Any = None) -> Any:
-        """Return the CasADi function (q, dq, ddq) -> Phi [n, p]; `sign` may be a smooth stand-in for the sign
-        function.
+        """Return the CasADi function (q, dq, ddq) -> Phi [n, p]; `sign` may be a smooth stand-in for the sign function.
+
+        Raises InputError where an effect has memory or depends on the model's torque.
         """
         import casadi as ca
 
@@ -92,6 +155,10 @@ class Structure:
         x = Signals(ca.vertsplit(q), ca.vertsplit(dq), ca.vertsplit(ddq))
         columns = [regressor_expression(self.robot, q, dq, ddq)[:, list(self.base.columns)]]
         for effect in self.effects:
+            if effect.uses_torque or not effect.symbolic:
+                raise InputError(
+                    f"no excitation can be designed for {effect.label}: its column is no function of the state"
+                )
             for term in effect.terms(x, m):
                 column = ca.SX(n, 1)
                 for joint, value in term.items():
@@ -100,8 +167,9 @@ class Structure:
         return ca.Function("phi", [q, dq, ddq], [ca.horzcat(*columns)])
 
     def true_values(self) -> Array:
-        """Return theta [p] of the simulated robot: base parameters of the URDF and armature, effects from its YAML (0
-        where absent).
+        """Return theta [p] of the simulated robot.
+
+        Base parameters come from URDF and armature, effects from the robot's YAML (0 where it has none).
         """
         robot = self.robot
         base = self.base.values(robot.rigid.parameters, robot.drives.armature)
@@ -117,6 +185,8 @@ class Structure:
         """Return what the part of an effect that has no column of its own adds to the base parameters."""
         motion = random_states(self.robot)
         terms = effect.absorbed(Signals.of(motion), np, truth)
+        if not terms:
+            return np.zeros(len(self.base.columns))
         torque = np.zeros((motion.samples, self.robot.n))
         for joint, values in terms.items():
             torque[:, joint] = values
@@ -125,24 +195,31 @@ class Structure:
         return np.asarray(share)
 
 
-def _merges(label: str, robot: Robot, base: BaseParameters) -> str:
-    """Return the base parameter that a rotor inertia merges with, or an empty text."""
-    effect = make_effect(label, robot)
+def _merges(effect: Effect, base: BaseParameters) -> str:
+    """Return the base parameters that a rotor inertia merges with, or an empty text."""
     if effect.name != "rotor_inertia" or effect.joint in base.free_rotors:
         return ""
-    column = 10 * robot.n + effect.joint
+    column = 10 * effect.robot.n + effect.joint
     into = [name for name, row in zip(base.names, base.regrouping, strict=True) if row[column] != 0.0]
     return ", ".join(into)
 
 
-def _parameters(robot: Robot, base: BaseParameters, effects: Sequence[Effect]) -> tuple[Parameter, ...]:
+def _linear(robot: Robot, base: BaseParameters, effects: Sequence[Effect]) -> tuple[Parameter, ...]:
     rigid = [
         Parameter(name, unit, robot.joints[link], "rigid_body", rule)
         for name, unit, link, rule in zip(base.names, base.units, base.links, base.rules, strict=True)
     ]
     further = [
-        Parameter(name, unit, robot.joints[effect.joint], effect.name, effect.meaning)
+        Parameter(name, unit, effect.place, effect.name, effect.meaning)
         for effect in effects
         for name, unit in zip(effect.parameter_names(), effect.parameter_units(), strict=True)
     ]
     return (*rigid, *further)
+
+
+def _inner(effects: Sequence[Effect]) -> tuple[Parameter, ...]:
+    return tuple(
+        Parameter(name, unit, effect.place, effect.name, effect.meaning)
+        for effect in effects
+        for name, unit in zip(effect.inner_names(), effect.inner_units(), strict=True)
+    )

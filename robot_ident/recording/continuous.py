@@ -26,7 +26,7 @@ def low_passed(recording: Recording, clock: Clock, robot: Robot, processing: Pro
     cutoff = processing.low_pass or min(DEFAULT_LOW_PASS, 0.4 * nyquist)
     wide = processing.derivative_bandwidth or min(4.0 * cutoff, 0.8 * nyquist)
     smoother = ZeroPhaseLowPass(wide, clock.dt, len(q))
-    motion = Motion(smoother.apply(q), smoother.apply(q, 1), smoother.apply(q, 2))
+    motion = Motion(smoother.apply(q), smoother.apply(q, 1), smoother.apply(q, 2), dt=clock.dt)
     low_pass = ZeroPhaseLowPass(cutoff, clock.dt, len(q))
     speed_noise = roughness(q) * smoother.noise_gain(1)
     whole = _whole(present, low_pass.smear())[:, None]

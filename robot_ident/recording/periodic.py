@@ -186,7 +186,7 @@ def _motion(mean: Average, frequency: float, robot: Robot, recording: Recording)
     rates = 2.0 * np.pi * frequency * np.arange(len(lines))[:, None]
     speed_noise = np.sqrt(np.sum(keep * rates**2, axis=0) * variance * 2.0 / samples)
     q, dq, ddq = (evaluate(kept, samples, frequency, derivative) for derivative in (0, 1, 2))
-    return Motion(q, dq, ddq), speed_noise
+    return Motion(q, dq, ddq, dt=1.0 / (frequency * samples), periodic=True), speed_noise
 
 
 def _quantum(q: Array) -> Array:
