@@ -35,12 +35,22 @@ class Equations:
         return len(self.torque)
 
 
-def stack(measurements: Sequence[Measurement], structure: Structure) -> Equations:
-    """Return the equations of some measurements; InputError when a joint has too few rows."""
+def stack(
+    measurements: Sequence[Measurement],
+    structure: Structure,
+    values: Array | None = None,
+    rigid: Sequence[Array] | None = None,
+) -> Equations:
+    """Return the equations of some measurements; InputError when a joint has too few rows.
+
+    values [p]: where columns depend on the model's torque. rigid: base columns of each measurement, where known
+    already.
+    """
     source = ", ".join(measured.source for measured in measurements)
     parts: list[list[Array]] = []
     for block, measured in enumerate(measurements):
-        phi = measured.passed(structure.columns(measured.motion))
+        known = None if rigid is None else rigid[block]
+        phi = measured.passed(structure.columns(measured.motion, values, known))
         torque = measured.passed(measured.torque)
         used = measured.used[measured.rows]
         variance = measured.averaged_variance

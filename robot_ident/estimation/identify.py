@@ -2,14 +2,14 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Sequence
+from collections.abc import Sequence
 from dataclasses import asdict
 
 import numpy as np
 
 from robot_ident.errors import InputError, did_you_mean
-from robot_ident.estimation.equations import Equations, stack
-from robot_ident.estimation.least_squares import factor, ordinary, weighted
+from robot_ident.estimation.equations import Equations
+from robot_ident.estimation.solve import ESTIMATORS, solve
 from robot_ident.model.model import Fit, Model, NoiseLevel
 from robot_ident.model.structure import Structure
 from robot_ident.motion import Array
@@ -17,10 +17,6 @@ from robot_ident.recording.measurement import Measurement, Processing
 from robot_ident.recording.process import process
 from robot_ident.recording.recording import Recording
 from robot_ident.robot.robot import Robot
-
-Estimator = Callable[[Array, Array, Array, Sequence[str], str], tuple[Array, Array]]
-
-ESTIMATORS: dict[str, Estimator] = {"ls": ordinary, "wls": weighted}
 
 
 def identify(
@@ -54,46 +50,21 @@ def estimate(
         raise InputError(f"unknown estimator {estimator!r}{did_you_mean(estimator, ESTIMATORS)}")
     if not measurements:
         raise InputError("no recording was given")
-    source = ", ".join(measured.source for measured in measurements)
-    equations = stack(measurements, structure)
-    variance, notes = _variances(equations, structure, measurements, source)
-    # a low pass leaves fewer independent rows: the information of R rows is that of R * share
-    values, covariance = ESTIMATORS[estimator](
-        equations.phi, equations.torque, variance / equations.independent, structure.names, source
-    )
-    _, logdet = np.linalg.slogdet(covariance)
+    found = solve(measurements, structure, estimator)
+    equations, linear = found.equations, found.values[: len(structure.parameters)]
+    _, logdet = np.linalg.slogdet(found.covariance[: len(linear), : len(linear)])
     return Model(
-        structure=structure,
-        values=values,
-        covariance=covariance,
+        structure=found.structure,
+        values=found.values,
+        covariance=found.covariance,
         estimator=estimator,
         noise=_noise(measurements),
-        residual=_fits(equations, equations.torque - equations.phi @ values, structure),
-        condition_number=factor(equations.phi, 1.0 / variance, structure.names, source).condition_number,
+        residual=_fits(equations, equations.torque - equations.phi @ linear, structure),
+        condition_number=found.condition_number,
         log10_det_covariance=float(logdet / np.log(10.0)),
         processing=asdict(processing or Processing()),
-        notes=(*structure.notes, *(f"{m.source}: {note}" for m in measurements for note in m.notes), *notes),
+        notes=(*structure.notes, *(f"{m.source}: {note}" for m in measurements for note in m.notes), *found.notes),
     )
-
-
-def _variances(
-    equations: Equations, structure: Structure, measurements: Sequence[Measurement], source: str
-) -> tuple[Array, tuple[str, ...]]:
-    """Return the noise variance of every row; from the residual of ordinary least squares where no periods tell it."""
-    unknown = ~np.isfinite(equations.variance) | (equations.variance <= 0)
-    if not unknown.any():
-        return equations.variance, ()
-    ones = np.ones(equations.rows)
-    theta, _ = ordinary(equations.phi, equations.torque, ones, structure.names, source)
-    residual = equations.torque - equations.phi @ theta
-    variance = equations.variance.copy()
-    share = equations.rows / (equations.rows - len(structure.parameters))
-    for block in range(len(measurements)):
-        for joint in range(structure.robot.n):
-            rows = (equations.block == block) & (equations.joint == joint) & unknown
-            if rows.any():
-                variance[rows] = max(float(np.mean(residual[rows] ** 2)) * share, 1e-12)
-    return variance, ("noise unknown without periods: rows weighted by the residual of ordinary least squares",)
 
 
 def _noise(measurements: Sequence[Measurement]) -> NoiseLevel:

@@ -8,7 +8,7 @@ from typing import Any
 
 import numpy as np
 
-from robot_ident.model.structure import Structure
+from robot_ident.model.structure import Parameter, Structure
 from robot_ident.motion import Array, Motion, frozen_array
 from robot_ident.robot.robot import Robot
 
@@ -42,7 +42,7 @@ class NoiseLevel:
 
 @dataclass(frozen=True)
 class Model:
-    """tau = Phi(q, dq, ddq) theta with an estimate of theta [p] and its covariance [p, p].
+    """tau = Phi(q, dq, ddq) theta with estimates [p + r] of theta and of r inner parameters, and their covariance.
 
     estimator: ls or wls. processing: how the recordings were processed, as a plain mapping. residual: by joint.
     provenance: recordings with their hashes, versions, date. notes: what was said on the way.
@@ -62,7 +62,7 @@ class Model:
 
     def __post_init__(self) -> None:
         """Freeze the arrays and check their shapes."""
-        p = len(self.structure.parameters)
+        p = len(self.parameters)
         object.__setattr__(self, "values", frozen_array(self.values, p))
         object.__setattr__(self, "covariance", frozen_array(self.covariance, p, p))
 
@@ -72,13 +72,23 @@ class Model:
         return self.structure.robot
 
     @property
+    def parameters(self) -> tuple[Parameter, ...]:
+        """The parameters [p + r]: those that the torque is linear in, then the inner ones."""
+        return (*self.structure.parameters, *self.structure.inner)
+
+    @property
+    def linear(self) -> Array:
+        """Values of the parameters that the torque is linear in [p]."""
+        return self.values[: len(self.structure.parameters)]
+
+    @property
     def std(self) -> Array:
         """Standard deviation of every parameter [p]: the root of the covariance's diagonal (eq. 9)."""
         return np.sqrt(np.diag(self.covariance))
 
     def predict(self, motion: Motion) -> Array:
         """Return the model's torque [N, n] Nm along a motion."""
-        tau: Array = self.structure.columns(motion) @ self.values
+        tau: Array = self.structure.columns(motion, self.linear) @ self.linear
         return tau
 
     def to_dict(self) -> dict[str, Any]:
@@ -93,7 +103,7 @@ class Model:
                 "effect": parameter.effect,
                 "meaning": parameter.meaning,
             }
-            for parameter, value, std in zip(self.structure.parameters, self.values, self.std, strict=True)
+            for parameter, value, std in zip(self.parameters, self.values, self.std, strict=True)
         ]
         definition = self.robot.definition
         return {

@@ -84,7 +84,7 @@ def read_model(path: Path | str) -> Model:
     file = read(ModelFile, path)
     robot = _robot(file, path)
     structure = _structure(file, robot, path)
-    p = len(structure.parameters)
+    p = len(structure.parameters) + len(structure.inner)
     covariance = np.array(file.covariance) if all(len(row) == p for row in file.covariance) else np.empty(0)
     if covariance.shape != (p, p):
         raise InputError(f"{path}: covariance must be {p} x {p}, one row a parameter")
@@ -118,7 +118,8 @@ def _structure(file: ModelFile, robot: Robot, path: Path | str) -> Structure:
     known = Structure.build(robot).labels
     structure = Structure.build(robot, [label for label in file.effects if label not in known])
     names = [parameter.name for parameter in file.parameters]
-    if list(structure.names) != names:
-        differ = next((a for a, b in zip(names, structure.names, strict=False) if a != b), "their number")
+    expected = [parameter.name for parameter in (*structure.parameters, *structure.inner)]
+    if expected != names:
+        differ = next((a for a, b in zip(names, expected, strict=False) if a != b), "their number")
         raise InputError(f"{path}: its parameters are not those of robot {robot.name} (first difference: {differ})")
-    return structure
+    return structure.with_settings([parameter.value for parameter in file.parameters[len(structure.parameters) :]])

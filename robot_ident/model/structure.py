@@ -97,13 +97,17 @@ class Structure:
         """Whether columns depend on the parameters, through the model's own torque."""
         return any(effect.uses_torque for effect in self.effects)
 
-    def columns(self, motion: Motion, values: Array | None = None) -> Array:
+    def rigid_columns(self, motion: Motion) -> Array:
+        """Return the columns of the base parameters [N, n, b]."""
+        return self.robot.rigid.regressor(motion)[:, :, list(self.base.columns)]
+
+    def columns(self, motion: Motion, values: Array | None = None, rigid: Array | None = None) -> Array:
         """Return Phi [N, n, p] along a motion.
 
-        values [p] are needed where an effect depends on the model's torque (zero torque is taken where they are left
-        out).
+        values [p or more] are needed where an effect depends on the model's torque (zero torque is taken without them).
+        rigid: the columns of the base parameters, where they are known already.
         """
-        rigid = self.robot.rigid.regressor(motion)[:, :, list(self.base.columns)]
+        rigid = self.rigid_columns(motion) if rigid is None else rigid
         plain = [rigid, *(effect.columns(motion) for effect in self.effects if not effect.uses_torque)]
         if not self.uses_torque:
             return np.concatenate(plain, axis=2)
@@ -115,7 +119,7 @@ class Structure:
 
     def torques(self, motion: Motion, values: Array) -> Torques:
         """Return the torques [N, n] that effects may depend on."""
-        rigid = self.robot.rigid.regressor(motion)[:, :, list(self.base.columns)]
+        rigid = self.rigid_columns(motion)
         return self._torques([rigid, *(e.columns(motion) for e in self.effects if not e.uses_torque)], values)
 
     def _torques(self, plain: Sequence[Array], values: Array | None) -> Torques:

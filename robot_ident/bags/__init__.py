@@ -1,0 +1,32 @@
+"""The one place that reads and writes bags, in every form that users have them, without ROS.
+
+`read_recording` gives joint states as arrays, `describe` says what a bag holds, `BagWriter` records serialized messages
+so that a killed process loses none, `write_recording` writes a recording whole, `recover` mends a bag that breaks off.
+"""
+
+from __future__ import annotations
+
+from robot_ident.bags.describe import BagInfo, TopicInfo, describe
+from robot_ident.bags.qos import Qos, qos_text
+from robot_ident.bags.read import RawMessage, read_messages, read_recording
+from robot_ident.bags.recover import Recovery, recover
+from robot_ident.bags.storage import JOINT_STATE, Topic
+from robot_ident.bags.write import write_recording
+from robot_ident.bags.writer import BagWriter
+
+__all__ = [
+    "JOINT_STATE",
+    "BagInfo",
+    "BagWriter",
+    "Qos",
+    "RawMessage",
+    "Recovery",
+    "Topic",
+    "TopicInfo",
+    "describe",
+    "qos_text",
+    "read_messages",
+    "read_recording",
+    "recover",
+    "write_recording",
+]

@@ -1,0 +1,202 @@
+"""Makes one recording of decoded joint states: joints by name, one clock, samples in order."""
+
+from __future__ import annotations
+
+from collections import Counter
+from collections.abc import Sequence
+from dataclasses import dataclass, replace
+
+import numpy as np
+from numpy.typing import NDArray
+
+from robot_ident.bags.joint_state_decoder import Piece
+from robot_ident.bags.storage import Integers, one_line
+from robot_ident.errors import InputError, did_you_mean
+from robot_ident.motion import Array
+from robot_ident.recording.recording import Recording
+
+
+@dataclass(frozen=True)
+class Samples:
+    """Samples before they are a recording: stamps [N] (ns, or s as a float), q, tau and perhaps dq [N, n]."""
+
+    stamp: NDArray[np.int64] | Array
+    q: Array
+    tau: Array
+    dq: Array | None = None
+
+    def __getitem__(self, rows: NDArray[np.generic]) -> Samples:
+        """Return some of the samples, or all in another order."""
+        return Samples(self.stamp[rows], self.q[rows], self.tau[rows], None if self.dq is None else self.dq[rows])
+
+
+def in_order(samples: Samples) -> tuple[Samples, list[str]]:
+    """Sort by stamp and drop what has the stamp of its predecessor; say both in notes."""
+    notes: list[str] = []
+    stamp = samples.stamp
+    if len(stamp) < 2 or np.all(np.diff(stamp) > 0):
+        return samples, notes
+    late = int(np.sum(stamp[1:] < np.maximum.accumulate(stamp)[:-1]))
+    if late:
+        notes.append(f"{late} of {len(stamp)} samples came later than their stamps say and were sorted")
+        samples = samples[np.argsort(stamp, kind="stable")]
+    again = np.concatenate([[False], np.diff(samples.stamp) == 0])
+    if again.any():
+        rows = np.flatnonzero(again)
+        equal = np.all(samples.q[rows] == samples.q[rows - 1], axis=1)
+        equal &= np.all(samples.tau[rows] == samples.tau[rows - 1], axis=1)
+        if equal.any():
+            notes.append(f"{int(equal.sum())} samples came again with the same stamp and content; dropped")
+        if not equal.all():
+            unlike = int((~equal).sum())
+            notes.append(f"{unlike} samples have the stamp of another with different content; the first one is kept")
+        samples = samples[~again]
+    return samples, notes
+
+
+def assemble(
+    pieces: Sequence[Piece],
+    joints: Sequence[str] | None,
+    source: str,
+    topic: str,
+    losses: Sequence[str] = (),
+    listing: str = "",
+) -> Recording:
+    """Return the recording of all messages that report position and effort of the joints.
+
+    joints: those wanted, in this order; None takes the set of joints that fills most of the topic. losses: what the bag
+    lacks, for the notes. listing: the bag's topics, for the line that says that this one has no efforts. InputError
+    when a joint is missing, no message has efforts, or a message contradicts itself.
+    """
+    place = f"{source}: topic {one_line(topic)}"
+    _check_lengths(pieces, place)
+    with_efforts = [piece for piece in pieces if piece.names and piece.effort.shape[1] and piece.position.shape[1]]
+    if not with_efforts:
+        lacking = "positions" if any(piece.effort.shape[1] for piece in pieces) else "efforts"
+        raise InputError(
+            f"{place} reports no {lacking} in any of its {_size(pieces)} messages{f'; {listing}' if listing else ''}"
+        )
+    names = _choose_joints(with_efforts, joints, place)
+    used = [_only(piece, names) for piece in with_efforts if set(names) <= set(piece.names)]
+    notes = [*losses, *_left_out(pieces, used, names)]
+    samples, join_notes = _join(used)
+    names, samples, silent_notes = _without_silent(names, samples, joints, place)
+    samples, order_notes = in_order(samples)
+    start = int(samples.stamp[0])
+    t = (samples.stamp - start) / 1e9
+    notes += join_notes + silent_notes + order_notes
+    return Recording(names, t, samples.q, samples.tau, samples.dq, source, tuple(notes), start)
+
+
+def _join(used: Sequence[Piece]) -> tuple[Samples, list[str]]:
+    """Return the samples of all pieces in the order in which they were recorded, on one clock."""
+    stamp, clock_notes = _one_clock(
+        np.concatenate([piece.stamp for piece in used]), np.concatenate([piece.log for piece in used])
+    )
+    velocity, velocity_notes = _velocity(used)
+    samples = Samples(
+        stamp,
+        np.concatenate([piece.position for piece in used]),
+        np.concatenate([piece.effort for piece in used]),
+        velocity,
+    )
+    index = np.concatenate([piece.index for piece in used])
+    if np.any(np.diff(index) < 0):
+        samples = samples[np.argsort(index)]
+    return samples, clock_notes + velocity_notes
+
+
+def _size(pieces: Sequence[Piece]) -> int:
+    return sum(len(piece.index) for piece in pieces)
+
+
+def _check_lengths(pieces: Sequence[Piece], place: str) -> None:
+    for piece in pieces:
+        for field in ("position", "velocity", "effort"):
+            length = getattr(piece, field).shape[1]
+            if length not in (0, len(piece.names)):
+                raise InputError(
+                    f"{place}, message {int(piece.index[0]) + 1}: {field} has {length} values for "
+                    f"{len(piece.names)} joints ({one_line(*piece.names) or 'no names'})"
+                )
+
+
+def _choose_joints(pieces: Sequence[Piece], joints: Sequence[str] | None, place: str) -> tuple[str, ...]:
+    if joints is None:
+        values: Counter[tuple[str, ...]] = Counter()
+        for piece in pieces:
+            values[tuple(sorted(piece.names))] += len(piece.index) * len(piece.names)
+        fullest = set(values.most_common(1)[0][0])
+        return next(tuple(dict.fromkeys(piece.names)) for piece in pieces if set(piece.names) == fullest)
+    there = list(dict.fromkeys(name for piece in pieces for name in piece.names))
+    for name in joints:
+        if name not in there:
+            raise InputError(
+                f"{place}: joint {name!r} is missing{did_you_mean(name, there)}; the recording has {one_line(*there)}"
+            )
+    if not any(set(joints) <= set(piece.names) for piece in pieces):
+        raise InputError(f"{place}: the joints {', '.join(joints)} never come in one message; choose those that do")
+    return tuple(joints)
+
+
+def _only(piece: Piece, names: tuple[str, ...]) -> Piece:
+    """Return the columns of `names`, in that order."""
+    if piece.names == names:
+        return piece
+    columns = [piece.names.index(name) for name in names]
+    velocity = piece.velocity[:, columns] if piece.velocity.shape[1] else piece.velocity
+    return replace(
+        piece, names=names, position=piece.position[:, columns], velocity=velocity, effort=piece.effort[:, columns]
+    )
+
+
+def _left_out(pieces: Sequence[Piece], used: Sequence[Piece], names: tuple[str, ...]) -> list[str]:
+    """Say how many messages were not used, and which joints they had."""
+    unused = _size(pieces) - _size(used)
+    if not unused:
+        return []
+    others = sorted({name for piece in pieces if not set(names) <= set(piece.names) for name in piece.names})
+    what = f"of other joints ({one_line(*others)})" if others else "without positions or efforts"
+    return [f"{unused} of {_size(pieces)} messages {what} are left out"]
+
+
+def _one_clock(stamp: Integers, log: Integers) -> tuple[Integers, list[str]]:
+    """Header stamps rule; where they are zero the receive time stands in, less the usual delay of the others."""
+    zero = stamp == 0
+    if not zero.any():
+        return stamp, []
+    if zero.all():
+        return log, ["no message has a header stamp: the receive time is used"]
+    delays = log[~zero] - stamp[~zero]
+    delay = int(delays[0]) + int(np.median(delays - delays[0]))  # in float64, epochs would lose nanoseconds
+    few = f"{int(zero.sum())} of {len(stamp)} messages have no header stamp"
+    return np.where(zero, log - delay, stamp), [f"{few}: their receive time less {delay / 1e9:.6f} s is used"]
+
+
+def _without_silent(
+    names: tuple[str, ...], samples: Samples, joints: Sequence[str] | None, place: str
+) -> tuple[tuple[str, ...], Samples, list[str]]:
+    """Leave out joints whose effort is never a number (drivers report NaN where there is no sensor)."""
+    silent = [name for name, column in zip(names, samples.tau.T, strict=True) if np.isnan(column).all()]
+    if not silent:
+        return names, samples, []
+    if joints is not None or len(silent) == len(names):
+        count = len(samples.stamp)
+        raise InputError(f"{place}: the effort of joint {silent[0]!r} is not a number in any of the {count} samples")
+    keep = [number for number, name in enumerate(names) if name not in silent]
+    dq = None if samples.dq is None else samples.dq[:, keep]
+    fewer = Samples(samples.stamp, samples.q[:, keep], samples.tau[:, keep], dq)
+    return tuple(names[k] for k in keep), fewer, [f"the effort of {one_line(*silent)} is never a number; left out"]
+
+
+def _velocity(used: Sequence[Piece]) -> tuple[Array | None, list[str]]:
+    """Return the reported velocities, or None where any is missing."""
+    silent = [piece for piece in used if not piece.velocity.shape[1]]
+    if len(silent) == len(used):
+        return None, []
+    if silent:
+        return None, [f"velocity is missing in {_size(silent)} of {_size(used)} messages and is not used"]
+    velocity: Array = np.concatenate([piece.velocity for piece in used])
+    if np.isnan(velocity).all(axis=0).any():
+        return None, ["the velocity of a joint is never a number; velocities are not used"]
+    return velocity, []

@@ -1,0 +1,75 @@
+"""Decompresses what bags hold, within bounds: never more than was announced, and what is left of a torn stream."""
+
+from __future__ import annotations
+
+import shutil
+from contextlib import suppress
+from pathlib import Path
+
+LARGEST_CHUNK = 1 << 28  # bytes; real chunks have about one megabyte, a larger claim is damage
+ZSTD_MAGIC = b"\x28\xb5\x2f\xfd"
+_PIECE = 1 << 20
+
+
+def _zstd(data: bytes, size: int) -> bytes:
+    import zstandard
+
+    pieces: list[bytes] = []
+    got = 0
+    stream = zstandard.ZstdDecompressor().stream_reader(data)
+    with suppress(zstandard.ZstdError):  # a torn or damaged stream ends here
+        while got < size and (piece := stream.read(min(_PIECE, size - got))):
+            pieces.append(piece)
+            got += len(piece)
+    return b"".join(pieces)
+
+
+def _lz4(data: bytes, size: int) -> bytes:
+    import lz4.frame
+
+    stream = lz4.frame.LZ4FrameDecompressor()
+    pieces: list[bytes] = []
+    got = 0
+    with suppress(RuntimeError, EOFError):  # a torn or damaged stream ends here
+        for first in range(0, len(data), _PIECE):
+            if stream.eof or got >= size:
+                break
+            pieces.append(stream.decompress(data[first : first + _PIECE], max_length=size - got))
+            got += len(pieces[-1])
+    return b"".join(pieces)
+
+
+def _none(data: bytes, size: int) -> bytes:
+    return data[:size]
+
+
+DECOMPRESSORS = {"": _none, "none": _none, "zstd": _zstd, "lz4": _lz4}
+
+
+def message(data: bytes) -> bytes:
+    """Return a message that rosbag2 compressed by itself (`--compression-mode message`, zstd), or any other unchanged.
+
+    What can't be decompressed comes out empty, which no reader takes for a message.
+    """
+    import zstandard
+
+    if data[: len(ZSTD_MAGIC)] != ZSTD_MAGIC:
+        return data
+    try:
+        size = zstandard.frame_content_size(data)
+    except zstandard.ZstdError:
+        return b""
+    return _zstd(data, size) if 0 <= size <= LARGEST_CHUNK else b""
+
+
+def unpack_file(path: Path, to: Path) -> str:
+    """Write the content of the .zstd file `path` to `to`; return a note when it breaks off."""
+    import zstandard
+
+    with path.open("rb") as source, to.open("wb") as sink:
+        reader = zstandard.ZstdDecompressor().stream_reader(source, read_across_frames=True)
+        try:
+            shutil.copyfileobj(reader, sink, _PIECE)
+        except zstandard.ZstdError as error:
+            return f"{path.name}: its compression breaks off ({error}); what came before is used"
+    return ""

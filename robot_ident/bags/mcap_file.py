@@ -1,0 +1,243 @@
+"""One MCAP file, whole or broken off: chunked or not, compressed by zstd or lz4 or not, indexed or not."""
+
+from __future__ import annotations
+
+import mmap
+import zlib
+from collections import Counter
+from collections.abc import Collection, Iterator
+from dataclasses import dataclass
+from functools import cached_property
+from pathlib import Path
+
+import numpy as np
+
+from robot_ident.bags import mcap_records as records
+from robot_ident.bags.compression import DECOMPRESSORS, LARGEST_CHUNK
+from robot_ident.bags.mcap_records import Damaged, Fields, Scan, message_heads, scan
+from robot_ident.bags.storage import Batch, Bytes, Topic
+from robot_ident.errors import InputError
+
+_BATCH = 1 << 14  # messages; small enough that a batch stays in the cache while it is decoded
+
+
+@dataclass(frozen=True)
+class _Chunk:
+    """One Chunk record; channels: those whose messages are in it, None where no index says so."""
+
+    start: int
+    size: int
+    channels: frozenset[int] | None
+    torn: bool = False
+
+
+def map_file(path: Path) -> Bytes:
+    """Return the bytes of a file without reading them; InputError when it is empty or can't be read."""
+    try:
+        with path.open("rb") as file:
+            return np.frombuffer(mmap.mmap(file.fileno(), 0, access=mmap.ACCESS_READ), dtype=np.uint8)
+    except ValueError as error:
+        raise InputError(f"{path}: the file is empty") from error
+    except OSError as error:
+        raise InputError(f"{path}: can't be read ({error.strerror})") from error
+
+
+class McapFile:
+    """Storage of one `.mcap` file."""
+
+    form = "MCAP file"
+
+    def __init__(self, path: Path) -> None:
+        """Find the records; InputError when this is no MCAP file."""
+        self.path = path
+        self._data = map_file(path)
+        if self._data[:8].tobytes() != records.MAGIC[: len(self._data)]:
+            raise InputError(f"{path}: is no MCAP file (its first bytes are {self._data[:8].tobytes()!r})")
+        self._scan = scan(self._data, 8, len(self._data))
+        self._schemas: dict[int, tuple[str, str, str]] = {0: ("", "", "")}
+        self._topics: list[Topic] = []
+        self._index = np.full(1 << 16, -1, dtype=np.int64)  # channel -> topic
+        self._chunk_notes: dict[int, str] = {}
+        self._unknown_channels = 0
+        self._statistics: dict[int, int] | None = None
+        self._chunks = self._read_outer_records()
+        self.truncated = not self._ends_properly()
+
+    # -- what the file holds
+
+    def _ends_properly(self) -> bool:
+        """Whether a footer and the closing magic stand where they belong."""
+        footer = bool(self._scan.others) and self._scan.others[-1][0] == records.FOOTER
+        return footer and self._data[self._scan.end : self._scan.end + 8].tobytes() == records.MAGIC
+
+    def _read_outer_records(self) -> tuple[_Chunk, ...]:
+        """Learn schemas, channels and statistics; return the chunks with the channels that their indexes name."""
+        chunks: list[tuple[int, int]] = []
+        channels: list[set[int]] = []
+        for opcode, start, size in self._scan.others:
+            if opcode == records.CHUNK:
+                chunks.append((start, size))
+                channels.append(set())
+            elif opcode == records.MESSAGE_INDEX and channels and size >= 2:
+                channels[-1].add(Fields(self._data, start, size).number(2))
+            else:
+                self._learn(self._data, opcode, start, size)
+        whole = [_Chunk(*place, frozenset(known) or None) for place, known in zip(chunks, channels, strict=True)]
+        if self._scan.cut and self._scan.cut[0] == records.CHUNK:
+            whole.append(_Chunk(*self._scan.cut[1:], None, torn=True))
+        return tuple(whole)
+
+    def _learn(self, data: Bytes, opcode: int, start: int, size: int) -> None:
+        """Take in a Schema, Channel or Statistics record; a damaged one is left out."""
+        fields = Fields(data, start, size)
+        try:
+            if opcode == records.SCHEMA:
+                number, name, encoding = fields.number(2), fields.text(), fields.text()
+                self._schemas.setdefault(number, (name, encoding, fields.text()))
+            elif opcode == records.CHANNEL:
+                self._learn_channel(fields)
+            elif opcode == records.STATISTICS:
+                fields.take(42)
+                pairs = fields.number(4) // 10
+                self._statistics = {fields.number(2): fields.number(8) for _ in range(pairs)}
+        except Damaged as damage:
+            self._chunk_notes.setdefault(start, f"a record is damaged ({damage})")
+
+    def _learn_channel(self, fields: Fields) -> None:
+        number, schema, name, encoding = fields.number(2), fields.number(2), fields.text(), fields.text()
+        metadata = fields.mapping()
+        kind, definition_encoding, definition = self._schemas.get(schema, ("", "", ""))
+        topic = Topic(
+            name,
+            kind,
+            encoding,
+            definition,
+            definition_encoding,
+            metadata.get("offered_qos_profiles", ""),
+            metadata.get("topic_type_hash", ""),
+        )
+        known = [other.key for other in self._topics]
+        if topic.key not in known:
+            known.append(topic.key)
+            self._topics.append(topic)
+        self._index[number] = known.index(topic.key)
+
+    @cached_property
+    def _summarised(self) -> bool:
+        """Whether the outer records name every channel, so that no chunk needs to be opened to know the topics."""
+        return not self.truncated and self._statistics is not None and set(self._statistics) <= self._outer_channels
+
+    @cached_property
+    def _outer_channels(self) -> frozenset[int]:
+        return frozenset(
+            Fields(self._data, start, size).number(2)
+            for opcode, start, size in self._scan.others
+            if opcode == records.CHANNEL and size >= 2
+        )
+
+    @cached_property
+    def _counted(self) -> Counter[int]:
+        """The number of messages by topic; opens every chunk where the summary does not say it."""
+        if self._summarised and self._statistics is not None:
+            by_channel = Counter(self._statistics)
+        else:
+            by_channel = Counter()
+            for data, found in self._stretches(None):
+                channels, numbers = np.unique(message_heads(data, found.start)["channel"], return_counts=True)
+                by_channel.update(dict(zip(channels.tolist(), numbers.tolist(), strict=True)))
+        counted: Counter[int] = Counter()
+        for channel, number in by_channel.items():
+            counted[int(self._index[channel])] += number
+        self._unknown_channels = counted.pop(-1, 0)
+        return counted
+
+    @property
+    def topics(self) -> tuple[Topic, ...]:
+        """The topics, in the order found."""
+        _ = self._counted  # opens the chunks that define channels, where no summary lists them
+        return tuple(self._topics)
+
+    @property
+    def counts(self) -> tuple[int, ...]:
+        """The number of messages of each topic."""
+        counted = self._counted
+        return tuple(counted[index] for index in range(len(self._topics)))
+
+    @property
+    def notes(self) -> tuple[str, ...]:
+        """What was found lost or damaged so far."""
+        lines = []
+        if self.truncated:
+            lost = len(self._data) - self._scan.end
+            what = self._scan.damage or ("its last record is cut" if self._scan.cut else "its end is missing")
+            rest = f", {lost} bytes after it are lost or unreadable" if lost else ""
+            lines.append(f"{self.path.name} is truncated: {what}{rest}; everything before is used")
+        lines += [f"{self.path.name}: {note}" for note in self._chunk_notes.values()]
+        if self._unknown_channels:
+            lines.append(f"{self.path.name}: {self._unknown_channels} messages of an unknown channel are left out")
+        return tuple(lines)
+
+    # -- its messages
+
+    def batches(self, wanted: Collection[int] | None = None) -> Iterator[Batch]:
+        """Yield the messages of the wanted topics in the order of the file."""
+        topics = self.topics
+        chosen = np.zeros(len(topics) + 1, dtype=bool)  # the last one: channels that no record defines
+        chosen[list(range(len(topics)) if wanted is None else wanted)] = True
+        for data, found in self._stretches(None if wanted is None else frozenset(wanted)):
+            for first in range(0, len(found.start), _BATCH):
+                start = found.start[first : first + _BATCH]
+                size = found.size[first : first + _BATCH] - records.MESSAGE_HEAD.itemsize
+                heads = message_heads(data, start)
+                batch = Batch(
+                    data,
+                    start + records.MESSAGE_HEAD.itemsize,
+                    size,
+                    self._index[heads["channel"]],
+                    heads["log_time"].astype(np.int64),
+                    heads["publish_time"].astype(np.int64),
+                )
+                keep = chosen[batch.topic]
+                if keep.all():
+                    yield batch
+                elif keep.any():
+                    yield batch.pick(keep)
+
+    def _stretches(self, wanted: frozenset[int] | None) -> Iterator[tuple[Bytes, Scan]]:
+        """Yield the outer messages and then each chunk that may hold messages of the wanted topics."""
+        if len(self._scan.start):
+            yield self._data, self._scan
+        for chunk in self._chunks:
+            if wanted is not None and chunk.channels is not None and self._summarised:
+                held = {int(self._index[channel]) for channel in chunk.channels}
+                if not held & wanted:
+                    continue
+            opened = self._open(chunk)
+            if opened is not None and len(opened[1].start):
+                yield opened
+
+    def _open(self, chunk: _Chunk) -> tuple[Bytes, Scan] | None:
+        """Decompress a chunk and find its records; None, and a note, where nothing of it can be used."""
+        fields = Fields(self._data, chunk.start, chunk.size)
+        try:
+            fields.take(16)
+            size, checksum, compression = fields.number(8), fields.number(4), fields.text()
+            announced = fields.number(8)
+            stored = fields.take(min(announced, fields.end - fields.position) if chunk.torn else announced)
+        except Damaged as damage:
+            self._chunk_notes[chunk.start] = f"a chunk is left out: {damage}"
+            return None
+        decompress = DECOMPRESSORS.get(compression)
+        if decompress is None or size > LARGEST_CHUNK:
+            reason = f"compression {compression!r} is not known" if decompress is None else f"it claims {size} bytes"
+            self._chunk_notes[chunk.start] = f"a chunk is left out: {reason}"
+            return None
+        content = decompress(bytes(stored), size)
+        if not chunk.torn and (len(content) != size or (checksum and zlib.crc32(content) != checksum)):
+            self._chunk_notes[chunk.start] = f"a chunk of {size} bytes is damaged and left out (its checksum is wrong)"
+            return None
+        data = np.frombuffer(content or bytearray(), dtype=np.uint8)
+        found = scan(data, 0, len(data))
+        for opcode, start, length in found.others:
+            self._learn(data, opcode, start, length)
+        return data, found

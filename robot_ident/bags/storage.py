@@ -1,0 +1,114 @@
+"""What every storage of messages hands out: its topics, and their messages in batches of raw bytes."""
+
+from __future__ import annotations
+
+from collections.abc import Collection, Iterator
+from dataclasses import dataclass
+from typing import Protocol
+
+import numpy as np
+from numpy.typing import NDArray
+
+Bytes = NDArray[np.uint8]
+Integers = NDArray[np.int64]
+
+JOINT_STATE = "sensor_msgs/msg/JointState"
+
+
+@dataclass(frozen=True)
+class Topic:
+    """One topic of a bag: what is needed to read its messages, and to write them again unchanged.
+
+    encoding: of the messages (`cdr`). definition: the text of the message type, in the language `definition_encoding`
+    (`ros2msg`, `ros2idl`). qos: the offered profiles as the YAML text of the channel. type_hash: RIHS01.
+    """
+
+    name: str
+    type: str
+    encoding: str = "cdr"
+    definition: str = ""
+    definition_encoding: str = "ros2msg"
+    qos: str = ""
+    type_hash: str = ""
+
+    @property
+    def key(self) -> tuple[str, str, str]:
+        """What makes two entries of a bag the same topic."""
+        return self.name, self.type, self.encoding
+
+
+@dataclass(frozen=True)
+class Batch:
+    """N raw messages as they lie in one buffer.
+
+    data: the buffer. start, size [N]: where each payload lies in it. topic [N]: its index in the storage's topics.
+    log_time, publish_time [N] ns: when it was received and sent.
+    """
+
+    data: Bytes
+    start: Integers
+    size: Integers
+    topic: Integers
+    log_time: Integers
+    publish_time: Integers
+
+    def __len__(self) -> int:
+        """Return the number of messages N."""
+        return len(self.start)
+
+    def payload(self, index: int) -> bytes:
+        """Return the bytes of one message."""
+        first = int(self.start[index])
+        return self.data[first : first + int(self.size[index])].tobytes()
+
+    def pick(self, rows: NDArray[np.bool_] | Integers) -> Batch:
+        """Return some of the messages, over the same buffer."""
+        return Batch(
+            self.data, self.start[rows], self.size[rows], self.topic[rows], self.log_time[rows], self.publish_time[rows]
+        )
+
+
+class Storage(Protocol):
+    """A file or folder of messages."""
+
+    form: str  # in words, for messages to the user
+
+    @property
+    def topics(self) -> tuple[Topic, ...]:
+        """The topics, in the order found."""
+
+    @property
+    def counts(self) -> tuple[int, ...]:
+        """The number of messages of each topic that can be read."""
+
+    @property
+    def notes(self) -> tuple[str, ...]:
+        """One line for each thing that was found lost or damaged so far; complete once all batches were read."""
+
+    @property
+    def truncated(self) -> bool:
+        """Whether the file breaks off before its proper end."""
+
+    def batches(self, wanted: Collection[int] | None = None) -> Iterator[Batch]:
+        """Yield the messages of the topics with these indices (None: of all), in the order of the file."""
+
+
+def one_line(*words: object) -> str:
+    """Return words from a file, which may be damaged, so that a message that quotes them stays one line."""
+    return " ".join("".join(c if c.isprintable() else " " for c in ", ".join(map(str, words))).split())
+
+
+def windows(data: Bytes, start: Integers, size: int, width: int | None = None) -> Bytes:
+    """Return a copy [N, width] of the `size` bytes of `data` that begin at each of `start` [N], zeros after them."""
+    width = size if width is None else width
+    rows = np.empty((len(start), width), dtype=np.uint8)
+    rows[:, size:] = 0
+    if len(start) and size:
+        stride = int(start[1] - start[0]) if len(start) > 1 else size
+        if stride > 0 and np.all(np.diff(start) == stride):  # evenly spaced: strides instead of an index
+            first = data[int(start[0]) :]
+            rows[:, :size] = np.lib.stride_tricks.as_strided(first, (len(start), size), (stride, 1), writeable=False)
+        else:
+            places = (len(data) - size + 1, size)
+            rows[:, :size] = np.lib.stride_tricks.as_strided(data, places, (1, 1), writeable=False)[start]
+    return rows

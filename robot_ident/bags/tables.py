@@ -1,0 +1,213 @@
+"""Recordings as plain tables: `.csv` with a header and `.npz`, for users whose data never saw ROS."""
+
+from __future__ import annotations
+
+import csv
+import tokenize
+import warnings
+import zipfile
+import zlib
+from collections.abc import Mapping, Sequence
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+
+from robot_ident.bags.assemble import Samples, in_order
+from robot_ident.bags.storage import one_line
+from robot_ident.errors import InputError, did_you_mean
+from robot_ident.motion import Array
+from robot_ident.recording.recording import Recording
+
+_DELIMITERS = ",;\t"
+# what numpy and zipfile raise on archives that are damaged on purpose or by accident
+_UNREADABLE = (
+    ValueError,
+    TypeError,
+    LookupError,
+    ArithmeticError,
+    EOFError,
+    MemoryError,
+    RuntimeError,
+    SyntaxError,
+    tokenize.TokenError,
+    zipfile.BadZipFile,
+    zlib.error,
+)
+
+
+def read_csv(path: Path, joints: Sequence[str] | None = None) -> Recording:
+    """Read a table with the columns `t` [s], `q_NAME`, `tau_NAME` and perhaps `dq_NAME` for each joint.
+
+    InputError names a missing column, or the row and column of a cell that is no number.
+    """
+    header, delimiter, line = _header(path)
+    names, notes = _joints_of(path, header, joints)
+    velocities = [name for name in names if f"dq_{name}" in header]
+    if velocities and len(velocities) < len(names):
+        notes.append("dq is given for some joints only and is not used")
+        velocities = []
+    wanted = ["t", *(f"q_{n}" for n in names), *(f"tau_{n}" for n in names), *(f"dq_{n}" for n in velocities)]
+    values = _cells(path, [header.index(name) for name in wanted], wanted, delimiter, line)
+    n = len(names)
+    dq = values[:, 2 * n + 1 :] if velocities else None
+    return _recording(path, names, Samples(values[:, 0], values[:, 1 : n + 1], values[:, n + 1 : 2 * n + 1], dq), notes)
+
+
+def _header(path: Path) -> tuple[list[str], str, int]:
+    """Return the column names, the delimiter and the number of lines up to and including the header."""
+    try:
+        with path.open(encoding="utf-8-sig", newline="") as file:
+            for number, text in enumerate(file, start=1):
+                if text.strip() and not text.startswith("#"):
+                    delimiter = max(_DELIMITERS, key=text.count)
+                    return [name.strip() for name in next(csv.reader([text], delimiter=delimiter))], delimiter, number
+    except OSError as error:
+        raise InputError(f"{path}: can't be read ({error.strerror})") from error
+    except (UnicodeDecodeError, csv.Error, StopIteration) as error:
+        raise InputError(f"{path}: is no CSV text ({error})") from error
+    raise InputError(f"{path}: the file is empty")
+
+
+def _joints_of(path: Path, header: list[str], joints: Sequence[str] | None) -> tuple[tuple[str, ...], list[str]]:
+    there = [name.removeprefix("q_") for name in header if name.startswith("q_")]
+    twice = sorted({name for name in header if header.count(name) > 1})
+    if twice:
+        raise InputError(f"{path}: column {twice[0]!r} stands in the header {header.count(twice[0])} times")
+    if "t" not in header or not there:
+        missing = "t" if "t" not in header else "q_NAME"
+        raise InputError(
+            f"{path}: column {missing!r} is missing; expected t, q_NAME..., tau_NAME... and perhaps dq_NAME..., "
+            f"found {one_line(*header)}"
+        )
+    names = tuple(there if joints is None else joints)
+    for name in names:
+        for column in (f"q_{name}", f"tau_{name}"):
+            if column not in header:
+                raise InputError(f"{path}: column {column!r} is missing{did_you_mean(column, header)}")
+    known = {"t", *(f"{kind}_{name}" for kind in ("q", "dq", "tau") for name in there)}
+    others = [name for name in header if name not in known]
+    return names, [f"columns not used: {one_line(*others)}"] if others else []
+
+
+def _cells(path: Path, columns: list[int], names: list[str], delimiter: str, skip: int) -> Array:
+    try:
+        with warnings.catch_warnings():
+            warnings.simplefilter("ignore", UserWarning)  # of a table without rows, which is told below
+            values: Array = np.loadtxt(
+                path, delimiter=delimiter, skiprows=skip, usecols=columns, ndmin=2, dtype=float, encoding="utf-8"
+            )
+    except (ValueError, OSError) as error:
+        _complain(path, columns, names, delimiter, skip)
+        raise InputError(f"{path}: can't be read as a table ({error})") from error
+    if not values.size:
+        raise InputError(f"{path}: has a header but no rows")
+    if not np.isfinite(values).all():
+        _complain(path, columns, names, delimiter, skip)
+    return values
+
+
+def _complain(path: Path, columns: list[int], names: list[str], delimiter: str, skip: int) -> None:
+    """Find the first cell that is no finite number and say where it stands."""
+    with path.open(encoding="utf-8-sig", errors="replace", newline="") as file:
+        for number, text in enumerate(file, start=1):
+            content = text.split("#")[0].strip("\r\n")
+            if number <= skip or not content.strip():
+                continue
+            cells = content.split(delimiter)
+            for column, name in zip(columns, names, strict=True):
+                if column >= len(cells):
+                    raise InputError(f"{path}: row {number} has {len(cells)} cells; column {name!r} is missing")
+                try:
+                    finite = np.isfinite(float(cells[column]))
+                except ValueError:
+                    finite = False
+                if not finite:
+                    cell = cells[column].strip()
+                    raise InputError(f"{path}: row {number}, column {name!r}: {cell!r} is not a number")
+
+
+def read_npz(path: Path, joints: Sequence[str] | None = None) -> Recording:
+    """Read `t` [N] s, `q` and `tau` [N, n], optional `dq` [N, n] and `names` [n] (`joint_1`... where missing).
+
+    One joint may come as [N]. Nothing pickled is ever loaded. InputError names the array that is missing or wrong.
+    """
+    arrays = _load(path)
+    for key in ("t", "q", "tau"):
+        if key not in arrays:
+            raise InputError(f"{path}: array {key!r} is missing; it has {one_line(*sorted(arrays)) or 'none'}")
+    t = _numbers(path, arrays, "t")
+    if t.ndim != 1 or not len(t):
+        raise InputError(f"{path}: t must have the shape [N] with N > 0, it has {list(t.shape)}")
+    columns = {key: _numbers(path, arrays, key) for key in ("q", "tau", "dq") if key in arrays}
+    columns = {key: value[:, None] if value.ndim == 1 else value for key, value in columns.items()}
+    n = columns["q"].shape[-1]
+    for key, value in columns.items():
+        if value.shape != (len(t), n) or not n:
+            expected = f"[{len(t)}, {n or 'n'}]"
+            raise InputError(f"{path}: {key} must have the shape {expected} as t and q say, it has {list(value.shape)}")
+    names = tuple(f"joint_{k + 1}" for k in range(n))
+    if "names" in arrays:
+        names = tuple(str(name) for name in np.atleast_1d(arrays["names"]).astype(str).reshape(-1))
+        if len(set(names)) != n or len(names) != n:
+            raise InputError(f"{path}: names must be {n} different words, they are {one_line(*names)}")
+    recording = _recording(path, names, Samples(t, columns["q"], columns["tau"], columns.get("dq")), [])
+    return recording if joints is None else recording.with_joints(tuple(joints))
+
+
+def _load(path: Path) -> Mapping[str, Any]:
+    key = "the archive"
+    if path.is_file() and not zipfile.is_zipfile(path):
+        raise InputError(f"{path}: is no .npz archive")
+    try:
+        with path.open("rb") as file, np.load(file, allow_pickle=False) as archive:
+            arrays = {}
+            for key in archive.files:
+                if key in ("t", "q", "tau", "dq", "names"):
+                    arrays[key] = archive[key]
+            return arrays if arrays else dict.fromkeys(archive.files)
+    except OSError as error:
+        raise InputError(f"{path}: can't be read ({error.strerror or error})") from error
+    except _UNREADABLE as error:
+        first_line = (str(error).splitlines() or ["it is damaged"])[0]
+        reason = "it is pickled; save plain arrays of numbers" if "allow_pickle" in first_line else first_line
+        raise InputError(f"{path}: {key} can't be loaded ({reason})") from error
+
+
+def _numbers(path: Path, arrays: Mapping[str, Any], key: str) -> Array:
+    array = np.asarray(arrays[key])
+    if array.dtype.kind not in "fiub":
+        raise InputError(f"{path}: {key} must hold real numbers, it holds {array.dtype}")
+    return array.astype(float)
+
+
+def _recording(path: Path, names: tuple[str, ...], samples: Samples, notes: list[str]) -> Recording:
+    finite = np.isfinite(samples.stamp)
+    if not finite.all():
+        raise InputError(f"{path}: t is not a number in {int((~finite).sum())} of {len(finite)} samples")
+    samples, order_notes = in_order(samples)
+    start = float(samples.stamp[0])
+    start_ns = round(start * 1e9) if abs(start) < 9e9 else 0
+    t = np.asarray(samples.stamp, dtype=float) - start
+    return Recording(names, t, samples.q, samples.tau, samples.dq, str(path), tuple(notes + order_notes), start_ns)
+
+
+def write_csv(path: Path, recording: Recording) -> None:
+    """Write a recording as the table that `read_csv` reads."""
+    n = recording.names
+    header = ["t", *(f"q_{name}" for name in n), *(f"tau_{name}" for name in n)]
+    columns = [recording.t[:, None], recording.q, recording.tau]
+    if recording.dq is not None:
+        header += [f"dq_{name}" for name in n]
+        columns.append(recording.dq)
+    np.savetxt(path, np.hstack(columns), fmt="%.17g", delimiter=",", header=",".join(header), comments="")
+
+
+def write_npz(path: Path, recording: Recording) -> None:
+    """Write a recording as the archive that `read_npz` reads."""
+    arrays: dict[str, Any] = {"t": recording.t, "q": recording.q, "tau": recording.tau}
+    arrays["names"] = np.array(recording.names)
+    if recording.dq is not None:
+        arrays["dq"] = recording.dq
+    with path.open("wb") as file:
+        np.savez(file, **arrays)

@@ -1,0 +1,90 @@
+"""Which topic of a bag holds the joint states."""
+
+from __future__ import annotations
+
+from pathlib import Path
+
+import numpy as np
+
+from robot_ident.bags.joint_state_decoder import JointStateDecoder
+from robot_ident.bags.storage import JOINT_STATE, Storage, one_line
+from robot_ident.errors import InputError
+
+STATES = "joint_states"
+_PEEK = 64  # messages
+
+
+def listing(storage: Storage) -> str:
+    """Return the topics with type and number of messages, in one line for an error message."""
+    entries = []
+    for topic, count in zip(storage.topics, storage.counts, strict=True):
+        encoding = "" if topic.encoding == "cdr" else f" [{topic.encoding}]"
+        entries.append(one_line(f"{topic.name} {topic.type or 'of unknown type'}{encoding} ({count})"))
+    return f"topics: {', '.join(entries)}" if entries else "it holds no topic at all"
+
+
+def is_joint_state(storage: Storage, index: int) -> bool:
+    """Whether a topic holds JointState messages in the encoding of ROS 2."""
+    topic = storage.topics[index]
+    return topic.type == JOINT_STATE and topic.encoding == "cdr"
+
+
+def peek(storage: Storage, index: int) -> tuple[tuple[str, ...], bool]:
+    """Return the joints in a topic's first messages, and whether any of these messages reports efforts."""
+    decoder = JointStateDecoder()
+    names: dict[str, None] = {}
+    efforts = False
+    for batch in storage.batches([index]):
+        for piece in decoder.decode(batch.pick(np.arange(min(len(batch), _PEEK)))):
+            names.update(dict.fromkeys(piece.names))
+            efforts = efforts or piece.effort.shape[1] > 0
+        break
+    return tuple(names), efforts
+
+
+def choose_topic(storage: Storage, source: Path, topic: str | None) -> int:
+    """Return the index of the topic that was asked for, or of the only one that can hold the robot's states.
+
+    Without a name it is `joint_states` in whatever namespace; where several are called so, or none is, the one that
+    reports efforts. Command topics are never taken for states. InputError lists what is there.
+    """
+    candidates = [index for index, count in enumerate(storage.counts) if is_joint_state(storage, index) and count]
+    if topic is not None:
+        return _named(storage, source, topic)
+    states = [index for index in candidates if "command" not in _last(storage, index)]
+    called = [index for index in states if _last(storage, index) == STATES]
+    if len(called) == 1:
+        return called[0]
+    with_efforts = [index for index in called or states if peek(storage, index)[1]]
+    if len(with_efforts) == 1:
+        return with_efforts[0]
+    if len(with_efforts) > 1:
+        names = one_line(*(storage.topics[index].name for index in with_efforts))
+        raise InputError(f"{source}: several topics may hold the joint states ({names}); choose one with --topic")
+    if not sum(storage.counts):
+        raise InputError(f"{source}: the bag is empty{_because(storage)}; {listing(storage)}")
+    raise InputError(f"{source}: has no {JOINT_STATE} with efforts{_because(storage)}; {listing(storage)}")
+
+
+def _named(storage: Storage, source: Path, topic: str) -> int:
+    wanted = topic.strip("/")
+    named = [index for index, known in enumerate(storage.topics) if known.name.strip("/") == wanted]
+    named = named or [index for index, known in enumerate(storage.topics) if known.name.endswith(f"/{wanted}")]
+    usable = [index for index in named if is_joint_state(storage, index)]
+    if len(usable) > 1:
+        names = one_line(*(storage.topics[index].name for index in usable))
+        raise InputError(f"{source}: topic {topic!r} may be any of {names}; give the whole name")
+    if not usable:
+        what = f"is no {JOINT_STATE}" if named else "is not in it"
+        raise InputError(f"{source}: topic {topic!r} {what}{_because(storage)}; {listing(storage)}")
+    if not storage.counts[usable[0]]:
+        raise InputError(f"{source}: topic {topic!r} has no messages{_because(storage)}; {listing(storage)}")
+    return usable[0]
+
+
+def _last(storage: Storage, index: int) -> str:
+    return storage.topics[index].name.rsplit("/", 1)[-1]
+
+
+def _because(storage: Storage) -> str:
+    return f" ({'; '.join(storage.notes)})" if storage.notes else ""

@@ -1,0 +1,192 @@
+"""Writes a rosbag2 folder while it is being recorded."""
+
+from __future__ import annotations
+
+import shutil
+import threading
+from collections.abc import Iterable, Iterator
+from contextlib import contextmanager, suppress
+from dataclasses import replace
+from pathlib import Path
+from types import TracebackType
+
+import numpy as np
+
+from robot_ident.bags import cdr
+from robot_ident.bags.mcap_writer import Extent, McapFileWriter
+from robot_ident.bags.message_types import complete
+from robot_ident.bags.metadata import bag_metadata, yaml_text
+from robot_ident.bags.qos import profiles_of, qos_text
+from robot_ident.bags.rosbag2_directory import FILES, METADATA
+from robot_ident.bags.storage import Integers, Topic
+from robot_ident.errors import InputError
+from robot_ident.files import refuse_existing, write_text
+from robot_ident.motion import Array
+
+
+class BagWriter:
+    """A rosbag2 folder (MCAP) that grows in its final place; may be used from several threads.
+
+    Unchunked, the default for recording: each message is handed to the kernel before `write` returns, so that a killed
+    process loses nothing, and `sync` once a second bounds what a power cut can take. Chunked: compressed and indexed;
+    `flush` bounds what a killed process loses. Index, summary and `metadata.yaml` are written by `close`. `custom_data`
+    goes into `metadata.yaml`.
+    """
+
+    def __init__(
+        self,
+        path: Path | str,
+        topics: Iterable[Topic] = (),
+        *,
+        chunked: bool = False,
+        force: bool = False,
+        shown_as: Path | str | None = None,
+    ) -> None:
+        """Create the folder; InputError when it exists (and not `force`) or can't be written.
+
+        topics: name and type are enough for the standard types. shown_as: the name in messages to the user.
+        """
+        self.path = Path(path)
+        self.custom_data: dict[str, str] = {}
+        self._shown = shown_as or path
+        self._chunked = chunked
+        self._lock = threading.RLock()
+        self._topics: dict[str, Topic] = {}
+        self._done: list[tuple[str, Extent]] = []
+        self._failure: InputError | None = None
+        self._closed = False
+        refuse_existing(self.path, force=force)
+        with self._guarded():
+            _clear_bag(self.path)
+            self.path.mkdir()
+            self._file = self._next_file()
+        for topic in topics:
+            self.add_topic(topic)
+
+    def _next_file(self) -> McapFileWriter:
+        name = f"{self.path.name}_{len(self._done)}.mcap"
+        return McapFileWriter(self.path / name, chunked=self._chunked)
+
+    @contextmanager
+    def _guarded(self) -> Iterator[None]:
+        """Turn a disk's refusal into one line, now and for every later write."""
+        if self._failure is not None:
+            raise self._failure
+        try:
+            yield
+        except OSError as error:
+            kept = f"; at least {self._kept} of its messages are kept" if self._topics else ""
+            self._failure = InputError(f"{self._shown}: can't be written ({error.strerror or error}){kept}")
+            raise self._failure from error
+
+    @property
+    def messages(self) -> int:
+        """Number of messages written."""
+        earlier = sum(extent.messages for _, extent in self._done if extent is not self._file.extent)
+        return earlier + self._file.extent.messages
+
+    @property
+    def _kept(self) -> int:
+        earlier = sum(extent.messages for _, extent in self._done if extent is not self._file.extent)
+        return earlier + self._file.in_file
+
+    @property
+    def file_bytes(self) -> int:
+        """Size of the file that is being written [bytes]."""
+        return self._file.size
+
+    def add_topic(self, topic: Topic) -> None:
+        """Make a topic known; a second time it changes nothing."""
+        with self._lock, self._guarded():
+            if topic.name in self._topics:
+                return
+            topic = complete(replace(topic, qos=qos_text(profiles_of(topic.qos))))
+            self._file.add_topic(topic)
+            self._topics[topic.name] = topic
+
+    def write(
+        self, topic: str, data: bytes, log_time_ns: int, publish_time_ns: int | None = None, sequence: int = 0
+    ) -> None:
+        """Append one serialized message (CDR, as it came from DDS) with its receive and send stamp."""
+        publish = log_time_ns if publish_time_ns is None else publish_time_ns
+        with self._lock, self._guarded():
+            self._file.write(topic, data, log_time_ns, publish, sequence)
+
+    def write_joint_states(
+        self,
+        topic: str,
+        names: tuple[str, ...],
+        stamps: Integers,
+        position: Array | None = None,
+        velocity: Array | None = None,
+        effort: Array | None = None,
+    ) -> None:
+        """Append N JointStates: stamps [N] ns (also as receive and send time), position, velocity, effort [N, n]."""
+        rows = cdr.serialise(names, stamps, position, velocity, effort)
+        size = rows.shape[1]
+        content = rows.tobytes()
+        for number, stamp in enumerate(np.asarray(stamps).tolist()):
+            self.write(topic, content[number * size : (number + 1) * size], stamp)
+
+    def flush(self) -> None:
+        """Hand the chunk in progress to the kernel; unchunked bags never hold anything back."""
+        with self._lock, self._guarded():
+            self._file.flush()
+
+    def sync(self) -> None:
+        """Wait until the disk has all messages; other threads go on writing meanwhile."""
+        self.flush()
+        with self._guarded():
+            self._file.sync()
+
+    def split(self) -> None:
+        """Finish the present file and go on in the next one of the folder."""
+        with self._lock, self._guarded():
+            self._finish_file()
+            self._file = self._next_file()
+            for topic in self._topics.values():
+                self._file.add_topic(topic)
+
+    def _finish_file(self) -> None:
+        done = (self._file.name, self._file.extent)
+        self._file.finish(yaml_text(bag_metadata(self._topics.values(), [*self._done, done], self.custom_data)))
+        self._done.append(done)
+
+    def close(self) -> None:
+        """Write index, summary and `metadata.yaml`. After a failed write the folder stays as a truncated bag."""
+        with self._lock:
+            if self._closed:
+                return
+            self._closed = True
+            try:
+                if self._failure is None:  # else the write that met it has told it
+                    with self._guarded():
+                        self._finish_file()
+                        self._write_metadata()
+            finally:
+                with suppress(OSError):
+                    self._file.abandon()
+
+    def _write_metadata(self) -> None:
+        content = bag_metadata(self._topics.values(), self._done, self.custom_data)
+        write_text(self.path / METADATA, yaml_text({"rosbag2_bagfile_information": content}), force=True)
+
+    def __enter__(self) -> BagWriter:
+        """Return the writer."""
+        return self
+
+    def __exit__(
+        self, kind: type[BaseException] | None, error: BaseException | None, trace: TracebackType | None
+    ) -> None:
+        """Close the bag."""
+        self.close()
+
+
+def _clear_bag(path: Path) -> None:
+    """Remove an existing bag, and nothing that is none."""
+    if not path.exists():
+        return
+    bag = path.is_dir() and all(file.suffix in FILES or file.name == METADATA for file in path.iterdir())
+    if not bag:
+        raise InputError(f"{path}: is replaced only if it is a rosbag2 folder and nothing else; it is not")
+    shutil.rmtree(path)

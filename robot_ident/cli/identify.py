@@ -1,0 +1,94 @@
+"""`robot_ident identify`."""
+
+from __future__ import annotations
+
+import argparse
+from collections.abc import Mapping
+from dataclasses import replace
+from typing import TYPE_CHECKING
+
+from robot_ident.cli.output import add_json, add_output, add_robot, print_json, say, table, tell
+
+if TYPE_CHECKING:
+    from robot_ident.model.model import Fit, Model
+    from robot_ident.robot import Robot
+
+
+def add_arguments(parser: argparse.ArgumentParser) -> None:
+    """Add the verb's options."""
+    from robot_ident.cli.processing import add_processing
+
+    parser.add_argument("bags", nargs="+", metavar="BAG", help="recordings, periodic or not")
+    add_robot(parser)
+    parser.add_argument("--estimator", default="wls", help="ls (eq. 10) or wls (eq. 7); default %(default)s")
+    parser.add_argument(
+        "--effect", action="append", default=[], metavar="NAME@JOINT", help="further effects in the model"
+    )
+    add_processing(parser)
+    add_output(parser, "MODEL", "model.yaml to write")
+    add_json(parser)
+
+
+def run(args: argparse.Namespace) -> int:
+    """Identify and print the parameters with their uncertainty."""
+    from robot_ident.bags import read_recording
+    from robot_ident.cli.processing import processing_of
+    from robot_ident.cli.provenance import provenance
+    from robot_ident.estimation.identify import identify
+    from robot_ident.files import refuse_existing
+    from robot_ident.model.model_file import write_model
+    from robot_ident.robot import load_robot
+
+    if args.output:
+        refuse_existing(args.output, force=args.force)
+    robot = load_robot(args.robot)
+    processing = processing_of(args, robot)
+    recordings = [read_recording(bag, topic=args.topic) for bag in args.bags]
+    model = identify(recordings, robot, effects=args.effect, estimator=args.estimator, processing=processing)
+    options = {"trajectory": args.trajectory, "topic": args.topic, "effects": args.effect or None}
+    model = replace(model, provenance=provenance(args.bags, options))
+    if args.output:
+        write_model(model, args.output, force=args.force)
+    if args.json:
+        print_json(model.to_dict())
+        return 0
+    for note in model.notes:
+        tell(note)
+    say(parameter_table(model))
+    say()
+    say(fit_table(model.robot, model.residual))
+    say()
+    say(f"condition number {model.condition_number:.4g}, log10 det of the covariance {model.log10_det_covariance:.2f}")
+    if args.output:
+        say(f"written: {args.output}")
+    return 0
+
+
+def parameter_table(model: Model) -> str:
+    """Return the parameters with their standard deviations."""
+    rows = [
+        (p.name, f"{value:.4f}", f"{std:.4f}", p.unit, _percent(value, std), p.meaning)
+        for p, value, std in zip(model.parameters, model.values, model.std, strict=True)
+    ]
+    return table(("parameter", "value", "sigma", "unit", "sigma/value", "meaning"), rows)
+
+
+def _percent(value: float, std: float) -> str:
+    share = 100.0 * std / abs(value) if value else float("inf")
+    return f"{share:.1f} %" if share < 1000 else "not known"
+
+
+def fit_table(robot: Robot, residual: Mapping[str, Fit]) -> str:
+    """Return the residual of every joint beside the noise."""
+    rows = [
+        (
+            joint,
+            fit.rms,
+            None if fit.noise_variance is None else fit.noise_variance**0.5,
+            None if fit.noise_variance is None else fit.mse / fit.noise_variance,
+            f"{100 * fit.relative:.2f} %",
+            robot.torque_unit(robot.joint_index(joint)),
+        )
+        for joint, fit in residual.items()
+    ]
+    return table(("joint", "residual rms", "noise rms", "mse/noise", "relative", "unit"), rows)

@@ -1,0 +1,88 @@
+"""`robot_ident info`."""
+
+from __future__ import annotations
+
+import argparse
+from typing import TYPE_CHECKING
+
+from robot_ident.cli.output import add_json, add_robot, print_json, say, table, tell
+from robot_ident.errors import InputError
+
+if TYPE_CHECKING:
+    from robot_ident.recording.summary import Summary
+
+
+def add_arguments(parser: argparse.ArgumentParser) -> None:
+    """Add the verb's options."""
+    parser.add_argument("bag", metavar="BAG", help="a recording in any form")
+    add_robot(parser, default=None)
+    parser.add_argument("--topic", metavar="T", help="topic of the joint states")
+    add_json(parser)
+
+
+def run(args: argparse.Namespace) -> int:
+    """Describe a bag: its topics, and the joint states in it."""
+    from robot_ident.bags import describe, read_recording
+    from robot_ident.recording.plausibility import check_plausible
+    from robot_ident.recording.summary import summarise
+    from robot_ident.robot import load_robot
+
+    bag = describe(args.bag)
+    robot = load_robot(args.robot) if args.robot else None
+    summary, trouble = None, None
+    try:
+        recording = read_recording(args.bag, topic=args.topic)
+        if robot is not None:
+            recording = recording.with_joints(robot.joints)
+            check_plausible(recording, robot)
+        summary = summarise(recording)
+    except InputError as error:
+        if robot is not None or args.topic:
+            raise
+        trouble = str(error)
+    topics = [{"name": t.name, "type": t.type, "messages": t.messages, "joints": list(t.joints)} for t in bag.topics]
+    if args.json:
+        data = {
+            "schema": "robot_ident/info/1",
+            "path": bag.path,
+            "form": bag.form,
+            "truncated": bag.truncated,
+            "topics": topics,
+        }
+        notes = [*bag.notes, *([trouble] if trouble else [])]
+        print_json({**data, "recording": summary.to_dict() if summary else None, "notes": notes})
+        return 0
+    say(f"{bag.path}: {bag.form}{', breaks off' if bag.truncated else ''}")
+    say(
+        table(
+            ("topic", "type", "messages", "joints"),
+            [(t.name or "-", t.type, t.messages, ", ".join(t.joints)) for t in bag.topics],
+        )
+    )
+    for note in dict.fromkeys([*bag.notes, *(summary.notes if summary else ()), *([trouble] if trouble else [])]):
+        tell(note)
+    if summary:
+        say()
+        _print(summary)
+    return 0
+
+
+def _print(summary: Summary) -> None:
+    say(f"{summary.samples} samples in {summary.duration:.3f} s at {summary.rate:.6g} Hz, {summary.missing} missing")
+    if summary.period is not None:
+        say(f"period {summary.period:.6g} s, {summary.periods or 'fewer than 2'} steady periods")
+    noise_tau, noise_q = summary.torque_variance, summary.position_variance
+    rows = [
+        (
+            name,
+            float(summary.lower[k]),
+            float(summary.upper[k]),
+            float(summary.top_speed[k]),
+            float(summary.top_torque[k]),
+            None if noise_tau is None else float(noise_tau[k]) ** 0.5,
+            None if noise_q is None else float(noise_q[k]) ** 0.5,
+        )
+        for k, name in enumerate(summary.joints)
+    ]
+    say(table(("joint", "lowest", "highest", "top speed", "top torque", "torque noise", "position noise"), rows))
+    say("positions rad (m), speeds rad/s (m/s), torques Nm (N); noise: standard deviation of one sample")

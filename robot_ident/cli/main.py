@@ -1,0 +1,70 @@
+"""`robot_ident VERB`: finds the verb, calls it, and turns our own errors into one line and an exit code."""
+
+from __future__ import annotations
+
+import argparse
+import importlib
+import os
+import sys
+from collections.abc import Sequence
+
+from robot_ident import __version__
+from robot_ident.errors import RobotIdentError
+
+# verb: what it does, in the order in which they are used
+VERBS: dict[str, str] = {
+    "demo": "the whole story on a simulated KUKA, with the real nodes",
+    "design": "optimise an excitation within the robot's limits",
+    "check": "certify the limits of an excitation over continuous time",
+    "simulate": "record the simulated robot, faster than real time",
+    "replay": "publish a recording on joint_states with its own timing",
+    "recover": "make a whole bag of a truncated one",
+    "info": "what is in a bag: topics, joints, rate, periods, noise",
+    "identify": "estimate the parameters with their uncertainty",
+    "validate": "predict an independent recording",
+    "effects": "the catalogue of physical effects",
+    "montecarlo": "bias and efficiency of the estimator over repeated noise",
+}
+
+
+def build_parser(only: str | None = None) -> argparse.ArgumentParser:
+    """Return the parser; the options of `only` one verb (or of all) are loaded."""
+    parser = argparse.ArgumentParser(
+        prog="robot_ident",
+        description="Turns an excited robot into a model that engineers trust, and says which physics it lacks.",
+    )
+    parser.add_argument("--version", action="version", version=f"robot_ident {__version__}")
+    verbs = parser.add_subparsers(dest="verb", metavar="VERB", required=True)
+    for name, text in VERBS.items():
+        verb = verbs.add_parser(name, help=text, description=text[0].upper() + text[1:] + ".")
+        if only in (None, name):
+            importlib.import_module(f"robot_ident.cli.{name}").add_arguments(verb)
+    return parser
+
+
+def main(argv: Sequence[str] | None = None) -> int:
+    """Run the command line and return its exit code."""
+    words = list(sys.argv[1:] if argv is None else argv)
+    verb = next((word for word in words if not word.startswith("-")), None)
+    parser = build_parser(verb if verb in VERBS else "")
+    args = parser.parse_args(words)
+    try:
+        return int(importlib.import_module(f"robot_ident.cli.{args.verb}").run(args) or 0)
+    except RobotIdentError as error:
+        print(f"robot_ident {args.verb}: {error}", file=sys.stderr)
+        return error.exit_code
+    except BrokenPipeError:
+        os.dup2(os.open(os.devnull, os.O_WRONLY), sys.stdout.fileno())
+        return 0
+    except KeyboardInterrupt:
+        print(f"robot_ident {args.verb}: stopped; nothing was written", file=sys.stderr)
+        return 130
+
+
+def entry() -> None:
+    """Start the console script."""
+    sys.exit(main())
+
+
+if __name__ == "__main__":
+    entry()

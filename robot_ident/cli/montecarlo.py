@@ -1,0 +1,60 @@
+"""`robot_ident montecarlo`."""
+
+from __future__ import annotations
+
+import argparse
+
+from robot_ident.cli.output import add_json, add_robot, print_json, say, table
+
+
+def add_arguments(parser: argparse.ArgumentParser) -> None:
+    """Add the verb's options."""
+    parser.add_argument("excitation", metavar="excitation.yaml", help="the motion, one averaged period of it")
+    add_robot(parser)
+    parser.add_argument("--runs", type=int, default=200, help="how often to identify (default %(default)s)")
+    parser.add_argument("--periods", type=int, default=16, help="periods averaged in each run (default %(default)s)")
+    parser.add_argument(
+        "--effect", action="append", default=[], metavar="NAME@JOINT", help="further effects in the model"
+    )
+    parser.add_argument("--seed", type=int, default=0, help="of the noise (default %(default)s)")
+    add_json(parser)
+
+
+def run(args: argparse.Namespace) -> int:
+    """Repeat the identification and print Table II of the paper."""
+    from robot_ident.errors import InputError
+    from robot_ident.estimation.montecarlo import montecarlo
+    from robot_ident.excitation.excitation import Excitation
+    from robot_ident.model.structure import Structure
+    from robot_ident.robot import load_robot
+
+    if args.periods < 1:
+        raise InputError(f"--periods {args.periods}: at least 1")
+    robot = load_robot(args.robot)
+    excitation = Excitation.read(args.excitation)
+    excitation.check_robot(robot)
+    structure = Structure.build(robot, args.effect)
+    variance = robot.noise.torque_variance / args.periods
+    result = montecarlo(excitation.samples(), structure, variance, runs=args.runs, seed=args.seed)
+    if args.json:
+        print_json(result.to_dict())
+        return 0
+    rows = [
+        (n, f"{t:.3f}", f"{m:.3f}", f"{s:.4f}", f"{o:.4f}", f"{o / s:.3f}", u)
+        for n, u, t, m, s, o in zip(
+            result.names, result.units, result.true, result.mean, result.sigma, result.sample_sigma, strict=True
+        )
+    ]
+    say(table(("parameter", "true", "mean", "sigma", "observed", "ratio", "unit"), rows))
+    p = len(result.names)
+    low, high = result.ratio_interval
+    say(f"\nmeans within sigma / sqrt({args.runs}): {result.inside_mean} of {p} (the paper: 16 of 21)")
+    say(f"sigma ratios within {low:.3f} to {high:.3f}: {result.inside_ratio} of {p} (the paper: 19 of 21)")
+    least, most = result.bias_interval
+    say(f"bias, {args.runs} D' C^-1 D = {result.bias_statistic:.1f}, expected {least:.1f} to {most:.1f}")
+    say(
+        f"spread, mean of e' C^-1 e / {p} = {result.error_statistic:.3f},"
+        f" expected {result.error_interval[0]:.3f} to {result.error_interval[1]:.3f}"
+    )
+    say("unbiased and efficient" if result.holds else "NOT as theory says")
+    return 0

@@ -1,0 +1,108 @@
+"""What verbs print: one JSON object, or aligned tables; progress goes to standard error."""
+
+from __future__ import annotations
+
+import argparse
+import json
+import sys
+from collections.abc import Iterable, Sequence
+from typing import Any
+
+
+def add_json(parser: argparse.ArgumentParser) -> None:
+    """Add `--json`."""
+    parser.add_argument(
+        "--json", action="store_true", help="print one JSON object on standard output and nothing else there"
+    )
+
+
+def add_robot(parser: argparse.ArgumentParser, default: str | None = "kuka_ir361") -> None:
+    """Add `--robot`."""
+    parser.add_argument(
+        "--robot",
+        default=default,
+        metavar="R",
+        help="kuka_ir361, kuka_ir361_spring, a robot YAML or a URDF (default %(default)s)",
+    )
+
+
+def add_output(parser: argparse.ArgumentParser, metavar: str, text: str, *, required: bool = False) -> None:
+    """Add `-o` and `--force`."""
+    parser.add_argument("-o", "--output", metavar=metavar, required=required, help=text)
+    parser.add_argument("--force", action="store_true", help="replace what is there")
+
+
+def say(text: str = "") -> None:
+    """Print a result."""
+    print(text)
+
+
+def tell(text: str) -> None:
+    """Print a log line on standard error."""
+    print(text, file=sys.stderr, flush=True)
+
+
+def print_json(data: dict[str, Any]) -> None:
+    """Print one JSON object; a number that isn't finite is null."""
+    print(json.dumps(_finite(data), indent=2))
+
+
+def _finite(value: Any) -> Any:
+    if isinstance(value, dict):
+        return {key: _finite(item) for key, item in value.items()}
+    if isinstance(value, (list, tuple)):
+        return [_finite(item) for item in value]
+    if isinstance(value, float) and value - value != 0.0:
+        return None
+    return value
+
+
+def table(header: Sequence[str], rows: Iterable[Sequence[Any]]) -> str:
+    """Return aligned columns: words to the left, numbers to the right."""
+    cells = [[_cell(value) for value in row] for row in rows]
+    numeric = [all(isinstance(row[k], (int, float, type(None))) for row in rows) for k in range(len(header))]
+    widths = [max([len(name), *(len(row[k]) for row in cells)]) for k, name in enumerate(header)]
+
+    def line(row: Sequence[str]) -> str:
+        return "  ".join(
+            c.rjust(w) if right else c.ljust(w) for c, w, right in zip(row, widths, numeric, strict=True)
+        ).rstrip()
+
+    return "\n".join([line(header), "  ".join("-" * w for w in widths), *(line(row) for row in cells)])
+
+
+def _cell(value: Any) -> str:
+    if value is None:
+        return "-"
+    if isinstance(value, float):
+        return f"{value:.4g}"
+    return str(value)
+
+
+def number(value: float, digits: int = 4) -> str:
+    """Return a number of fixed decimals, right for columns of like size."""
+    return f"{value:.{digits}f}"
+
+
+class Progress:
+    """A progress bar on standard error when that is a terminal; silent otherwise, and for what is over in two seconds."""
+
+    def __init__(self, label: str, total: float) -> None:
+        """Name the bar; `total` is what `reach` counts up to."""
+        from tqdm import tqdm
+
+        form = "{l_bar}{bar}| {elapsed}<{remaining}{postfix}"
+        self._bar = tqdm(total=total, desc=label, leave=False, delay=2.0, bar_format=form, disable=not sys.stderr.isatty())
+
+    def __enter__(self) -> Progress:
+        """Return the bar."""
+        return self
+
+    def __exit__(self, *error: object) -> None:
+        """Remove the bar."""
+        self._bar.close()
+
+    def reach(self, done: float, note: str = "") -> None:
+        """Move the bar to `done` of its total."""
+        self._bar.set_postfix_str(note, refresh=False)
+        self._bar.update(done - self._bar.n)

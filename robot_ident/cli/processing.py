@@ -1,0 +1,81 @@
+"""Options that say how recordings are read and processed."""
+
+from __future__ import annotations
+
+import argparse
+from typing import TYPE_CHECKING
+
+from robot_ident.errors import InputError
+
+if TYPE_CHECKING:
+    from robot_ident.recording.measurement import Processing
+    from robot_ident.robot.robot import Robot
+
+
+def add_processing(parser: argparse.ArgumentParser) -> None:
+    """Add the options of reading and processing."""
+    period = parser.add_mutually_exclusive_group()
+    period.add_argument(
+        "--trajectory", metavar="EXCITATION", help="excitation.yaml that was played: gives the period and the robot"
+    )
+    period.add_argument("--base-frequency", type=float, metavar="F", help="Hz; found from the data when not given")
+    period.add_argument("--not-periodic", action="store_true", help="take the recording as one pass even if it repeats")
+    parser.add_argument(
+        "--topic", metavar="T", help="topic of the joint states (default joint_states in any namespace)"
+    )
+    parser.add_argument(
+        "--low-pass", type=float, metavar="HZ", help="torque and every column pass it; default none on periods, else 10"
+    )
+    parser.add_argument(
+        "--derivative-bandwidth",
+        type=float,
+        metavar="HZ",
+        help="of non-periodic positions; default 4 times the low pass",
+    )
+    parser.add_argument("--decimate", type=int, default=1, metavar="K", help="keep every K-th row after the low pass")
+    parser.add_argument(
+        "--minimum-speed",
+        metavar="V[,V...]",
+        help="leave out rows slower than this, rad/s, one value or one a joint; default the robot's",
+    )
+
+
+def processing_of(args: argparse.Namespace, robot: Robot) -> Processing:
+    """Return the processing that the options ask for; InputError names an option out of its bounds."""
+    from robot_ident.recording.measurement import Processing
+
+    frequency = args.base_frequency
+    if args.trajectory:
+        from robot_ident.excitation.excitation import Excitation
+
+        excitation = Excitation.read(args.trajectory)
+        excitation.check_robot(robot)
+        frequency = excitation.base_frequency
+    for name, value in (
+        ("--base-frequency", frequency),
+        ("--low-pass", args.low_pass),
+        ("--derivative-bandwidth", args.derivative_bandwidth),
+        ("--decimate", args.decimate),
+    ):
+        if value is not None and not value > 0:
+            raise InputError(f"{name} {value}: must be above 0")
+    return Processing(
+        base_frequency=frequency,
+        periodic=False if args.not_periodic else (True if frequency else None),
+        low_pass=args.low_pass,
+        derivative_bandwidth=args.derivative_bandwidth,
+        decimate=args.decimate,
+        minimum_speed=_speeds(args.minimum_speed, robot),
+    )
+
+
+def _speeds(text: str | None, robot: Robot) -> tuple[float, ...] | None:
+    if text is None:
+        return None
+    try:
+        values = [float(word) for word in text.split(",")]
+    except ValueError as error:
+        raise InputError(f"--minimum-speed {text!r}: numbers separated by commas were expected") from error
+    if len(values) not in (1, robot.n) or any(not value >= 0 for value in values):
+        raise InputError(f"--minimum-speed {text!r}: give one value or {robot.n}, none negative")
+    return tuple(values * robot.n if len(values) == 1 else values)

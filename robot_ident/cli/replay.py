@@ -1,0 +1,35 @@
+"""`robot_ident replay`."""
+
+from __future__ import annotations
+
+import argparse
+
+from robot_ident.cli.output import Progress, add_json, print_json, say
+from robot_ident.errors import InputError
+
+
+def add_arguments(parser: argparse.ArgumentParser) -> None:
+    """Add the verb's options."""
+    parser.add_argument("bag", metavar="BAG", help="a recording in any form")
+    parser.add_argument("--rate", type=float, default=1.0, help="times real time (default %(default)s)")
+    parser.add_argument("--topic", default="joint_states", help="topic to publish on (default %(default)s)")
+    parser.add_argument("--wait", type=float, default=30.0, metavar="S", help="for a listener; 0 begins at once")
+    add_json(parser)
+
+
+def run(args: argparse.Namespace) -> int:
+    """Publish a recording with its own timing."""
+    from robot_ident.bags import read_recording
+
+    recording = read_recording(args.bag)
+    try:
+        from robot_ident.nodes.replay import replay
+    except ModuleNotFoundError as error:
+        raise InputError(f"replay needs ROS 2 ({error.name} is missing); pip install 'robot_ident[ros]'") from error
+    with Progress("replay", 1.0) as bar:
+        sent = replay(recording, rate=args.rate, topic=args.topic, wait=args.wait, progress=bar.reach)
+    if args.json:
+        print_json({"schema": "robot_ident/replay/1", "messages": sent})
+    else:
+        say(f"{sent} messages published")
+    return 0

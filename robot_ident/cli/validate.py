@@ -1,0 +1,48 @@
+"""`robot_ident validate`."""
+
+from __future__ import annotations
+
+import argparse
+
+from robot_ident.cli.output import add_json, print_json, say, tell
+from robot_ident.errors import CheckFailed
+
+
+def add_arguments(parser: argparse.ArgumentParser) -> None:
+    """Add the verb's options."""
+    parser.add_argument("model", metavar="model.yaml", help="an identified model")
+    parser.add_argument("bag", metavar="BAG", help="a recording that the model has not seen")
+    parser.add_argument("--topic", metavar="T", help="topic of the joint states")
+    parser.add_argument(
+        "--low-pass", type=float, default=10.0, metavar="HZ", help="zero-phase low pass (default %(default)s)"
+    )
+    parser.add_argument("--max-rms", type=float, metavar="NM", help="exit with 3 when a joint's residual exceeds this")
+    add_json(parser)
+
+
+def run(args: argparse.Namespace) -> int:
+    """Validate and print the residual of every joint."""
+    from robot_ident.bags import read_recording
+    from robot_ident.cli.identify import fit_table
+    from robot_ident.estimation.validate import validate
+    from robot_ident.model.model_file import read_model
+
+    model = read_model(args.model)
+    result = validate(model, read_recording(args.bag, topic=args.topic), low_pass=args.low_pass)
+    if args.json:
+        print_json(result.to_dict())
+    else:
+        for note in result.notes:
+            tell(note)
+        say(f"moving, low-passed at {result.low_pass_hz:g} Hz")
+        say(fit_table(model.robot, result.residual))
+        if result.standstill:
+            say("\nnear standstill, where stiction leaves the torque undetermined")
+            say(fit_table(model.robot, result.standstill))
+    worst = max(result.residual, key=lambda joint: result.residual[joint].rms)
+    if args.max_rms is not None and result.residual[worst].rms > args.max_rms:
+        unit = model.robot.torque_unit(model.robot.joint_index(worst))
+        raise CheckFailed(
+            f"{worst}: residual of {result.residual[worst].rms:.4g} {unit} rms exceeds --max-rms {args.max_rms:g}"
+        )
+    return 0
