@@ -57,13 +57,18 @@ class Problem:
 
     def linear(self, structure: Structure, start: Array | None = None) -> tuple[Array, Array, Equations]:
         """Return (theta [p], covariance, equations) for given inner parameters."""
-        values, rounds = start, _TORQUE_ROUNDS if structure.uses_torque else 1
-        if structure.uses_torque and values is None:
-            values = self._without_torque_effects(structure)
-        for _ in range(rounds):
-            equations = self.equations(structure, values)
-            spread = self.variance / equations.independent
-            values, covariance = self.estimator(equations.phi, equations.torque, spread, self.names, self.source)
+        if not structure.uses_torque:
+            return self._once(structure, None)
+        values = self._without_torque_effects(structure) if start is None else start
+        for _ in range(_TORQUE_ROUNDS - 1):
+            values, _, _ = self._once(structure, values)
+        return self._once(structure, values)
+
+    def _once(self, structure: Structure, torques: Array | None) -> tuple[Array, Array, Equations]:
+        """Return (theta [p], covariance, equations) with the columns that belong to given parameters."""
+        equations = self.equations(structure, torques)
+        spread = self.variance / equations.independent
+        values, covariance = self.estimator(equations.phi, equations.torque, spread, self.names, self.source)
         return values, covariance, equations
 
     def _without_torque_effects(self, structure: Structure) -> Array:

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Iterable, Sequence
 from dataclasses import dataclass, replace
 from types import SimpleNamespace
 from typing import Any
@@ -86,7 +86,7 @@ class Structure:
         """Values of the inner parameters [r]."""
         return np.array([effect.setting[inner.name] for effect in self.effects for inner in effect.inner])
 
-    def with_settings(self, settings: Sequence[float]) -> Structure:
+    def with_settings(self, settings: Iterable[float]) -> Structure:
         """Return the same structure with other inner parameters [r]."""
         values = iter(settings)
         effects = [effect.at({inner.name: float(next(values)) for inner in effect.inner}) for effect in self.effects]
