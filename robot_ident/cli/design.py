@@ -21,9 +21,13 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
     parser.add_argument("--harmonics", type=int, default=5, help="terms of the Fourier series (default %(default)s)")
     parser.add_argument("--base-frequency", type=float, default=0.1, metavar="F", help="Hz (default %(default)s)")
     parser.add_argument("--sample-rate", type=float, default=150.0, metavar="HZ", help="Hz (default %(default)s)")
-    parser.add_argument("--effect", action="append", default=[], metavar="NAME@JOINT", help="further effects to identify")
+    parser.add_argument(
+        "--effect", action="append", default=[], metavar="NAME@JOINT", help="further effects to identify"
+    )
     parser.add_argument("--starts", type=int, metavar="N", help="cold starts (default 12)")
-    parser.add_argument("--time-limit", type=float, metavar="S", help="wall time; the best so far is kept, as with Ctrl-C")
+    parser.add_argument(
+        "--time-limit", type=float, metavar="S", help="wall time; the best so far is kept, as with Ctrl-C"
+    )
     parser.add_argument("--seed", type=int, default=0, help="of the starts (default %(default)s)")
     add_output(parser, "EXCITATION", "excitation.yaml to write")
     add_json(parser)
@@ -110,7 +114,16 @@ def process_start() -> float:
 def margin_table(margins: Margins) -> str:
     """Return the tightest point of every limit."""
     rows = [
-        (m.quantity, m.where, f"{m.value:.5g}", f"{m.limit:.5g}", f"{m.margin:.2e}", m.unit, f"{m.time:.3f}", _proof(m.proven))
+        (
+            m.quantity,
+            m.where,
+            f"{m.value:.5g}",
+            f"{m.limit:.5g}",
+            f"{m.margin:.2e}",
+            m.unit,
+            f"{m.time:.3f}",
+            _proof(m.proven),
+        )
         for m in margins.items
     ]
     return table(("limit", "joint or rule", "reached", "allowed", "margin", "unit", "at t [s]", "by"), rows)

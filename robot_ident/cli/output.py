@@ -92,7 +92,9 @@ class Progress:
         from tqdm import tqdm
 
         form = "{l_bar}{bar}| {elapsed}<{remaining}{postfix}"
-        self._bar = tqdm(total=total, desc=label, leave=False, delay=2.0, bar_format=form, disable=not sys.stderr.isatty())
+        self._bar = tqdm(
+            total=total, desc=label, leave=False, delay=2.0, bar_format=form, disable=not sys.stderr.isatty()
+        )
 
     def __enter__(self) -> Progress:
         """Return the bar."""

@@ -10,17 +10,24 @@ from robot_ident.cli.output import add_json, add_output, add_robot, print_json, 
 
 def add_arguments(parser: argparse.ArgumentParser) -> None:
     """Add the verb's options."""
-    parser.add_argument("excitation", metavar="excitation.yaml", help="the motion: an excitation, or a validation motion")
+    parser.add_argument(
+        "excitation", metavar="excitation.yaml", help="the motion: an excitation, or a validation motion"
+    )
     add_robot(parser)
     parser.add_argument(
-        "--periods", type=int, default=16, help="steady periods of an excitation, after one transient (default %(default)s)"
+        "--periods",
+        type=int,
+        default=16,
+        help="steady periods of an excitation, after one transient (default %(default)s)",
     )
     parser.add_argument(
         "--effect", action="append", default=[], metavar="NAME@JOINT[:k=v,...]", help="further physics of the plant"
     )
     parser.add_argument("--servo", default="feedforward", help="feedforward or pd (default %(default)s)")
     parser.add_argument("--sample-rate", type=float, metavar="HZ", help="default: the excitation's")
-    parser.add_argument("--anti-alias", action="store_true", help="torque passes the analogue filter of the current sensor")
+    parser.add_argument(
+        "--anti-alias", action="store_true", help="torque passes the analogue filter of the current sensor"
+    )
     parser.add_argument("--seed", type=int, default=0, help="of the noise (default %(default)s)")
     add_output(parser, "BAG", "rosbag2 folder to write (or a .mcap, .npz or .csv file)", required=True)
     add_json(parser)
@@ -31,7 +38,7 @@ def run(args: argparse.Namespace) -> int:
     from robot_ident.bags import write_recording
     from robot_ident.errors import InputError
     from robot_ident.excitation.excitation import Excitation
-    from robot_ident.excitation.load import load_motion
+    from robot_ident.excitation.point_to_point import load_motion
     from robot_ident.excitation.playback import Playback
     from robot_ident.files import refuse_existing
     from robot_ident.robot import load_robot

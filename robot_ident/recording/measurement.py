@@ -4,8 +4,11 @@ from __future__ import annotations
 
 from dataclasses import dataclass
 
+import numpy as np
+
 from robot_ident.motion import Array, Mask, Motion
-from robot_ident.recording.low_pass import LowPass
+from robot_ident.recording.low_pass import LowPass, PeriodicLowPass
+from robot_ident.recording.noise import NoiseSpectrum
 
 
 @dataclass(frozen=True)
@@ -15,7 +18,8 @@ class Processing:
     base_frequency: Hz, None = found from the data. periodic: None = decided by the data. low_pass: Hz, torque and
     every column; None = none on periodic recordings, 10 Hz on others. derivative_bandwidth: Hz of the differentiation
     of non-periodic positions; None = 4 low_pass. decimate: every how many rows one is kept after the low pass.
-    minimum_speed: rad/s below which samples are left out; None = the robot's own.
+    minimum_speed: rad/s below which samples are left out; None = the robot's own. anti_alias: (order, Hz) of the filter
+    in the torque channel, order 0: there is none; None = what the robot declares.
     """
 
     base_frequency: float | None = None
@@ -24,6 +28,7 @@ class Processing:
     derivative_bandwidth: float | None = None
     decimate: int = 1
     minimum_speed: tuple[float, ...] | None = None
+    anti_alias: tuple[float, float] | None = None
 
 
 @dataclass(frozen=True)
@@ -36,6 +41,11 @@ class Measurement:
     torque_variance. base_frequency: Hz, None where not periodic. low_pass: what torque and columns pass before they
     are compared, or None. decimate: rows kept after it, one in so many. period_torque [M, N, n]: the periods one by
     one (gaps nan), or None. standstill [N, n]: rows at rest.
+
+    noise: spectrum of the torque's noise, None where no periods tell it. quantisation [n] (Nm)^2: variance that rounding
+    leaves in a row of `torque` and that no averaging removes. position_lines [K + 1, n]: the Fourier lines that `motion`
+    holds; averaged_position_variance [n] rad^2: of a row of the averaged position, white. left_out: numbers of periods
+    unlike the others, from 1.
     """
 
     source: str
@@ -56,6 +66,11 @@ class Measurement:
     decimate: int = 1
     period_torque: Array | None = None
     notes: tuple[str, ...] = ()
+    noise: NoiseSpectrum | None = None
+    quantisation: Array | None = None
+    position_lines: Mask | None = None
+    averaged_position_variance: Array | None = None
+    left_out: tuple[int, ...] = ()
 
     @property
     def rows(self) -> slice:
@@ -66,7 +81,10 @@ class Measurement:
     def averaged_variance(self) -> Array:
         """Noise variance [n] of the compared torque: averaged over the periods, after the low pass."""
         share = self.low_pass.independent if self.low_pass else 1.0
-        return self.torque_variance / self.averages * share
+        rounding = np.zeros(len(self.joints)) if self.quantisation is None else self.quantisation
+        if self.noise is not None and isinstance(self.low_pass, PeriodicLowPass):
+            return self.noise.passed_variance(self.low_pass.lines) / self.averages + rounding * share
+        return (self.torque_variance / self.averages + rounding) * share
 
     @property
     def independent(self) -> float:

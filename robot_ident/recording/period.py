@@ -7,11 +7,13 @@ from dataclasses import dataclass
 import numpy as np
 
 from robot_ident.errors import InputError
-from robot_ident.motion import Array
+from robot_ident.motion import Array, Mask
 
 _COARSE = 1500  # samples of the coarse search
 _REPEATS = 1e-3  # of the variance: the largest median difference that counts as repeating
 _RETURN = 0.05  # a dip lies this far below the largest difference at shorter lags
+_OVERLAP = 0.2  # of the samples in motion must overlap at a lag
+_REST = 0.1  # of its top speed: a joint slower than this is nearly at rest
 _SMOOTH = 0.04  # share of a period over which the mismatch of successive periods is averaged
 
 
@@ -37,12 +39,13 @@ def find_period(q: Array, dt: float) -> float | None:
     scale = x.std(axis=0)
     moving = scale > 1e-9 * max(1.0, float(scale.max()))
     x = x[:, moving] / scale[moving]
-    stride = max(1, len(x) // _COARSE)
-    lags = _dips(x[::stride]) * stride
+    awake = _awake(x)
+    stride = max(1, int(awake.sum()) // _COARSE)
+    lags = _dips(x[::stride], awake[::stride]) * stride
     if not len(lags):
         return None
-    sharp = [_sharpen(x, int(lag)) for lag in lags]
-    median = np.array([_median_difference(x, lag) if 4 <= lag < 0.95 * len(x) else np.inf for lag in sharp])
+    sharp = [_sharpen(x, awake, int(lag)) for lag in lags]
+    median = np.array([_median_difference(x, awake, lag) if lag >= 4 else np.inf for lag in sharp])
     if median.min() > _REPEATS:
         return None
     lag = min(lag for lag, value in zip(sharp, median, strict=True) if value <= 9.0 * median.min() + 1e-9)
@@ -57,12 +60,20 @@ def refine_period(q: Array, period: float, dt: float) -> float:
     """
     velocity = np.gradient(q, axis=0)
     weight = 1.0 / np.maximum(velocity.std(axis=0), 1e-12) ** 2
-    repeats = 1
+    awake = _awake(q)
+    repeats, least = 1, np.inf
     while (repeats + 0.5) * period < len(q):
         lag = round(repeats * period)
         ahead, behind = q[lag:], q[:-lag]
+        rows = awake[lag:] & awake[:-lag]
+        if rows.sum() < 10:
+            break
         gap = np.sum(weight * (ahead - behind) ** 2, axis=1)
-        calm = gap <= 4.0 * np.percentile(gap, 30.0) + 1e-12
+        quiet = float(np.percentile(gap[rows], 30.0))
+        if quiet > 25.0 * least + 1e-9:  # beyond the periods that there are
+            break
+        least = min(least, quiet)
+        calm = rows & (gap <= 4.0 * quiet + 1e-12)
         slope = 0.5 * (velocity[lag:] + velocity[:-lag])[calm]
         shift = -np.sum(weight * slope * (ahead - behind)[calm]) / np.sum(weight * slope * slope)
         if abs(shift) < 0.5 * period:
@@ -86,9 +97,11 @@ def steady_part(q: Array, period: float, step: Array, source: str) -> Steady:
     window = max(5, int(_SMOOTH * period))
     kernel = np.ones(window) / window
     smooth = np.column_stack([np.convolve(column, kernel, mode="same") for column in gap.T])
+    awake = _awake(q)
+    rows = awake[lag:] | awake[:-lag]
     # 16 = (4 sigma)^2 over the calm quarter; tremor of 1e-4 of the motion still counts as repeating
-    bound = 16.0 * np.percentile(smooth, 25.0, axis=0) + 4.0 * step**2 + (1e-4 * q.std(axis=0)) ** 2
-    good = np.all(smooth <= bound, axis=1)
+    bound = 16.0 * np.percentile(smooth[rows], 25.0, axis=0) + 4.0 * step**2 + (1e-4 * q.std(axis=0)) ** 2
+    good = np.all(smooth <= bound, axis=1) & _moves_within(awake, lag)[: len(smooth)]
     first, last = _longest(good)
     last = last + lag
     periods = int((last - first + 1 + 1e-6 * period) / period)
@@ -110,12 +123,12 @@ def _longest(good: np.ndarray) -> tuple[int, int]:
     return int(starts[best]), int(ends[best]) - 1
 
 
-def _dips(x: Array) -> np.ndarray:
+def _dips(x: Array, awake: Mask) -> np.ndarray:
     """Return the lags at which the median difference dips, the deepest 30, shortest first."""
     lags = np.arange(3, len(x) // 2 + 2)
     if len(lags) < 3:
         return np.empty(0, dtype=int)
-    curve = np.array([_median_difference(x, int(lag)) for lag in lags])
+    curve = np.array([_median_difference(x, awake, int(lag)) for lag in lags])
     curve = np.append(curve, np.inf)
     dips = 1 + np.flatnonzero((curve[1:-1] <= curve[:-2]) & (curve[1:-1] <= curve[2:]))
     left = np.maximum.accumulate(curve[:-1])
@@ -124,7 +137,7 @@ def _dips(x: Array) -> np.ndarray:
     return np.sort(lags[dips])
 
 
-def _sharpen(x: Array, lag: int) -> int:
+def _sharpen(x: Array, awake: Mask, lag: int) -> int:
     """Return the lag nearby at which x repeats best: shift = - sum dx (x(t + lag) - x(t)) / sum dx^2, over the calm
     half.
     """
@@ -134,11 +147,31 @@ def _sharpen(x: Array, lag: int) -> int:
             return lag
         gap = x[lag:] - x[:-lag]
         size = np.sum(gap * gap, axis=1)
-        calm = size <= np.median(size)
+        rows = awake[lag:] & awake[:-lag]
+        if not rows.any():
+            return lag
+        calm = rows & (size <= np.median(size[rows]))
         mean = 0.5 * (slope[lag:] + slope[:-lag])[calm]
         lag += round(-float(np.sum(mean * gap[calm]) / max(float(np.sum(mean * mean)), 1e-300)))
     return lag
 
 
-def _median_difference(x: Array, lag: int) -> float:
-    return float(np.median(np.mean((x[lag:] - x[:-lag]) ** 2, axis=1)) / 2.0)
+def _median_difference(x: Array, awake: Mask, lag: int) -> float:
+    """Return the median squared difference at a lag over instants that both lie in motion; inf where they are few."""
+    rows = awake[lag:] & awake[:-lag]
+    if rows.sum() < max(10.0, _OVERLAP * awake.sum()):
+        return np.inf
+    return float(np.median(np.mean((x[lag:] - x[:-lag])[rows] ** 2, axis=1)) / 2.0)
+
+
+def _awake(q: Array) -> Mask:
+    """Return at which samples a joint moves: rest repeats with any period and tells nothing."""
+    speed = np.abs(np.gradient(q, axis=0))
+    top = np.percentile(speed, 98.0, axis=0)
+    return np.asarray(np.any(speed > _REST * np.maximum(top, 1e-300), axis=1) & np.any(speed > 0.0, axis=1))
+
+
+def _moves_within(awake: Mask, window: int) -> Mask:
+    """Return from which samples on something moves within `window` samples, for a tenth of them at least."""
+    total = np.concatenate([[0], np.cumsum(awake)])
+    return np.asarray(total[window:] - total[:-window] > 0.1 * window)

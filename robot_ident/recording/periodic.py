@@ -2,44 +2,23 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass, replace
+from dataclasses import replace
 
 import numpy as np
 
 from robot_ident.motion import Array, Mask, Motion
-from robot_ident.recording.clock import Clock, even_positions, roughness
-from robot_ident.recording.lines import Lines, above_noise, evaluate, fit_lines, lines_of_grid
+from robot_ident.recording.average import FINER, Average, average
+from robot_ident.recording.chain import Chain, chain_of
+from robot_ident.recording.clock import Clock
+from robot_ident.recording.lines import above_noise, evaluate, lines_of_grid
 from robot_ident.recording.low_pass import PeriodicLowPass
 from robot_ident.recording.measurement import Measurement, Processing
-from robot_ident.recording.period import Steady, steady_part
+from robot_ident.recording.noise import NoiseSpectrum, noise_spectrum
 from robot_ident.recording.recording import Recording
 from robot_ident.robot.robot import Robot
 
 STANDSTILL = 0.02  # rad/s: below it, stiction leaves the torque undetermined
 _REVERSAL = 2e-3  # share of the top speed within which the sign of a sampled velocity is not trusted
-_LARGEST_FIT = 400  # lines of the least-squares fit where the samples don't fall on a grid
-_FINER = 4  # points per sample of its grid: the jumps of Coulomb's column would alias into the band on a coarser one
-
-
-@dataclass(frozen=True)
-class Average:
-    """Mean period on an even grid [N, n], per-sample variance [n] with its degrees of freedom, and the periods one by
-    one.
-
-    averages: how many samples' noise is averaged in each value. lines: where only so many lines of the torque are
-    known. after: samples that follow the last period.
-    """
-
-    q: Array
-    tau: Array
-    q_variance: Array
-    tau_variance: Array
-    dof: float
-    averages: float
-    periods_of_tau: Array | None
-    note: str
-    lines: int | None = None
-    after: int = 0
 
 
 def averaged(recording: Recording, clock: Clock, period: float, robot: Robot, processing: Processing) -> Measurement:
@@ -50,30 +29,24 @@ def averaged(recording: Recording, clock: Clock, period: float, robot: Robot, pr
     """
     steady, mean = average(recording, clock, period)
     frequency = 1.0 / (period * clock.dt)
-    motion, speed_noise = _motion(mean, frequency, robot, recording)
+    chain = chain_of(robot, processing.anti_alias, recording.source, 1.0 / clock.dt)
+    rounding = _rounding(_quantum(recording.tau), mean.tau_variance) * len(mean.q) / round(period)
+    mean, noise = _undone(mean, chain, frequency, round(period))
+    motion, variance, keep = _motion(mean, frequency, robot, recording)
     cutoff = processing.low_pass
     if mean.lines is not None:
         cutoff = min(cutoff or np.inf, mean.lines * frequency)
-    cut = steady.last - int(steady.periods * period + 1e-6) + 1
-    notes = [f"{steady.periods} periods of {period * clock.dt:.6g} s averaged"]
-    if cut > 0:
-        notes.append(f"{cut * clock.dt:.3g} s of approach and transient left out")
-    after = mean.after
-    if after > 0:
-        notes.append(f"{after * clock.dt:.3g} s after the periods left out")
-    if mean.note:
-        notes.append(mean.note)
     return Measurement(
         source=recording.source,
         joints=recording.names,
         dt=period * clock.dt / len(mean.q),
         motion=motion,
         torque=mean.tau,
-        used=trusted(motion, robot, processing, speed_noise),
+        used=trusted(motion, robot, processing, _speed_noise(keep, variance, frequency, len(mean.q))),
         standstill=at_rest(motion, robot),
         torque_variance=mean.tau_variance,
         position_variance=mean.q_variance,
-        periods=steady.periods,
+        periods=mean.periods,
         samples_per_period=round(period),
         averages=mean.averages,
         variance_dof=mean.dof,
@@ -81,20 +54,86 @@ def averaged(recording: Recording, clock: Clock, period: float, robot: Robot, pr
         low_pass=None if cutoff is None else PeriodicLowPass(cutoff, frequency, len(mean.q)),
         decimate=processing.decimate,
         period_torque=mean.periods_of_tau,
-        notes=tuple(notes),
+        notes=_notes(
+            steady.last - int(steady.periods * period + 1e-6) + 1, mean, chain, noise, period, clock.dt, robot
+        ),
+        noise=noise,
+        quantisation=rounding if rounding.any() else None,
+        position_lines=keep,
+        averaged_position_variance=variance,
+        left_out=mean.left_out,
     )
 
 
-def average(recording: Recording, clock: Clock, period: float) -> tuple[Steady, Average]:
-    """Return the steady part of a recording and its mean period; InputError when fewer than two periods are steady."""
-    grid_q = even_positions(recording, clock)
-    steady = steady_part(grid_q, period, roughness(grid_q), recording.source)
-    samples, mean = round(period), None
-    if clock.index is not None and abs(period - samples) * steady.periods < 0.1:
-        mean = _fold(recording, clock.index, steady, samples)
-    if mean is None:
-        mean = _fit(recording, clock, steady)
-    return steady, replace(mean, after=len(grid_q) - 1 - steady.last)
+def _notes(
+    cut: int, mean: Average, chain: Chain, noise: NoiseSpectrum, period: float, dt: float, robot: Robot
+) -> tuple[str, ...]:
+    notes = [f"{mean.periods} periods of {period * dt:.6g} s averaged"]
+    if cut > 0:
+        notes.append(f"{cut * dt:.3g} s of approach and transient left out")
+    if mean.after > 0:
+        notes.append(f"{mean.after * dt:.3g} s after the periods left out")
+    if mean.left_out:
+        which = ", ".join(str(m) for m in mean.left_out)
+        word, own = ("period", "its scatter is") if len(mean.left_out) == 1 else ("periods", "their scatter is")
+        notes.append(f"{word} {which} of {mean.periods + len(mean.left_out)} left out: {own} far above the others'")
+    if mean.note:
+        notes.append(mean.note)
+    if chain.note:
+        notes.append(chain.note)
+    coloured = [name for name, found in zip(robot.joints, noise.coloured, strict=True) if found]
+    if coloured:
+        notes.append(f"the torque noise of {', '.join(coloured)} is not white; its spectrum is taken into account")
+    if noise.correlated:
+        notes.append("the torque noise of the joints is correlated; its covariance is taken into account")
+    return tuple(notes)
+
+
+def _undone(mean: Average, chain: Chain, frequency: float, samples: int) -> tuple[Average, NoiseSpectrum]:
+    """Return the mean period without the measuring chain, exactly at every line, and the noise that is left in it.
+
+    Where a filter was inverted the torque has no lines beyond its bandwidth; the grid is then FINER times as fine, lest
+    the jumps of Coulomb's column alias into the band.
+    """
+    grid = len(mean.q)
+    if chain.trivial:
+        white = mean.lines is not None
+        noise = noise_spectrum(mean.scatter, None if white else mean.tau_variance, lines=mean.lines, grid=grid)
+        if not white:
+            return mean, noise
+        return replace(mean, tau_variance=noise.variance, dof=noise.variance_dof), noise
+    rates = np.arange(grid // 2 + 1) * frequency
+    lines = mean.lines
+    if chain.anti_alias is not None:
+        lines = min(int(chain.bandwidth / frequency + 1e-9), (samples - 1) // 2 if lines is None else lines)
+    finer = grid if mean.lines is not None or lines is None else FINER * grid
+    response = chain.response(rates)
+    noise = noise_spectrum(mean.scatter, None, lines=lines, response=response, grid=finer)
+
+    def undone(x: Array) -> Array:
+        c = lines_of_grid(x) / response
+        if lines is not None:
+            c = c[: lines + 1]
+        return evaluate(c, finer, frequency)
+
+    periods = None
+    if mean.periods_of_tau is not None:
+        whole = np.where(np.isfinite(mean.periods_of_tau), mean.periods_of_tau, mean.tau)
+        periods = np.stack([undone(one) for one in whole])
+    q = mean.q if finer == grid else evaluate(lines_of_grid(mean.q), finer, frequency)
+    return (
+        replace(
+            mean,
+            q=q,
+            tau=undone(mean.tau),
+            tau_variance=noise.variance,
+            dof=noise.variance_dof,
+            averages=mean.averages * grid / finer,
+            periods_of_tau=periods,
+            lines=lines,
+        ),
+        noise,
+    )
 
 
 def trusted(motion: Motion, robot: Robot, processing: Processing, speed_noise: Array) -> Mask:
@@ -112,88 +151,42 @@ def at_rest(motion: Motion, robot: Robot) -> Mask:
     return np.asarray(np.abs(motion.dq) < bound)
 
 
-def _fold(recording: Recording, index: np.ndarray, steady: Steady, samples: int) -> Average | None:
-    """Average the samples of each phase; None when a phase has fewer than two samples."""
-    count = steady.periods * samples
-    start = steady.last - count + 1
-    inside = (index >= start) & (index <= steady.last)
-    place = index[inside] - start
-
-    def periods(values: Array) -> Array:
-        table = np.full((count, values.shape[1]), np.nan)
-        table[place] = values[inside]
-        return table.reshape(steady.periods, samples, -1)
-
-    q, tau = periods(recording.q), periods(recording.tau)
-    present = np.isfinite(q[:, :, 0]).sum(axis=0)
-    if present.min() < 2:
-        return None
-    dof = float(np.sum(present - 1))
-    mean_q, mean_tau = np.nanmean(q, axis=0), np.nanmean(tau, axis=0)
-    return Average(
-        mean_q,
-        mean_tau,
-        np.nansum((q - mean_q) ** 2, axis=(0, 1)) / dof,
-        np.nansum((tau - mean_tau) ** 2, axis=(0, 1)) / dof,
-        dof,
-        float(1.0 / np.mean(1.0 / present)),
-        tau,
-        "",
-    )
-
-
-def _fit(recording: Recording, clock: Clock, steady: Steady) -> Average:
-    """Fit the lines of one period to samples that fall on no common grid, in least squares."""
-    first = clock.t[0] + (steady.last - steady.periods * steady.period + 1) * clock.dt
-    last = clock.t[0] + (steady.last + 0.5) * clock.dt
-    inside = (clock.t >= first - 0.5 * clock.dt) & (clock.t <= last)
-    t = clock.t[inside] - first
-    frequency = 1.0 / (steady.period * clock.dt)
-    count = min(int(0.45 * steady.period), _LARGEST_FIT)
-    samples = _FINER * round(steady.period)
-    both = np.hstack([recording.q[inside], recording.tau[inside]])
-    lines = fit_lines(t, both, frequency, count)
-    mean = evaluate(lines, samples, frequency)
-    rest = both - _at(lines, t, frequency)
-    dof = float(len(t) - 2 * count - 1)
-    variance = np.sum(rest**2, axis=0) / dof
-    n = recording.q.shape[1]
-    # white noise of variance s^2 over S samples leaves s^2 (2 K + 1) / S on the curve: S / N averages, low-passed to
-    # 2 K + 1 of N
-    averages = len(t) / samples
-    note = f"samples fall on no common grid of phases: {count} Fourier lines fitted in least squares"
-    return Average(mean[:, :n], mean[:, n:], variance[:n], variance[n:], dof, averages, None, note, count)
-
-
-def _at(c: Lines, t: Array, frequency: float) -> Array:
-    """Return the signal of lines c at times t."""
-    out = np.empty((len(t), c.shape[1]))
-    for rows in np.array_split(np.arange(len(t)), max(1, len(t) * len(c) // 4_000_000)):
-        phase = np.exp(2j * np.pi * frequency * np.outer(t[rows], np.arange(len(c))))
-        out[rows] = np.real(phase @ c)
-    return out
-
-
-def _motion(mean: Average, frequency: float, robot: Robot, recording: Recording) -> tuple[Motion, Array]:
-    """Return the motion from every line above the noise, and the noise of its velocity [n] rad/s."""
+def _motion(mean: Average, frequency: float, robot: Robot, recording: Recording) -> tuple[Motion, Array, Mask]:
+    """Return the motion from every line above the noise, the noise variance [n] of the averaged position, and which
+    lines those are [K + 1, n].
+    """
     samples = len(mean.q)
     lines = lines_of_grid(mean.q)
     step = np.where(robot.drives.encoder_step > 0, robot.drives.encoder_step, _quantum(recording.q))
-    # noise below the encoder's step does not average out: the same step is rounded in every period
-    variance = np.maximum(mean.q_variance / mean.averages, np.where(mean.q_variance < step**2 / 4, step**2 / 12, 0.0))
+    variance = mean.q_variance / mean.averages + _rounding(step, mean.q_variance)
     keep = above_noise(lines, variance, samples)
     kept = np.where(keep, lines, 0.0)
-    rates = 2.0 * np.pi * frequency * np.arange(len(lines))[:, None]
-    speed_noise = np.sqrt(np.sum(keep * rates**2, axis=0) * variance * 2.0 / samples)
     q, dq, ddq = (evaluate(kept, samples, frequency, derivative) for derivative in (0, 1, 2))
-    return Motion(q, dq, ddq, dt=1.0 / (frequency * samples), periodic=True), speed_noise
+    return Motion(q, dq, ddq, dt=1.0 / (frequency * samples), periodic=True), variance, keep
 
 
-def _quantum(q: Array) -> Array:
-    """Return the smallest step [n] in which positions change."""
-    out = np.zeros(q.shape[1])
-    for joint, column in enumerate(q.T):
+def _speed_noise(keep: Mask, variance: Array, frequency: float, samples: int) -> Array:
+    """Return the noise [n] rad/s of the velocity that the kept lines give."""
+    rates = 2.0 * np.pi * frequency * np.arange(len(keep))[:, None]
+    noise: Array = np.sqrt(np.sum(keep * rates**2, axis=0) * variance * 2.0 / samples)
+    return noise
+
+
+def _rounding(step: Array, variance: Array) -> Array:
+    """Return the variance [n] that rounding to `step` leaves however often one averages: the same value is rounded alike.
+
+    step^2 / 12 without noise; noise of `variance` dithers it away: exp(-4 pi^2 variance / step^2), its first harmonic.
+    """
+    size = np.where(step > 0, step, 1.0)
+    left = size**2 / 12.0 * np.exp(-4.0 * np.pi**2 * variance / size**2)
+    return np.asarray(np.where(step > 0, left, 0.0))
+
+
+def _quantum(x: Array) -> Array:
+    """Return the smallest step [n] in which the columns of x [N, n] change."""
+    out = np.zeros(x.shape[1])
+    for joint, column in enumerate(x.T):
         steps = np.diff(np.unique(column))
-        steps = steps[steps > 1e-12]
+        steps = steps[steps > 1e-7 * np.ptp(column)]
         out[joint] = steps.min() if len(steps) else 0.0
     return out

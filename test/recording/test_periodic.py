@@ -134,3 +134,21 @@ def test_summary_says_what_is_there(arm: Any) -> None:
     assert summary.rate == pytest.approx(150.0, rel=1e-6)
     assert summary.torque_variance is not None
     np.testing.assert_allclose(summary.torque_variance, [400, 416, 160], rtol=0.15)
+
+
+@pytest.mark.parametrize(("before", "after"), [(60.0, 0.0), (0.0, 60.0), (45.0, 45.0)])
+def test_a_long_rest_is_no_period(arm: Any, before: float, after: float) -> None:
+    r = arm.record(3, periods=3)
+    rate, rng = 150, np.random.default_rng(0)
+    head, tail = (round(rate * seconds) for seconds in (before, after))
+    pad = lambda x, noise: np.concatenate(  # noqa: E731
+        [
+            x[0] + noise * rng.normal(size=(head, 3)),
+            x,
+            x[-1] + noise * rng.normal(size=(tail, 3)),
+        ]
+    )
+    t = np.arange(head + r.samples + tail) / rate
+    measured = process(Recording(r.names, t, pad(r.q, 4e-5), pad(r.tau, 20.0)), arm.robot)
+    assert measured.periods == 3
+    assert measured.base_frequency == pytest.approx(0.1, rel=1e-6)

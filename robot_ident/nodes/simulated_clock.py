@@ -1,0 +1,82 @@
+"""Publishes simulated time that no node falls behind, however loaded the machine is."""
+
+from __future__ import annotations
+
+import threading
+import time
+from collections.abc import Sequence
+from typing import ClassVar
+
+from rosgraph_msgs.msg import Clock
+from sensor_msgs.msg import JointState
+
+from robot_ident.nodes.common import BaseNode, reliable, run
+from robot_ident.nodes.joint_states import stamp_of, time_message
+from robot_ident.nodes.parameters import Parameter
+
+_POLL = 0.0005  # s between looks at those who are waited for
+_PATIENCE = 2.0  # s of real time after which a silent stream is no longer waited for
+
+
+class SimulatedClock(BaseNode):
+    """Advances `/clock` step by step, at most `speed` times real time; joint_states and joint_command must keep up.
+
+    With it, and `use_sim_time` at the others, a loaded machine slows a simulated experiment and doesn't disturb it.
+    """
+
+    node_name: ClassVar[str] = "simulated_clock"
+    description: ClassVar[str] = "publishes /clock no faster than simulated robot and publisher can follow"
+    table: ClassVar[tuple[Parameter, ...]] = (
+        Parameter("speed", 1.0, "largest speed of simulated time, times real time", 0.01, 100.0),
+        Parameter("rate", 300.0, "rate of /clock, in simulated time", 10.0, 5000.0, unit="Hz"),
+        Parameter(
+            "ahead", 0.02, "how far time may run ahead of the newest joint state and command", 0.001, 1.0, unit="s"
+        ),
+    )
+
+    def __init__(self) -> None:
+        """Start time at the machine's own."""
+        super().__init__()
+        self._newest: dict[str, tuple[int, float]] = {}
+        self._clock_topic = self.create_publisher(Clock, "/clock", reliable(10))
+        for topic in ("joint_states", "joint_command"):
+            self.create_subscription(
+                JointState, topic, lambda message, topic=topic: self._heard(topic, message), reliable(1000)
+            )
+        self._thread = threading.Thread(target=self._run, name="clock", daemon=True)
+        self._thread.start()
+
+    def _heard(self, topic: str, message: JointState) -> None:
+        self._newest[topic] = (stamp_of(message), time.monotonic())
+
+    def _run(self) -> None:
+        """Publish one step after another; a step waits for real time and for the slowest stream."""
+        speed, step_ns = self.value("speed"), round(1e9 / self.value("rate"))
+        ahead_ns = round(1e9 * self.value("ahead"))
+        now_ns = time.time_ns()
+        due = time.monotonic()
+        while not self.ended:
+            due = max(due + step_ns * 1e-9 / speed, time.monotonic())
+            while not self.ended and (time.monotonic() < due or self._behind(now_ns - ahead_ns)):
+                time.sleep(_POLL)
+            now_ns += step_ns
+            self._clock_topic.publish(Clock(clock=time_message(now_ns)))
+
+    def _behind(self, bound_ns: int) -> bool:
+        """Return whether a stream that is alive has not come as far as `bound_ns`."""
+        oldest = time.monotonic() - _PATIENCE
+        return any(stamp < bound_ns and heard > oldest for stamp, heard in list(self._newest.values()))
+
+    def close(self) -> None:
+        """Join the thread."""
+        self.end()
+        self._thread.join(1.0)
+
+
+def main(argv: Sequence[str] | None = None) -> int:
+    """Run the clock."""
+    return run(SimulatedClock, argv)
+
+
+if __name__ == "__main__":
+    raise SystemExit(main())

@@ -1,0 +1,138 @@
+"""The mean period of a recording: samples of the same phase averaged, or Fourier lines fitted to them."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, replace
+
+import numpy as np
+
+from robot_ident.motion import Array
+from robot_ident.recording.clock import Clock, even_positions, roughness
+from robot_ident.recording.lines import Lines, evaluate, fit_lines
+from robot_ident.recording.outliers import outlying_periods
+from robot_ident.recording.period import Steady, steady_part
+from robot_ident.recording.recording import Recording
+
+_LARGEST_FIT = 400  # lines of the least-squares fit where the samples don't fall on a grid
+FINER = (
+    4  # points per sample of a grid that holds few lines: on a coarser one the jumps of Coulomb's column would alias
+)
+
+
+@dataclass(frozen=True)
+class Average:
+    """Mean period on an even grid [N, n], per-sample variance [n] with its degrees of freedom, and the periods one by
+    one.
+
+    averages: how many samples' noise is averaged in each value. scatter [M, N, n]: periods of the torque, or of what is
+    left of it after the fit, from which the noise is judged. lines: where only so many lines of the torque are known.
+    after: samples that follow the last period. left_out: numbers of periods unlike the others, from 1.
+    """
+
+    q: Array
+    tau: Array
+    q_variance: Array
+    tau_variance: Array
+    dof: float
+    averages: float
+    periods_of_tau: Array | None
+    scatter: Array
+    note: str = ""
+    lines: int | None = None
+    after: int = 0
+    left_out: tuple[int, ...] = ()
+
+    @property
+    def periods(self) -> int:
+        """How many periods were averaged."""
+        return len(self.scatter)
+
+
+def average(recording: Recording, clock: Clock, period: float) -> tuple[Steady, Average]:
+    """Return the steady part of a recording and its mean period; InputError when fewer than two periods are steady."""
+    grid_q = even_positions(recording, clock)
+    steady = steady_part(grid_q, period, roughness(grid_q), recording.source)
+    samples, mean = round(period), None
+    if clock.index is not None and abs(period - samples) * steady.periods < 0.1:
+        mean = _fold(recording, clock.index, steady, samples)
+    if mean is None:
+        mean = _fit(recording, clock, steady)
+    return steady, replace(mean, after=len(grid_q) - 1 - steady.last)
+
+
+def _fold(recording: Recording, index: np.ndarray, steady: Steady, samples: int) -> Average | None:
+    """Average the samples of each phase; None when a phase has fewer than two samples."""
+    count = steady.periods * samples
+    start = steady.last - count + 1
+    inside = (index >= start) & (index <= steady.last)
+    place = index[inside] - start
+
+    def periods(values: Array) -> Array:
+        table = np.full((count, values.shape[1]), np.nan)
+        table[place] = values[inside]
+        return table.reshape(steady.periods, samples, -1)
+
+    q, tau = periods(recording.q), periods(recording.tau)
+    present = np.isfinite(q[:, :, 0]).sum(axis=0)
+    if present.min() < 2:
+        return None
+    outlying = sorted({*outlying_periods(tau), *outlying_periods(q, "position")})
+    kept = np.setdiff1d(np.arange(steady.periods), outlying)
+    if outlying and np.isfinite(q[kept, :, 0]).sum(axis=0).min() >= 2:
+        q, tau = q[kept], tau[kept]
+        present = np.isfinite(q[:, :, 0]).sum(axis=0)
+    else:
+        outlying = []
+    dof = float(np.sum(present - 1))
+    mean_q, mean_tau = np.nanmean(q, axis=0), np.nanmean(tau, axis=0)
+    return Average(
+        mean_q,
+        mean_tau,
+        np.nansum((q - mean_q) ** 2, axis=(0, 1)) / dof,
+        np.nansum((tau - mean_tau) ** 2, axis=(0, 1)) / dof,
+        dof,
+        float(1.0 / np.mean(1.0 / present)),
+        tau,
+        tau,
+        left_out=tuple(m + 1 for m in outlying),
+    )
+
+
+def _fit(recording: Recording, clock: Clock, steady: Steady) -> Average:
+    """Fit the lines of one period to samples that fall on no common grid, in least squares."""
+    first = clock.t[0] + (steady.last - steady.periods * steady.period + 1) * clock.dt
+    last = clock.t[0] + (steady.last + 0.5) * clock.dt
+    inside = (clock.t >= first - 0.5 * clock.dt) & (clock.t <= last)
+    t = clock.t[inside] - first
+    frequency = 1.0 / (steady.period * clock.dt)
+    count = min(int(0.45 * steady.period), _LARGEST_FIT)
+    samples = FINER * round(steady.period)
+    both = np.hstack([recording.q[inside], recording.tau[inside]])
+    lines = fit_lines(t, both, frequency, count)
+    mean = evaluate(lines, samples, frequency)
+    rest = both - _at(lines, t, frequency)
+    dof = float(len(t) - 2 * count - 1)
+    variance = np.sum(rest**2, axis=0) / dof
+    n = recording.q.shape[1]
+    # white noise of variance s^2 over S samples leaves s^2 (2 K + 1) / S on the curve: S / N averages, low-passed to
+    # 2 K + 1 of N
+    averages = len(t) / samples
+    note = f"samples fall on no common grid of phases: {count} Fourier lines fitted in least squares"
+    scatter = _placed(rest[:, n:], t, steady.periods, round(steady.period), frequency)
+    return Average(mean[:, :n], mean[:, n:], variance[:n], variance[n:], dof, averages, None, scatter, note, count)
+
+
+def _placed(rest: Array, t: Array, periods: int, samples: int, frequency: float) -> Array:
+    """Return what is left of a fit [R, n] at times t, on the even grid of phases that is nearest [M, N, n], gaps nan."""
+    table = np.full((periods * samples, rest.shape[1]), np.nan)
+    table[np.clip(np.rint(t * frequency * samples).astype(int), 0, len(table) - 1)] = rest
+    return table.reshape(periods, samples, -1)
+
+
+def _at(c: Lines, t: Array, frequency: float) -> Array:
+    """Return the signal of lines c at times t."""
+    out = np.empty((len(t), c.shape[1]))
+    for rows in np.array_split(np.arange(len(t)), max(1, len(t) * len(c) // 4_000_000)):
+        phase = np.exp(2j * np.pi * frequency * np.outer(t[rows], np.arange(len(c))))
+        out[rows] = np.real(phase @ c)
+    return out

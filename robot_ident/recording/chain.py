@@ -1,0 +1,120 @@
+"""The measuring chain of the torque: from what the drive reports back to the torque at the instant of the position."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, replace
+
+import numpy as np
+from numpy.typing import NDArray
+
+from robot_ident.errors import InputError
+from robot_ident.motion import Array
+from robot_ident.recording.recording import Recording
+from robot_ident.robot.robot import AntiAlias, Robot
+
+Response = NDArray[np.complex128]
+
+LEAST_GAIN = 0.5  # of a filter that is inverted: beyond, noise would be more than doubled
+
+
+@dataclass(frozen=True)
+class Chain:
+    """What lies between the torque and its record: an analogue low pass common to all joints, a delay [n] s of each."""
+
+    anti_alias: AntiAlias | None
+    delay: Array
+
+    @property
+    def trivial(self) -> bool:
+        """Whether the torque is recorded as it is."""
+        return self.anti_alias is None and not self.delay.any()
+
+    @property
+    def bandwidth(self) -> float:
+        """Frequency [Hz] up to which the filter passes at least half: (1/g^2 - 1)^(1 / 2 order) cutoff; inf without."""
+        if self.anti_alias is None:
+            return float("inf")
+        kind = self.anti_alias
+        return float(kind.cutoff * (1.0 / LEAST_GAIN**2 - 1.0) ** (0.5 / kind.order))
+
+    def response(self, frequency: Array) -> Response:
+        """Return H [K, n] at frequencies [K] Hz: Butterworth's poles, and exp(-i w delay)."""
+        s = 2j * np.pi * frequency
+        gain = np.ones(len(frequency), dtype=complex)
+        if self.anti_alias is not None:
+            order, cutoff = self.anti_alias.order, 2.0 * np.pi * self.anti_alias.cutoff
+            angles = np.pi * (2.0 * np.arange(1, order + 1) + order - 1) / (2.0 * order)
+            for pole in np.exp(1j * angles):
+                gain = gain / (s / cutoff - pole)
+        return np.asarray(gain[:, None] * np.exp(-s[:, None] * self.delay))
+
+    def undone(self, x: Array, rate: float) -> Array:
+        """Return torque x [N, n] sampled at `rate` [Hz] without the chain, for what a low pass below its bandwidth keeps.
+
+        Works on the signal continued at both ends by its odd reflection; the first and last moments stay disturbed.
+        """
+        pad = min(len(x) - 1, int(2.0 * rate))
+        long = np.concatenate([2.0 * x[0] - x[pad:0:-1], x, 2.0 * x[-1] - x[-2 : -pad - 2 : -1]])
+        frequency = np.fft.rfftfreq(len(long), 1.0 / rate)
+        return np.fft.irfft(np.fft.rfft(long, axis=0) / self._bounded(frequency), len(long), axis=0)[pad : pad + len(x)]
+
+    def _bounded(self, frequency: Array) -> Response:
+        """Return H, its size kept at that of the bandwidth beyond it."""
+        h = self.response(frequency)
+        return np.asarray(h / np.minimum(1.0, np.abs(h) / LEAST_GAIN))
+
+    @property
+    def note(self) -> str:
+        """A line for the user, empty where there is nothing to say."""
+        parts = []
+        if self.anti_alias is not None:
+            kind = self.anti_alias
+            parts.append(
+                f"Butterworth filter of order {kind.order} at {kind.cutoff:g} Hz undone to {self.bandwidth:.3g} Hz"
+            )
+        if self.delay.any():
+            parts.append("delay of " + ", ".join(f"{1e3 * d:g}" for d in self.delay) + " ms undone")
+        return "torque channel: " + ", ".join(parts) if parts else ""
+
+
+def chain_of(robot: Robot, anti_alias: tuple[float, float] | None, source: str, rate: float) -> Chain:
+    """Return the chain that a robot declares; `anti_alias` (order, Hz) replaces its filter, order 0 takes it away.
+
+    Raises InputError where the cutoff is not below half of the sample rate.
+    """
+    kind = robot.anti_alias
+    if anti_alias is not None:
+        kind = AntiAlias(int(anti_alias[0]), float(anti_alias[1])) if anti_alias[0] else None
+    if kind is not None and kind.cutoff >= 0.5 * rate:
+        raise InputError(
+            f"{source}: the anti-alias filter's cutoff of {kind.cutoff:g} Hz is not below half the sample rate,"
+            f" {0.5 * rate:g} Hz; give the filter that was in the chain (--anti-alias ORDER:HZ, or none)"
+        )
+    return Chain(kind, np.asarray(robot.torque_delay, dtype=float))
+
+
+def in_newton_metres(recording: Recording, robot: Robot) -> Recording:
+    """Return a recording whose effort is torque: times the drive's Nm/A, or by its curve, where effort is a current.
+
+    Raises InputError where a joint gives neither.
+    """
+    if robot.effort == "torque":
+        return recording
+    tau = np.array(recording.tau)
+    for joint, name in enumerate(robot.joints):
+        curve = robot.torque_curves.get(name)
+        constant = float(robot.drives.torque_constant[joint])
+        if curve:
+            current, torque = np.array([(0.0, 0.0), *curve]).T
+            size = np.abs(tau[:, joint])
+            slope = (torque[-1] - torque[-2]) / (current[-1] - current[-2])
+            beyond = np.maximum(size - current[-1], 0.0) * slope
+            tau[:, joint] = np.sign(tau[:, joint]) * (np.interp(size, current, torque) + beyond)
+        elif np.isfinite(constant):
+            tau[:, joint] *= constant
+        else:
+            raise InputError(
+                f"robot {robot.name}: effort is a current, but {name} has neither torque_constant nor torque_curve"
+            )
+    note = "effort taken as current: torque by the drives' gain"
+    return replace(recording, tau=tau, notes=(*recording.notes, note))
