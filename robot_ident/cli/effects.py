@@ -3,18 +3,25 @@
 from __future__ import annotations
 
 import argparse
+from typing import TYPE_CHECKING, Any
 
+from robot_ident.cli.effects_from import add_effects_from, register_effects
 from robot_ident.cli.output import add_json, print_json, say, table
+
+if TYPE_CHECKING:
+    from robot_ident.effects import Effect, Inner
 
 
 def add_arguments(parser: argparse.ArgumentParser) -> None:
     """Add the verb's options."""
     parser.add_argument("name", nargs="?", metavar="NAME", help="one effect; all when left out")
+    add_effects_from(parser)
     add_json(parser)
 
 
 def run(args: argparse.Namespace) -> int:
-    """Print the catalogue."""
+    """Print the catalogue, or all about one effect."""
+    register_effects(args)
     from robot_ident.effects import CATALOGUE
     from robot_ident.errors import InputError, did_you_mean
 
@@ -22,19 +29,87 @@ def run(args: argparse.Namespace) -> int:
         raise InputError(f"unknown effect {args.name!r}{did_you_mean(args.name, CATALOGUE)}")
     chosen = [CATALOGUE[args.name]] if args.name else list(CATALOGUE.values())
     if args.json:
-        listed = [
-            {
-                "name": effect.name,
-                "meaning": effect.meaning,
-                "equation": effect.equation,
-                "parameters": [
-                    {"name": c.name, "unit": c.unit, "unit_prismatic": c.unit_prismatic} for c in effect.coefficients
-                ],
-            }
-            for effect in chosen
-        ]
-        print_json({"schema": "robot_ident/effects/1", "effects": listed})
-        return 0
-    rows = [(e.name, e.equation, ", ".join(f"{c.name} [{c.unit}]" for c in e.coefficients), e.meaning) for e in chosen]
-    say(table(("effect", "torque", "parameters", "meaning"), rows))
+        print_json({"schema": "robot_ident/effects/1", "effects": [describe(effect) for effect in chosen]})
+    elif args.name:
+        say(page(chosen[0]))
+    else:
+        say(table(("effect", "torque", "in time", "meaning"), [_row(effect) for effect in chosen]))
     return 0
+
+
+def _row(effect: type[Effect]) -> tuple[str, str, str, str]:
+    return effect.name, effect.equation, effect.symmetry, effect.meaning
+
+
+def describe(effect: type[Effect]) -> dict[str, Any]:
+    """Return all that an effect declares."""
+    return {
+        "name": effect.name,
+        "meaning": effect.meaning,
+        "equation": effect.equation,
+        "scope": effect.scope,
+        "symmetry": effect.symmetry,
+        "parameters": [
+            {"name": c.name, "unit": c.unit, "unit_prismatic": c.unit_prismatic, "positive": c.positive}
+            for c in effect.coefficients
+        ],
+        "inner": [
+            {
+                "name": i.name,
+                "unit": i.unit,
+                "unit_prismatic": i.unit_prismatic,
+                "lower": i.lower,
+                "upper": i.upper,
+                "grid": list(i.grid),
+                "continuous": i.continuous,
+            }
+            for i in effect.inner
+        ],
+        "signature": effect.signature,
+        "confused_with": list(effect.confused_with),
+        "also_like": list(effect.also_like),
+        "experiment": effect.experiment or None,
+        "magnitude": effect.magnitude or None,
+        "regression": effect.regression,
+        "evidence": effect.evidence or None,
+    }
+
+
+def page(effect: type[Effect]) -> str:
+    """Return all about one effect, a line for each thing."""
+    places = {"joint": ("@JOINT",), "robot": ("",), "joint_or_robot": ("@JOINT", " (all joints alike)")}[effect.scope]
+    where = ", or ".join(effect.name + place for place in places)
+    lines = [
+        ("", effect.meaning),
+        ("written", where),
+        ("torque", effect.equation),
+        *(("parameter", f"{c.name} [{_unit(c)}]{', not negative' if c.positive else ''}") for c in effect.coefficients),
+        *(("inner parameter", _inner(i)) for i in effect.inner),
+        ("in time", _SYMMETRY[effect.symmetry]),
+        ("in a residual", effect.signature),
+        ("evidence", effect.evidence),
+        ("confused with", ", ".join((*effect.confused_with, *effect.also_like))),
+        ("told by", effect.experiment),
+        ("usual size", effect.magnitude + (" (industrial arm / cobot)" if effect.magnitude else "")),
+    ]
+    return "\n".join([effect.name, *(f"  {name:16s}{text}" if name else f"  {text}" for name, text in lines if text)])
+
+
+_SYMMETRY = {
+    "dissipative": "dissipative: turns its sign when a motion runs backwards",
+    "conservative": "conservative: the same when a motion runs backwards",
+    "memory": "memory: depends on what went before",
+    "mixed": "mixed: in part dissipative, in part conservative",
+}
+
+
+def _unit(parameter: Any) -> str:
+    unit, prismatic = parameter.unit or "-", parameter.unit_prismatic or "-"
+    return f"{unit}" if unit == prismatic else f"{unit}; prismatic {prismatic}"
+
+
+def _inner(inner: Inner) -> str:
+    grid = ", ".join(f"{value:g}" for value in inner.grid)
+    if not inner.continuous:
+        return f"{inner.name} [{_unit(inner)}], one of {grid}"
+    return f"{inner.name} [{_unit(inner)}], searched at {grid}, then between {inner.lower:g} and {inner.upper:g}"

@@ -4,8 +4,12 @@ from __future__ import annotations
 
 import argparse
 import time
+from typing import Any
 
 from robot_ident.cli.output import add_json, add_output, add_robot, print_json, say, tell
+
+
+_SAMPLE_RATE = 150.0  # Hz, for motions that name none
 
 
 def add_arguments(parser: argparse.ArgumentParser) -> None:
@@ -24,7 +28,7 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
         "--effect", action="append", default=[], metavar="NAME@JOINT[:k=v,...]", help="further physics of the plant"
     )
     parser.add_argument("--servo", default="feedforward", help="feedforward or pd (default %(default)s)")
-    parser.add_argument("--sample-rate", type=float, metavar="HZ", help="default: the excitation's")
+    parser.add_argument("--sample-rate", type=float, metavar="HZ", help="default: the excitation's, else 150")
     parser.add_argument(
         "--anti-alias", action="store_true", help="torque passes the analogue filter of the current sensor"
     )
@@ -53,14 +57,13 @@ def run(args: argparse.Namespace) -> int:
     motion = load_motion(args.excitation)
     motion.check_robot(robot)
     started = time.perf_counter()
-    options = {"servo": args.servo, "seed": args.seed, "effects": args.effect, "anti_alias": args.anti_alias}
+    options: dict[str, Any] = {"servo": args.servo, "seed": args.seed, "effects": args.effect, "anti_alias": args.anti_alias}
     if isinstance(motion, Excitation):
         playback = Playback(motion, robot, args.periods)
         steady = (playback.transient, motion.period, args.periods)
-        rate = args.sample_rate or motion.sample_rate
-        result = simulate(robot, playback, sample_rate=rate, steady=steady, **options)
+        result = simulate(robot, playback, sample_rate=args.sample_rate or motion.sample_rate, steady=steady, **options)
     else:
-        result = simulate(robot, motion, sample_rate=args.sample_rate or motion.sample_rate, **options)
+        result = simulate(robot, motion, sample_rate=args.sample_rate or _SAMPLE_RATE, **options)
     seconds = time.perf_counter() - started
     write_recording(args.output, result.recording, force=args.force)
     if args.json:

@@ -17,7 +17,11 @@ class Coulomb(Effect):
     coefficients = (Coefficient("coulomb", "Nm", "N"),)
     symmetry = "dissipative"
     signature = "a step at zero velocity"
+    confused_with = ("presliding", "stribeck")
+    experiment = "constant speeds in both directions, extrapolated to zero"
+    magnitude = "5-50 / 0.5-5 Nm"
+    steps = True
 
-    def terms(self, x: Signals, m: Mathematics) -> Sequence[dict[int, Any]]:
+    def full_terms(self, x: Signals, m: Mathematics) -> Sequence[dict[int, Any]]:
         """Return sign(dq)."""
         return [{self.joint: m.sign(x.dq[self.joint])}]

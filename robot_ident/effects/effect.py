@@ -4,7 +4,8 @@ from __future__ import annotations
 
 from abc import ABC
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass
+from copy import copy
+from dataclasses import dataclass, replace
 from itertools import product
 from typing import Any, ClassVar, Literal, NamedTuple, Protocol
 
@@ -14,7 +15,10 @@ from robot_ident.errors import InputError, did_you_mean
 from robot_ident.motion import Array, Motion
 from robot_ident.robot.robot import Robot
 
-Symmetry = Literal["dissipative", "conservative", "memory"]
+Symmetry = Literal["dissipative", "conservative", "memory", "mixed"]
+"""What a column does when a motion runs backwards: its sign turns, it stays, depends on the past, or has both."""
+
+Scope = Literal["joint", "robot", "joint_or_robot"]
 
 
 class Mathematics(Protocol):
@@ -34,19 +38,22 @@ class Coefficient:
     """A linear parameter of an effect: tau = ... + value * column.
 
     unit on a revolute, unit_prismatic on a prismatic joint. positive: a negative value has no physical meaning.
+    symmetry: where it differs from the effect's.
     """
 
     name: str
     unit: str
     unit_prismatic: str
     positive: bool = False
+    symmetry: Symmetry | None = None
 
 
 @dataclass(frozen=True)
 class Inner:
     """A parameter inside a column, which is searched: on `grid` first, then refined between `lower` and `upper`.
 
-    continuous: False where only the values of the grid have a meaning.
+    grid_prismatic: the grid on a prismatic joint, where it differs. continuous: False where only the values of the grid
+    have a meaning. logarithmic: a scale, to be refined in its logarithm.
     """
 
     name: str
@@ -55,18 +62,38 @@ class Inner:
     lower: float
     upper: float
     grid: tuple[float, ...]
+    grid_prismatic: tuple[float, ...] = ()
     continuous: bool = True
+    logarithmic: bool = False
+
+    @property
+    def middle(self) -> float:
+        """The value in the middle of the grid."""
+        return self.grid[len(self.grid) // 2]
+
+
+class Sensitivity(Protocol):
+    """First-order changes of the rigid arm's torque along a motion of N samples and n joints."""
+
+    def displaced(self, displacement: Motion) -> Array:
+        """Return the change of torque [N, n] Nm when the links stand off by a displacement that moves along."""
+
+    def gravity(self, direction: Array) -> Array:
+        """Return the torque [N, n] Nm per m/s^2 of gravity in a direction [3] of the base."""
 
 
 class Torques(NamedTuple):
     """Torques of a model along a motion [N, n] Nm, for effects that depend on them.
 
     load: what the gear carries (links, springs). total: the whole model but for effects that themselves depend on
-    torque.
+    torque. rigid: how the links' torque changes; None as long as the parameters aren't known. dry: the part of total
+    that steps with the sign of each joint's velocity.
     """
 
     load: Array
     total: Array
+    rigid: Sensitivity | None = None
+    dry: Array | None = None
 
 
 @dataclass(frozen=True)
@@ -91,69 +118,118 @@ class Signals:
 class Effect(ABC):
     """A physical effect, at one joint of a robot or (scope `robot`) on all of it.
 
-    A subclass states its data as class attributes and its equation in `terms`, or, where it has memory, in `columns`;
-    regressor columns, gradients, names, units and documentation follow from them.
+    A subclass states its data as class attributes and its equation in `full_terms`, or, where it has memory, in
+    `full_columns`; regressor columns, gradients, names, units and documentation follow from them.
 
-    equation, meaning: for reports. coefficients, inner: its parameters. symmetry: what reversal of time does to it.
-    signature: what it looks like in a residual. confused_with: effects that resemble it; experiment: the one that
-    tells. magnitude: what is usual, an industrial arm / a cobot. loads_gear: the gear carries its torque.
-    uses_torque: its columns depend on the model's torque. symbolic: `terms` works on expressions, so that excitations
-    can be designed for it.
+    equation, meaning: for reports. coefficients, inner: its parameters (an effect at its place may have fewer).
+    symmetry: what reversal of time does to it. signature: what it looks like in a residual. confused_with: effects
+    that resemble it, also_like: causes that are no effects here; experiment: the one that tells. magnitude: what is
+    usual, an industrial arm / a cobot. loads_gear: the gear carries its torque. steps: its torque is sign(dq) of its
+    joint times something smooth. uses_torque: its columns depend on the model's torque. needs_time: they depend on
+    samples before or after. symbolic: `terms` works on expressions, so that excitations can be designed for it.
+    contains: effects whose column it holds too -> its coefficient. candidate: it may be what a model lacks.
+    regression: a column shows it; else `evidence` says what does.
     """
 
     name: ClassVar[str]
     equation: ClassVar[str]
     meaning: ClassVar[str]
-    coefficients: ClassVar[tuple[Coefficient, ...]]
-    inner: ClassVar[tuple[Inner, ...]] = ()
+    coefficients: tuple[Coefficient, ...]
+    inner: tuple[Inner, ...] = ()
     symmetry: ClassVar[Symmetry]
     signature: ClassVar[str]
     confused_with: ClassVar[tuple[str, ...]] = ()
+    also_like: ClassVar[tuple[str, ...]] = ()
     experiment: ClassVar[str] = ""
     magnitude: ClassVar[str] = ""
-    scope: ClassVar[Literal["joint", "robot"]] = "joint"
+    scope: ClassVar[Scope] = "joint"
     loads_gear: ClassVar[bool] = False
+    steps: ClassVar[bool] = False
     uses_torque: ClassVar[bool] = False
+    needs_time: ClassVar[bool] = False
     symbolic: ClassVar[bool] = True
+    contains: ClassVar[Mapping[str, str]] = {}
+    candidate: ClassVar[bool] = True
+    regression: ClassVar[bool] = True
+    evidence: ClassVar[str] = ""
 
-    def __init__(self, robot: Robot, joint: int, setting: Mapping[str, float] | None = None) -> None:
-        """Place the effect at a joint (any where the scope is the robot), inner parameters as told or in mid-grid."""
+    def __init__(self, robot: Robot, joint: int | None, setting: Mapping[str, float] | None = None) -> None:
+        """Place the effect at a joint (None: the whole robot), inner parameters as told or in mid-grid."""
         self.robot = robot
-        self.joint = joint
-        self.setting = {inner.name: inner.grid[len(inner.grid) // 2] for inner in self.inner} | dict(setting or {})
-        for key in self.setting:
-            if key not in {inner.name for inner in self.inner}:
-                raise InputError(f"{self.label} has no inner parameter {key!r}{did_you_mean(key, self.setting)}")
+        self.whole = joint is None
+        self.joint = 0 if joint is None else joint
+        self.inner = self.placed_inner()
+        self.setting = {inner.name: inner.middle for inner in self.inner}
+        self.setting = self._with(setting or {})
 
-    def terms(self, x: Signals, m: Mathematics) -> Sequence[dict[int, Any]]:
-        """Return for each coefficient the torque per unit: {joint: [N]}."""
+    @classmethod
+    def available(cls, robot: Robot, joint: int | None) -> str | None:
+        """Return why a robot can't have the effect at a joint (None: on the whole of it), or None where it can."""
+        return None
+
+    def placed_inner(self) -> tuple[Inner, ...]:
+        """Return the inner parameters at this place."""
+        prismatic = self._prismatic
+        return tuple(replace(i, grid=i.grid_prismatic) if prismatic and i.grid_prismatic else i for i in self.inner)
+
+    def hidden_in(self, motion: Motion) -> str | None:
+        """Return why data of a motion can't show the effect, or None where they can; its columns are zero there."""
+        return None
+
+    def full_terms(self, x: Signals, m: Mathematics) -> Sequence[dict[int, Any]]:
+        """Return for each coefficient of the class the torque per unit: {joint: [N]}."""
         raise InputError(f"{self.label} depends on the past; it can't be written as an expression of the present state")
 
-    def columns(self, motion: Motion, torques: Torques | None = None) -> Array:
-        """Return the torque per unit of each coefficient [N, n, k]."""
-        out = np.zeros((motion.samples, self.robot.n, len(self.coefficients)))
-        for k, term in enumerate(self.terms(Signals.of(motion, torques), np)):
+    def terms(self, x: Signals, m: Mathematics) -> Sequence[dict[int, Any]]:
+        """Return for each coefficient at this place the torque per unit: {joint: [N]}."""
+        terms = self.full_terms(x, m)
+        return [terms[k] for k in self._kept]
+
+    def full_columns(self, motion: Motion, torques: Torques | None = None) -> Array:
+        """Return the torque per unit of each coefficient of the class [N, n, K]."""
+        terms = self.full_terms(Signals.of(motion, torques), np)
+        out = np.zeros((motion.samples, self.robot.n, len(terms)))
+        for k, term in enumerate(terms):
             for joint, values in term.items():
                 out[:, joint, k] = values
         return out
 
+    def columns(self, motion: Motion, torques: Torques | None = None) -> Array:
+        """Return the torque per unit of each coefficient [N, n, k].
+
+        Raises InputError where they depend on the past and the motion is a set of single instants.
+        """
+        if self.needs_time and motion.dt is None:
+            raise InputError(f"{self.label} depends on the past: its motion must be sampled evenly")
+        if self.hidden_in(motion):
+            return np.zeros((motion.samples, self.robot.n, len(self.coefficients)))
+        return self.full_columns(motion, torques)[:, :, list(self._kept)]
+
     def at(self, setting: Mapping[str, float]) -> Effect:
         """Return the same effect with other inner parameters."""
-        return type(self)(self.robot, self.joint, {**self.setting, **setting})
+        other = copy(self)
+        other.setting = self._with(setting)
+        return other
 
-    def settings(self) -> Sequence[dict[str, float]]:
-        """Return the inner parameters to search: every combination of their grids."""
+    def without(self, coefficient: str) -> Effect:
+        """Return the same effect less one of its coefficients, whose column the model holds already."""
+        other = copy(self)
+        other.coefficients = tuple(c for c in self.coefficients if c.name != coefficient)
+        return other
+
+    def settings(self, motion: Motion | None = None) -> Sequence[dict[str, float]]:
+        """Return the inner parameters to search, for a motion where their grid depends on it: every combination."""
         names = [inner.name for inner in self.inner]
         return [dict(zip(names, values, strict=True)) for values in product(*(inner.grid for inner in self.inner))]
 
     @property
     def place(self) -> str | None:
-        """Name of its joint, None where its scope is the robot."""
-        return None if self.scope == "robot" else self.robot.joints[self.joint]
+        """Name of its joint, None where it is of the whole robot."""
+        return None if self.whole else self.robot.joints[self.joint]
 
     @property
     def label(self) -> str:
-        """The effect as users write it: `name@joint`."""
+        """The effect as users write it: `name@joint`, or `name`."""
         return self.name if self.place is None else f"{self.name}@{self.place}"
 
     def parameter_names(self) -> tuple[str, ...]:
@@ -168,9 +244,6 @@ class Effect(ABC):
         """Return the names of its inner parameters: `name.inner@joint`."""
         return tuple(self._named(inner.name) for inner in self.inner)
 
-    def _named(self, parameter: str) -> str:
-        return f"{self.name}.{parameter}" + ("" if self.place is None else f"@{self.place}")
-
     def parameter_units(self) -> tuple[str, ...]:
         """Return the units of its coefficients."""
         return tuple(c.unit_prismatic if self._prismatic else c.unit for c in self.coefficients)
@@ -179,13 +252,9 @@ class Effect(ABC):
         """Return the units of its inner parameters."""
         return tuple(inner.unit_prismatic if self._prismatic else inner.unit for inner in self.inner)
 
-    @property
-    def _prismatic(self) -> bool:
-        return self.robot.prismatic[self.joint]
-
     def truth(self) -> dict[str, float] | None:
         """Return the true values of this effect in the simulated robot, or None where it has none."""
-        values = self.robot.simulation.get(self.name, {}).get(self.robot.joints[self.joint])
+        values = None if self.place is None else self.robot.simulation.get(self.name, {}).get(self.place)
         return None if values is None else dict(values)
 
     def absorbed(self, x: Signals, m: Mathematics, truth: dict[str, float]) -> dict[int, Any]:
@@ -198,3 +267,22 @@ class Effect(ABC):
         if missing:
             raise InputError(f"robot {self.robot.name}: simulation.{self.name} lacks {missing[0]!r}")
         return [truth[c.name] for c in self.coefficients]
+
+    @property
+    def _prismatic(self) -> bool:
+        return not self.whole and self.robot.prismatic[self.joint]
+
+    @property
+    def _kept(self) -> tuple[int, ...]:
+        """Indices of the coefficients at this place among those of the class."""
+        kept = {c.name for c in self.coefficients}
+        return tuple(k for k, c in enumerate(type(self).coefficients) if c.name in kept)
+
+    def _named(self, parameter: str) -> str:
+        return f"{self.name}.{parameter}" + ("" if self.place is None else f"@{self.place}")
+
+    def _with(self, setting: Mapping[str, float]) -> dict[str, float]:
+        for key in setting:
+            if key not in self.setting:
+                raise InputError(f"{self.label} has no inner parameter {key!r}{did_you_mean(key, self.setting)}")
+        return {**self.setting, **setting}

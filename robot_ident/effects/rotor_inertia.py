@@ -19,8 +19,12 @@ class RotorInertia(Effect):
     coefficients = (Coefficient("rotor_inertia", "kg m^2", "kg"),)
     symmetry = "conservative"
     signature = "over acceleration"
+    confused_with = ("joint_coupling", "joint_elasticity")
+    also_like = ("wrong kinematics",)
+    experiment = "fast small motions of this joint alone, where acceleration outweighs gravity"
+    magnitude = "0.5-5 / 0.05-1 kg m^2"
 
-    def terms(self, x: Signals, m: Mathematics) -> Sequence[dict[int, Any]]:
+    def full_terms(self, x: Signals, m: Mathematics) -> Sequence[dict[int, Any]]:
         """Return ddq."""
         return [{self.joint: x.ddq[self.joint]}]
 

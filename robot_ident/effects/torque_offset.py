@@ -19,8 +19,11 @@ class TorqueOffset(Effect):
     coefficients = (Coefficient("torque_offset", "Nm", "N"),)
     symmetry = "conservative"
     signature = "a constant"
+    confused_with = ("cable", "viscous_asymmetric")
+    also_like = ("a current sensor's bias: the same column",)
+    magnitude = "1-8 / 0.1-1 Nm"
     experiment = "read the current with the drives off; no motion can tell"
 
-    def terms(self, x: Signals, m: Mathematics) -> Sequence[dict[int, Any]]:
+    def full_terms(self, x: Signals, m: Mathematics) -> Sequence[dict[int, Any]]:
         """Return 1."""
         return [{self.joint: 1.0 + 0.0 * x.q[self.joint]}]

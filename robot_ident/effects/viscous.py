@@ -17,7 +17,10 @@ class Viscous(Effect):
     coefficients = (Coefficient("viscous", "Nm s/rad", "N s/m"),)
     symmetry = "dissipative"
     signature = "over velocity, odd"
+    confused_with = ("viscous_nonlinear", "temperature_drift")
+    experiment = "constant speeds over the whole range: their torques lie on a straight line"
+    magnitude = "5-50 / 0.5-5 Nm s/rad"
 
-    def terms(self, x: Signals, m: Mathematics) -> Sequence[dict[int, Any]]:
+    def full_terms(self, x: Signals, m: Mathematics) -> Sequence[dict[int, Any]]:
         """Return dq."""
         return [{self.joint: x.dq[self.joint]}]

@@ -2,11 +2,10 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Sequence
 from typing import Any
 
 from robot_ident.effects.effect import Coefficient, Effect, Mathematics, Signals
-from robot_ident.errors import InputError
 from robot_ident.robot.robot import Robot
 
 
@@ -22,20 +21,23 @@ class WristCoupling(Effect):
     equation = "I ddq_other + b dq_other + c sign(dq_i + dq_j), on joints i = j - 1 and j"
     meaning = "a motor that turns with two joints"
     coefficients = (
-        Coefficient("inertia", "kg m^2", "kg"),
+        Coefficient("inertia", "kg m^2", "kg", symmetry="conservative"),
         Coefficient("viscous", "Nm s/rad", "N s/m"),
         Coefficient("coulomb", "Nm", "N"),
     )
     symmetry = "dissipative"
     signature = "over the velocity of two joints"
+    confused_with = ("joint_coupling",)
+    experiment = "move one of the two joints at a time: a shared motor acts on the one that stands still"
+    magnitude = "as the joint's own friction and rotor inertia / the same"
+    candidate = False  # joint_coupling finds it; that one motor is behind it says the maker's drawing
 
-    def __init__(self, robot: Robot, joint: int, setting: Mapping[str, float] | None = None) -> None:
-        """Couple a joint with the one before it; InputError at the first joint."""
-        super().__init__(robot, joint, setting)
-        if joint == 0:
-            raise InputError(f"{self.label}: there is no joint before it to be coupled with")
+    @classmethod
+    def available(cls, robot: Robot, joint: int | None) -> str | None:
+        """Couple a joint with the one before it: there is none before the first."""
+        return "there is no joint before it to be coupled with" if joint == 0 else None
 
-    def terms(self, x: Signals, m: Mathematics) -> Sequence[dict[int, Any]]:
+    def full_terms(self, x: Signals, m: Mathematics) -> Sequence[dict[int, Any]]:
         """Return the three columns on both joints."""
         i, j = self.joint - 1, self.joint
         s = m.sign(x.dq[i] + x.dq[j])

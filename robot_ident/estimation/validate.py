@@ -11,8 +11,10 @@ import numpy as np
 from robot_ident.errors import InputError
 from robot_ident.estimation.identify import fit
 from robot_ident.model.model import Fit, Model
+from robot_ident.motion import Array, Motion
 from robot_ident.recording.continuous import DEFAULT_LOW_PASS
-from robot_ident.recording.measurement import Processing
+from robot_ident.recording.low_pass import ZeroPhaseLowPass
+from robot_ident.recording.measurement import Measurement, Processing
 from robot_ident.recording.process import process
 from robot_ident.recording.recording import Recording
 
@@ -52,11 +54,10 @@ def validate(model: Model, recording: Recording, *, low_pass: float | None = Non
     )
     predicted = measured.passed(model.predict(measured.motion))
     torque = measured.passed(measured.torque)
-    share = measured.low_pass.independent if measured.low_pass else 1.0
+    noise = _noise(model, measured)
     moving, still = {}, {}
     for joint, name in enumerate(model.robot.joints):
-        sample = model.noise.torque_variance[joint]
-        variance = np.full(len(torque), np.nan if sample is None else sample * share)
+        variance = np.full(len(torque), noise[joint])
         residual = torque[:, joint] - predicted[:, joint]
         rows = measured.used[:, joint]
         if not rows.any():
@@ -66,3 +67,33 @@ def validate(model: Model, recording: Recording, *, low_pass: float | None = Non
         if rest.any():
             still[name] = fit(residual[rest], torque[rest, joint], variance[rest])
     return Validation(cutoff, moving, still, measured.notes)
+
+
+def _noise(model: Model, measured: Measurement) -> Array:
+    """Return the variance [n] of what noise alone leaves between measured and predicted torque, low-passed; nan where
+    unknown.
+
+    Torque noise passes the filter; position noise reaches the prediction through the accelerations, M(q) ddq,
+    differentiated twice.
+    """
+    low_pass = measured.low_pass
+    if not isinstance(low_pass, ZeroPhaseLowPass):
+        raise TypeError("validation compares low-passed torques")
+    torque = np.array([np.nan if v is None else v for v in model.noise.torque_variance]) * low_pass.independent
+    position = np.array([0.0 if v is None else v for v in model.noise.position_variance])
+    return np.asarray(torque + _squared_inertia(model, measured.motion) @ position * low_pass.noise_gain(2) ** 2)
+
+
+def _squared_inertia(model: Model, motion: Motion, samples: int = 40) -> Array:
+    """Return the mean square of every entry of the model's mass matrix M(q) along a motion [n, n]."""
+    n = model.robot.n
+    q = motion.q[:: max(1, motion.samples // samples)]
+    zero = np.zeros_like(q)
+    still = model.structure.rigid_columns(Motion(q, zero, zero))
+    rigid = model.linear[: still.shape[2]]
+    out = np.empty((n, n))
+    for joint in range(n):
+        push = zero.copy()
+        push[:, joint] = 1.0
+        out[:, joint] = np.mean(((model.structure.rigid_columns(Motion(q, zero, push)) - still) @ rigid) ** 2, axis=0)
+    return out

@@ -44,8 +44,11 @@ class NoiseLevel:
 class Model:
     """tau = Phi(q, dq, ddq) theta with estimates [p + r] of theta and of r inner parameters, and their covariance.
 
-    estimator: ls or wls. processing: how the recordings were processed, as a plain mapping. residual: by joint.
-    provenance: recordings with their hashes, versions, date. notes: what was said on the way.
+    estimator: ls, wls, ml or iv. processing: how the recordings were processed, as a plain mapping. residual: by joint.
+    provenance: recordings with their hashes, versions, date. notes: what was said on the way. per_period: estimates of
+    the single periods of each recording, their scatter and drift. chi_square, dof: weighted squared error of the fit and
+    its degrees of freedom, None where the noise is unknown. physical: how a physically consistent set was reached and the
+    standard inertias that give it, None where none was asked for.
     """
 
     structure: Structure
@@ -59,6 +62,10 @@ class Model:
     processing: Mapping[str, Any] = field(default_factory=dict)
     provenance: Mapping[str, Any] = field(default_factory=dict)
     notes: tuple[str, ...] = ()
+    per_period: tuple[Mapping[str, Any], ...] = ()
+    chi_square: float | None = None
+    dof: float | None = None
+    physical: Mapping[str, Any] | None = None
 
     def __post_init__(self) -> None:
         """Freeze the arrays and check their shapes."""
@@ -121,6 +128,10 @@ class Model:
             "residual": {joint: asdict(fit) for joint, fit in self.residual.items()},
             "condition_number": self.condition_number,
             "log10_det_covariance": self.log10_det_covariance,
+            "chi_square": self.chi_square,
+            "dof": self.dof,
+            "per_period": [dict(one) for one in self.per_period],
+            "physical": None if self.physical is None else dict(self.physical),
             "processing": dict(self.processing),
             "provenance": dict(self.provenance),
             "notes": list(self.notes),

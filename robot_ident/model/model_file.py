@@ -67,6 +67,10 @@ class ModelFile(Closed):
     residual: dict[str, FitFile]
     condition_number: float
     log10_det_covariance: float
+    chi_square: float | None = None
+    dof: float | None = None
+    per_period: list[dict[str, Any]] = []
+    physical: dict[str, Any] | None = None
     processing: dict[str, Any] = {}
     provenance: dict[str, Any] = {}
     notes: list[str] = []
@@ -105,6 +109,10 @@ def read_model(path: Path | str) -> Model:
         processing=file.processing,
         provenance=file.provenance,
         notes=tuple(file.notes),
+        per_period=tuple(file.per_period),
+        chi_square=file.chi_square,
+        dof=file.dof,
+        physical=file.physical,
     )
 
 

@@ -9,9 +9,10 @@ from typing import Any
 
 import numpy as np
 
-from robot_ident.effects import Effect, Signals, Torques, make_effect
+from robot_ident.effects import Effect, Signals, Torques, beside, holder, make_effect
 from robot_ident.errors import InputError
 from robot_ident.model.base_parameters import BaseParameters, random_states, reduce_to_base
+from robot_ident.model.rigid_sensitivity import RigidSensitivity
 from robot_ident.motion import Array, Motion
 from robot_ident.robot.robot import Robot
 
@@ -56,19 +57,21 @@ class Structure:
         made: list[Effect] = []
         notes: list[str] = []
         for effect in (make_effect(label, robot) for label in known):
-            into = _merges(effect, base)
+            labels = [other.label for other in made]
+            into = _merges(effect, base) or holder(effect, labels)
             if into:
                 notes.append(f"{effect.label} merges with {into}")
             else:
-                made.append(effect)
+                made.append(beside(effect, labels))
         for item in effects:
             effect = make_effect(item, robot) if isinstance(item, str) else item
-            if effect.label in {other.label for other in made}:
+            labels = [other.label for other in made]
+            if effect.label in labels:
                 raise InputError(f"effect {effect.label!r} is in the model already")
-            into = _merges(effect, base)
+            into = _merges(effect, base) or holder(effect, labels)
             if into:
                 raise InputError(f"effect {effect.label!r} merges with {into}: its column is in the model already")
-            made.append(effect)
+            made.append(beside(effect, labels))
         return cls(robot, base, tuple(made), _linear(robot, base, made), _inner(made), tuple(notes))
 
     @property
@@ -111,7 +114,7 @@ class Structure:
         plain = [rigid, *(effect.columns(motion) for effect in self.effects if not effect.uses_torque)]
         if not self.uses_torque:
             return np.concatenate(plain, axis=2)
-        torques = self._torques(plain, values)
+        torques = self._torques(motion, plain, values)
         parts, rest = [rigid], iter(plain[1:])
         for effect in self.effects:
             parts.append(effect.columns(motion, torques) if effect.uses_torque else next(rest))
@@ -120,16 +123,24 @@ class Structure:
     def torques(self, motion: Motion, values: Array) -> Torques:
         """Return the torques [N, n] that effects may depend on."""
         rigid = self.rigid_columns(motion)
-        return self._torques([rigid, *(e.columns(motion) for e in self.effects if not e.uses_torque)], values)
+        return self._torques(motion, [rigid, *(e.columns(motion) for e in self.effects if not e.uses_torque)], values)
 
-    def _torques(self, plain: Sequence[Array], values: Array | None) -> Torques:
-        load = np.zeros(plain[0].shape[:2])
-        total = np.zeros_like(load)
+    def _torques(self, motion: Motion, plain: Sequence[Array], values: Array | None) -> Torques:
         if values is None:
-            return Torques(load, total)
-        start = plain[0].shape[2]
-        load = load + plain[0] @ values[:start]
-        total = total + load
+            nothing = np.zeros(plain[0].shape[:2])
+            return Torques(nothing, nothing)
+        load, total, dry = self._load_total_dry(plain, values)
+        rigid = RigidSensitivity(self.robot, self.base, values[: len(self.base.columns)], motion)
+        return Torques(load, total, rigid, dry)
+
+    def _load_total_dry(self, plain: Sequence[Any], values: Array) -> tuple[Any, Any, Any]:
+        """Return the torque of what loads the gear, of all effects that don't depend on torque, and of dry friction.
+
+        plain: columns (numbers or expressions) of the base parameters and of those effects, values [p or more].
+        """
+        start = len(self.base.columns)
+        load = total = plain[0] @ values[:start]
+        dry = 0.0 * load
         rest = iter(plain[1:])
         for effect in self.effects:
             share = values[start : start + len(effect.coefficients)]
@@ -140,12 +151,15 @@ class Structure:
             total = total + torque
             if effect.loads_gear:
                 load = load + torque
-        return Torques(load, total)
+            if effect.steps:
+                dry = dry + torque
+        return load, total, dry
 
-    def symbolic(self, sign: Any = None) -> Any:
+    def symbolic(self, sign: Any = None, values: Array | None = None) -> Any:
         """Return the CasADi function (q, dq, ddq) -> Phi [n, p]; `sign` may be a smooth stand-in for the sign function.
 
-        Raises InputError where an effect has memory or depends on the model's torque.
+        values [p or more] are needed where an effect depends on the model's torque. Raises InputError where they are
+        missing, and where an effect has memory.
         """
         import casadi as ca
 
@@ -157,18 +171,17 @@ class Structure:
             sin=ca.sin, cos=ca.cos, exp=ca.exp, sqrt=ca.sqrt, sign=sign or ca.sign, fabs=ca.fabs, tanh=ca.tanh
         )
         x = Signals(ca.vertsplit(q), ca.vertsplit(dq), ca.vertsplit(ddq))
-        columns = [regressor_expression(self.robot, q, dq, ddq)[:, list(self.base.columns)]]
-        for effect in self.effects:
-            if effect.uses_torque or not effect.symbolic:
-                raise InputError(
-                    f"no excitation can be designed for {effect.label}: its column is no function of the state"
-                )
-            for term in effect.terms(x, m):
-                column = ca.SX(n, 1)
-                for joint, value in term.items():
-                    column[joint] = value
-                columns.append(column)
-        return ca.Function("phi", [q, dq, ddq], [ca.horzcat(*columns)])
+        rigid = regressor_expression(self.robot, q, dq, ddq)[:, list(self.base.columns)]
+        plain = [rigid, *(_expressions(effect, x, m, ca.SX) for effect in self.effects if not effect.uses_torque)]
+        if self.uses_torque:
+            if values is None:
+                first = next(effect.label for effect in self.effects if effect.uses_torque)
+                raise InputError(f"the columns of {first} depend on the model's torque: a first model is needed")
+            load, total, _ = self._load_total_dry(plain, values)
+            x = replace(x, load=ca.vertsplit(load), total=ca.vertsplit(total))
+        rest = iter(plain[1:])
+        columns = [_expressions(e, x, m, ca.SX) if e.uses_torque else next(rest) for e in self.effects]
+        return ca.Function("phi", [q, dq, ddq], [ca.horzcat(rigid, *columns)])
 
     def true_values(self) -> Array:
         """Return theta [p] of the simulated robot.
@@ -206,6 +219,18 @@ def _merges(effect: Effect, base: BaseParameters) -> str:
     column = 10 * effect.robot.n + effect.joint
     into = [name for name, row in zip(base.names, base.regrouping, strict=True) if row[column] != 0.0]
     return ", ".join(into)
+
+
+def _expressions(effect: Effect, x: Signals, m: Any, matrix: Any) -> Any:
+    """Return the columns of an effect [n, k] as a matrix of expressions."""
+    if not effect.symbolic:
+        raise InputError(f"no excitation can be designed for {effect.label}: its column is no function of the state")
+    terms = effect.terms(x, m)
+    columns = matrix(effect.robot.n, len(terms))
+    for k, term in enumerate(terms):
+        for joint, value in term.items():
+            columns[joint, k] = value
+    return columns
 
 
 def _linear(robot: Robot, base: BaseParameters, effects: Sequence[Effect]) -> tuple[Parameter, ...]:

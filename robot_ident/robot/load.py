@@ -36,9 +36,21 @@ class JointFile(Closed):
     armature: NotNegative = Field(0.0, description="rotor inertia on the joint side, kg m^2")
     encoder_step: NotNegative = Field(0.0, description="resolution of the position, rad or m")
     torque_constant: Positive | None = Field(None, description="joint torque per ampere, Nm/A")
+    torque_curve: list[tuple[Positive, Positive]] | None = Field(
+        None, min_length=1, description="[current A, joint torque Nm] pairs, rising, in place of torque_constant"
+    )
+    torque_delay: float = Field(0.0, ge=-0.5, le=0.5, description="time by which torque lags the position, s")
     torque_variance: Positive | None = Field(None, description="noise variance of one torque sample, (Nm)^2")
     position_variance: NotNegative | None = Field(None, description="noise variance of one position sample, rad^2")
     minimum_speed: NotNegative = Field(0.0, description="samples slower than this aren't used to identify, rad/s")
+
+    @field_validator("torque_curve")
+    @classmethod
+    def _rising(cls, value: list[tuple[float, float]] | None) -> list[tuple[float, float]] | None:
+        pairs = [(0.0, 0.0), *(value or [])]
+        if any(b[0] <= a[0] or b[1] <= a[1] for a, b in zip(pairs, pairs[1:], strict=False)):
+            raise ValueError("currents and torques must rise from pair to pair")
+        return value
 
     @field_validator("position")
     @classmethod
@@ -110,7 +122,8 @@ class RobotFile(Closed):
     springs: dict[str, SpringFile] = Field({}, description="gravity springs by joint")
     effects: list[str] = Field([], description="effects known to be there, as name@joint; @* means every joint")
     base_parameters: dict[str, str] = Field({}, description="shown name: standard parameter, e.g. p1: Izz1")
-    anti_alias: AntiAliasFile | None = Field(None, description="low pass in front of the torque converter")
+    anti_alias: AntiAliasFile | None = Field(None, description="low pass in the torque channel, undone when identifying")
+    effort: Literal["torque", "current"] = Field("torque", description="what the drives report as effort: Nm or A")
     simulation: dict[str, dict[str, float | dict[str, float]]] = Field(
         {}, description="true values in the simulated robot: effect: {joint: value or {parameter: value}}"
     )
@@ -262,6 +275,13 @@ def _build(file: RobotFile, text: str, path: Path, definition: Definition | None
         base_parameters=dict(file.base_parameters),
         minimum_speed=_column(record.minimum_speed for record in records),
         anti_alias=AntiAlias(file.anti_alias.order, file.anti_alias.cutoff) if file.anti_alias else None,
+        effort=file.effort,
+        torque_delay=_column(record.torque_delay for record in records),
+        torque_curves={
+            name: tuple(record.torque_curve)
+            for name, record in zip(joints, records, strict=True)
+            if record.torque_curve is not None
+        },
     )
 
 
@@ -276,7 +296,10 @@ def _column(values: Iterable[float | None]) -> Array:
 
 def _limits(model: Any, records: list[JointFile]) -> Limits:
     lower, upper = np.array(model.lowerPositionLimit), np.array(model.upperPositionLimit)
-    velocity, torque = np.array(model.upperVelocityLimit), np.array(model.upperEffortLimit)
+    # Pinocchio 3 knows one limit for both directions
+    newer = hasattr(model, "upperVelocityLimit")
+    velocity = np.array(model.upperVelocityLimit if newer else model.velocityLimit)
+    torque = np.array(model.upperEffortLimit if newer else model.effortLimit)
     acceleration = np.full(len(records), np.inf)
     lower[lower <= -_ENDLESS], upper[upper >= _ENDLESS] = -np.inf, np.inf
     velocity[velocity <= 0] = np.inf

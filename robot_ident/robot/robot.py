@@ -79,6 +79,8 @@ class Robot:
     `simulation` holds the true values of effects in the simulated robot: effect -> joint -> parameter -> value.
     `known_effects` are part of every model of this robot, as `name@joint`. `base_parameters` gives names to base
     parameters: shown name -> standard parameter. `minimum_speed` [n] rad/s: slower samples aren't used to identify.
+    Measuring chain of the torque: `anti_alias` (the filter in it, None: none), `effort` (what is reported: torque or
+    current), `torque_delay` [n] s by which torque lags position, `torque_curves` (A, Nm) by joint in place of a constant.
     `definition` is what it was read from, None for a robot that comes with the package.
     """
 
@@ -98,6 +100,9 @@ class Robot:
     base_parameters: Mapping[str, str] = field(default_factory=dict)
     minimum_speed: Array = field(default_factory=lambda: np.zeros(0))
     anti_alias: AntiAlias | None = None
+    effort: str = "torque"
+    torque_delay: Array = field(default_factory=lambda: np.zeros(1))
+    torque_curves: Mapping[str, tuple[tuple[float, float], ...]] = field(default_factory=dict)
 
     @property
     def n(self) -> int:

@@ -36,7 +36,7 @@ def test_symbolic_columns_are_the_numeric_ones(robot: str, effects: list[str]) -
         ("torque_offset", "needs its joint"),
         ("viscous@joint_1", "in the model already"),
         ("rotor_inertia@joint_1", "merges with p1"),
-        ("gravity_spring@joint_2", "gives no geometry"),
+        ("gravity_spring@joint_1", "gravity does not load"),
         ("wrist_coupling@joint_1", "no joint before it"),
     ],
 )

@@ -1,0 +1,85 @@
+# What a fresh machine needs: make and Python >= 3.10 with its venv module. All else goes into .venv.
+
+PYTHON ?= python3
+VENV := .venv
+BIN := $(VENV)/bin
+PIP_INSTALL := $(BIN)/python -m pip --disable-pip-version-check install --no-compile --prefer-binary
+# setuptools would pack what an earlier build left behind, files since removed included.
+SWEEP := rm -rf build/lib build/bdist.* robot_ident.egg-info; rmdir build 2>/dev/null || true
+ACCEPTANCE_TIME := half an hour
+
+# A sourced ROS 2, or the ROS wheels of another environment, must not reach into ours.
+unexport PYTHONPATH PYTHONHOME AMENT_PREFIX_PATH LD_LIBRARY_PATH RMW_IMPLEMENTATION _ROS_WHEELS_BOOTSTRAP_COMPLETE
+export ROS_AUTOMATIC_DISCOVERY_RANGE := LOCALHOST
+export OMP_NUM_THREADS := 1
+# What is installed is run, not the folder of the same name in the checkout.
+export PYTHONSAFEPATH := 1
+
+# Stamps are named after what was installed: a change of content, and nothing else, installs anew.
+digest = $(firstword $(shell cat $(1) | sha256sum))
+SOURCES := $(sort $(shell find robot_ident config launch resource scripts -type f ! -name '*.pyc'))
+FRAME := setup.py setup.cfg package.xml pyproject.toml MANIFEST.in README.md
+NEEDS_STAMP := $(VENV)/.needs-$(call digest,setup.py)
+SOURCE_STAMP := $(VENV)/.source-$(firstword $(shell sha256sum $(FRAME) $(SOURCES) | sha256sum))
+TOOLS_STAMP := $(VENV)/.tools-$(call digest,setup.py)
+
+.PHONY: help venv demo test lint format acceptance clean
+
+help:
+	@echo "make venv        .venv with robot_ident and its ROS 2 nodes"
+	@echo "make demo        the whole story on a simulated robot, in less than six minutes"
+	@echo "make test        lint and all tests"
+	@echo "make lint        ruff and mypy alone (make format: let ruff lay out the code)"
+	@echo "make acceptance  the long runs: Monte Carlo, trials, soak ($(ACCEPTANCE_TIME))"
+	@echo "make clean       removes .venv and everything that was built"
+
+venv: $(SOURCE_STAMP)
+	@echo "$(VENV) is ready: $(BIN)/robot_ident --help"
+
+$(NEEDS_STAMP):
+	@$(PYTHON) -c 'import sys; sys.exit(sys.version_info < (3, 10))' || \
+	    { echo "Python 3.10 or newer is needed; found: $$($(PYTHON) --version 2>&1); name another: make PYTHON=..." >&2; exit 1; }
+	@$(PYTHON) -c 'import ensurepip, venv' 2>/dev/null || \
+	    { echo "Python's venv module is missing; on Debian and Ubuntu: sudo apt-get install python3-venv" >&2; exit 1; }
+	@echo "Installing robot_ident and ROS 2 Jazzy from wheels into $(VENV) (about 1 GB; one to three minutes)"
+	$(PYTHON) -m venv --clear $(VENV)
+	@$(SWEEP)
+	$(PIP_INSTALL) '.[ros]'
+	@$(SWEEP)
+	@touch $(SOURCE_STAMP) $@
+
+$(SOURCE_STAMP): | $(NEEDS_STAMP)
+	@rm -f $(filter-out $@,$(wildcard $(VENV)/.source-*))
+	@[ -e $@ ] || { echo "Installing robot_ident anew (its files changed)"; $(SWEEP); \
+	    $(PIP_INSTALL) --quiet --no-deps --force-reinstall . && touch $@; $(SWEEP); test -e $@; }
+
+$(TOOLS_STAMP): | $(SOURCE_STAMP)
+	@echo "Installing what lint and tests need"
+	$(PIP_INSTALL) --quiet 'robot_ident[ros,test]'
+	@touch $@
+
+demo: $(SOURCE_STAMP)
+	$(BIN)/robot_ident demo $(DEMO_ARGS)
+
+lint: $(TOOLS_STAMP)
+	$(BIN)/ruff check .
+	$(BIN)/ruff format --check .
+	$(BIN)/mypy
+
+format: $(TOOLS_STAMP)
+	$(BIN)/ruff check --fix .
+	$(BIN)/ruff format .
+
+# The tests run on the installed package, as users have it.
+test: $(TOOLS_STAMP) $(SOURCE_STAMP) lint
+	@log=$$(mktemp -d) && trap 'rm -rf "$$log"' EXIT && \
+	ROS_LOG_DIR="$$log" ROBOT_IDENT_TEST_INSTALLED=1 $(BIN)/pytest $(TEST_ARGS)
+
+acceptance: $(TOOLS_STAMP) $(SOURCE_STAMP)
+	@echo "This takes about $(ACCEPTANCE_TIME) on 2 cores; it prints the tables as it goes."
+	@log=$$(mktemp -d) && trap 'rm -rf "$$log"' EXIT && \
+	ROS_LOG_DIR="$$log" $(BIN)/pytest acceptance -s $(ACCEPTANCE_ARGS)
+
+clean:
+	rm -rf $(VENV) build dist install log robot_ident.egg-info .mypy_cache .pytest_cache .ruff_cache
+	find robot_ident test launch -name __pycache__ -type d -prune -exec rm -rf {} +

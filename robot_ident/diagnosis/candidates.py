@@ -1,0 +1,101 @@
+"""All effects that might be missing: every one of the catalogue, at every joint, over its inner parameters' grids."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+
+import numpy as np
+
+from robot_ident.diagnosis.evidence import Evidence
+from robot_ident.diagnosis.scan import BaseFit, BaseGram, Columns, Gram, add, columns_of, gram, loss_with
+from robot_ident.effects import Effect, candidates_of
+from robot_ident.motion import Array
+
+
+@dataclass(frozen=True)
+class Score:
+    """How well an effect explains what is missing.
+
+    gain: fall of the squared error over all trajectories, in units of chi-square, at the best setting. held_out: fall of the squared
+    error on trajectories left out of the fit, summed over them, and by joint [n]. effect: at that setting.
+    """
+
+    effect: Effect
+    gain: float
+    held_out: float
+    held_out_by_joint: Array
+    columns: Columns
+    gram: Gram
+
+    @property
+    def label(self) -> str:
+        """`name@joint`."""
+        return self.effect.label
+
+
+@dataclass(frozen=True)
+class Candidate:
+    """An effect with the columns of all its settings."""
+
+    label: str
+    columns: tuple[Columns, ...]
+    positive: tuple[bool, ...]
+
+
+def enumerate_candidates(evidence: Evidence, leave_out: Sequence[str] = ()) -> list[Candidate]:
+    """Return the candidates that the model doesn't hold and the robot can have."""
+    structure = evidence.structure
+    torques = [structure.torques(t.motion, evidence.values) for t in evidence.trajectories]
+    present = {*structure.labels, *leave_out}
+    longest = max((t.motion for t in evidence.trajectories), key=lambda motion: motion.samples)
+    out = []
+    for effect in candidates_of(structure):
+        if effect.label in present:
+            continue
+        settings = effect.settings(longest) or [{}]
+        columns = [columns_of(effect.at(setting), evidence, torques) for setting in settings]
+        columns = [c for c in columns if c.joints]
+        if columns:
+            out.append(Candidate(effect.label, tuple(columns), tuple(c.positive for c in effect.coefficients)))
+    return out
+
+
+@dataclass(frozen=True)
+class Folds:
+    """The base fitted to all trajectories and to all but one."""
+
+    base: BaseGram
+    whole: BaseFit
+    without: tuple[BaseFit, ...]
+    loss: Array
+
+    @classmethod
+    def of(cls, base: BaseGram) -> Folds:
+        """Fit the base; `loss` [T, n] is its squared error on each trajectory left out."""
+        count = len(base.power)
+        everything = range(count)
+        if count < 2:
+            return cls(base, BaseFit.of(base, everything), (), np.zeros((0, base.power.shape[1])))
+        without = tuple(BaseFit.of(base, [t for t in everything if t != left]) for left in everything)
+        loss = np.array([fit.loss(base, left) for left, fit in enumerate(without)])
+        return cls(base, BaseFit.of(base, everything), without, loss)
+
+
+def score(candidate: Candidate, evidence: Evidence, folds: Folds) -> Score:
+    """Return a candidate's score; inner parameters are chosen inside each fold, from the trajectories that it fits."""
+    grams = [gram(columns, evidence) for columns in candidate.columns]
+    return score_grams(candidate, grams, folds)
+
+
+def score_grams(candidate: Candidate, grams: Sequence[Gram], folds: Folds) -> Score:
+    """Return a candidate's score from Gram matrices that are known already."""
+    gains = [add(g, folds.whole, candidate.positive).gain for g in grams]
+    best = int(np.argmax(gains))
+    by_joint = np.zeros(folds.base.power.shape[1])
+    for left, fit in enumerate(folds.without):
+        additions = [add(g, fit, candidate.positive) for g in grams]
+        chosen = int(np.argmax([addition.gain for addition in additions]))
+        by_joint += folds.loss[left] - loss_with(grams[chosen], folds.base, additions[chosen], left)
+    effect = candidate.columns[best].effect
+    return Score(effect, gains[best], float(by_joint.sum()), by_joint, candidate.columns[best], grams[best])

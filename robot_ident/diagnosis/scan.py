@@ -1,0 +1,159 @@
+"""Scores candidate columns without refitting the model: what they gain on the data, and on a trajectory they have not seen.
+
+With base columns F and candidate columns C (Frisch and Waugh) the gain of C is s' B^-1 s, where s and B are C'y and C'C after
+projection off F. All of it follows from the Gram matrices of each trajectory, so that leaving one trajectory out costs a subtraction.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+from itertools import combinations
+
+import numpy as np
+
+from robot_ident.diagnosis.evidence import Evidence
+from robot_ident.effects import Effect
+from robot_ident.motion import Array
+
+_RIDGE = 1e-9  # of a candidate's own norm: less than this left after projection means that the model holds the column already
+
+
+@dataclass(frozen=True)
+class Columns:
+    """Columns of one effect at one setting, weighed, on each trajectory [N, joints, k], and the joints that they touch."""
+
+    effect: Effect
+    joints: tuple[int, ...]
+    parts: tuple[Array, ...]
+
+
+@dataclass(frozen=True)
+class Gram:
+    """Inner products of one setting's columns, per trajectory: with the base [T, p, k], themselves [T, k, k], the torque [T, k].
+
+    The last two also per joint [T, n, ...], for gains of one joint.
+    """
+
+    base: Array
+    own: Array
+    torque: Array
+
+
+@dataclass(frozen=True)
+class BaseGram:
+    """Inner products of the base columns per trajectory and joint: [T, n, p, p], [T, n, p], [T, n]."""
+
+    own: Array
+    torque: Array
+    power: Array
+
+
+def base_gram(evidence: Evidence) -> BaseGram:
+    """Return the Gram matrices of the model's own columns."""
+    own = np.array([np.einsum("ijp,ijq->jpq", phi, phi, optimize=True) for phi in evidence.phi])
+    torque = np.array(
+        [np.einsum("ijp,ij->jp", phi, t.y) for phi, t in zip(evidence.phi, evidence.trajectories, strict=True)]
+    )
+    power = np.array([np.sum(t.y**2, axis=0) for t in evidence.trajectories])
+    return BaseGram(own, torque, power)
+
+
+def columns_of(effect: Effect, evidence: Evidence, torques: Sequence[object]) -> Columns:
+    """Return the weighed columns of an effect on every trajectory, without the joints that it doesn't touch."""
+    parts = [
+        t.weighed(effect.columns(t.motion, torque))  # type: ignore[arg-type]
+        for t, torque in zip(evidence.trajectories, torques, strict=True)
+    ]
+    touched = np.any([np.any(part != 0.0, axis=(0, 2)) for part in parts], axis=0)
+    joints = tuple(int(j) for j in np.flatnonzero(touched))
+    return Columns(effect, joints, tuple(part[:, joints] for part in parts))
+
+
+def gram(columns: Columns, evidence: Evidence) -> Gram:
+    """Return the Gram matrices of a candidate's columns, by joint [T, n, ...]."""
+    n, p = evidence.structure.robot.n, evidence.phi[0].shape[2]
+    k = columns.parts[0].shape[2]
+    count = len(columns.parts)
+    base, own, torque = np.zeros((count, n, p, k)), np.zeros((count, n, k, k)), np.zeros((count, n, k))
+    for t, (part, phi, trajectory) in enumerate(zip(columns.parts, evidence.phi, evidence.trajectories, strict=True)):
+        for place, joint in enumerate(columns.joints):
+            c = part[:, place]
+            base[t, joint] = phi[:, joint].T @ c
+            own[t, joint] = c.T @ c
+            torque[t, joint] = c.T @ trajectory.y[:, joint]
+    return Gram(base, own, torque)
+
+
+@dataclass(frozen=True)
+class BaseFit:
+    """The base fitted to some of the trajectories: inverse of its (scaled) Gram matrix and its parameters."""
+
+    train: tuple[int, ...]
+    inverse: Array
+    values: Array
+
+    @classmethod
+    def of(cls, base: BaseGram, train: Sequence[int]) -> BaseFit:
+        """Fit to the trajectories `train`."""
+        rows = list(train)
+        own, torque = base.own[rows].sum(axis=(0, 1)), base.torque[rows].sum(axis=(0, 1))
+        scale = np.sqrt(np.maximum(np.diag(own), 1e-300))
+        inverse = np.linalg.pinv(own / np.outer(scale, scale), rcond=1e-11, hermitian=True) / np.outer(scale, scale)
+        return cls(tuple(train), inverse, inverse @ torque)
+
+    def loss(self, base: BaseGram, on: int) -> Array:
+        """Return the squared error [n] on a trajectory."""
+        v = self.values
+        return base.power[on] - 2.0 * base.torque[on] @ v + np.einsum("p,jpq,q->j", v, base.own[on], v)
+
+
+@dataclass(frozen=True)
+class Addition:
+    """What a candidate adds when fitted to some trajectories: its gain there, its coefficients, and the base beside them."""
+
+    gain: float
+    coefficients: Array
+    values: Array
+
+
+def add(gram_: Gram, fit: BaseFit, positive: Sequence[bool]) -> Addition:
+    """Return the gain of a candidate fitted beside the base; coefficients that must not be negative aren't."""
+    rows = list(fit.train)
+    cross = gram_.base[rows].sum(axis=(0, 1))
+    own = gram_.own[rows].sum(axis=(0, 1))
+    projected = own - cross.T @ fit.inverse @ cross
+    right = gram_.torque[rows].sum(axis=(0, 1)) - cross.T @ fit.values
+    coefficients = _solve(projected, right, np.diag(own), positive)
+    gain = float(2.0 * coefficients @ right - coefficients @ projected @ coefficients)
+    return Addition(gain, coefficients, fit.values - fit.inverse @ (cross @ coefficients))
+
+
+def loss_with(gram_: Gram, base: BaseGram, addition: Addition, on: int) -> Array:
+    """Return the squared error [n] on a trajectory of base and candidate."""
+    v, c = addition.values, addition.coefficients
+    plain = base.power[on] - 2.0 * base.torque[on] @ v + np.einsum("p,jpq,q->j", v, base.own[on], v)
+    mixed = 2.0 * np.einsum("p,jpk,k->j", v, gram_.base[on], c) - 2.0 * gram_.torque[on] @ c
+    return np.asarray(plain + mixed + np.einsum("k,jkl,l->j", c, gram_.own[on], c))
+
+
+def _solve(projected: Array, right: Array, size: Array, positive: Sequence[bool]) -> Array:
+    """Solve the small normal equations; columns that the base holds already get zero, signs are enforced by trying subsets."""
+    k = len(right)
+    alive = [i for i in range(k) if projected[i, i] > _RIDGE * size[i]]
+    best, best_gain = np.zeros(k), 0.0
+    for count in range(len(alive), 0, -1):
+        for chosen in combinations(alive, count):
+            rows = list(chosen)
+            block = projected[np.ix_(rows, rows)]
+            scale = np.sqrt(np.diag(block))
+            solution = np.linalg.lstsq(block / np.outer(scale, scale), right[rows] / scale, rcond=1e-8)[0] / scale
+            if any(positive[i] and value < 0.0 for i, value in zip(rows, solution, strict=True)):
+                continue
+            gain = float(solution @ right[rows])
+            if gain > best_gain:
+                best_gain, best = gain, np.zeros(k)
+                best[rows] = solution
+        if best_gain > 0.0:
+            break
+    return best

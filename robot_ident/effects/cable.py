@@ -1,0 +1,28 @@
+"""Cables and hoses that pull."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from typing import Any
+
+from robot_ident.effects.effect import Coefficient, Effect, Mathematics, Signals
+
+
+class Cable(Effect):
+    """A bundle of cables that is bent by the joint: tau = k q + t0, a straight line over position."""
+
+    name = "cable"
+    equation = "k q + t0"
+    meaning = "pull of cables and hoses"
+    coefficients = (Coefficient("stiffness", "Nm/rad", "N/m", positive=True), Coefficient("offset", "Nm", "N"))
+    symmetry = "conservative"
+    signature = "static in position, a straight line"
+    confused_with = ("gravity_spring", "base_tilt", "end_stop", "encoder_eccentricity", "torque_offset")
+    experiment = "a slow sweep over the whole range of the joint"
+    magnitude = "3-20 / 0.2-2 Nm/rad"
+    contains = {"torque_offset": "offset"}
+
+    def full_terms(self, x: Signals, m: Mathematics) -> Sequence[dict[int, Any]]:
+        """Return q and 1."""
+        q = x.q[self.joint]
+        return [{self.joint: q}, {self.joint: 1.0 + 0.0 * q}]

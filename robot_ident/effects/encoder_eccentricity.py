@@ -1,0 +1,48 @@
+"""Encoder that doesn't turn about the joint's axis."""
+
+from __future__ import annotations
+
+import numpy as np
+
+from robot_ident.effects.effect import Coefficient, Effect, Inner, Torques
+from robot_ident.motion import Array, Motion
+from robot_ident.robot.robot import Robot
+
+
+class EncoderEccentricity(Effect):
+    """An encoder or gear wheel mounted off its centre: the position reads too much by a cos(h q) + b sin(h q), and the
+    torque of the model changes by -D[tau] times that.
+    """
+
+    name = "encoder_eccentricity"
+    equation = "-D[tau](a cos(h q) + b sin(h q))"
+    meaning = "error of the measured position, periodic in a turn"
+    coefficients = (Coefficient("cos", "mrad", "mrad"), Coefficient("sin", "mrad", "mrad"))
+    inner = (Inner("h", "", "", 1.0, 2.0, (1.0, 2.0), continuous=False),)
+    symmetry = "conservative"
+    signature = "once (or twice) a turn, over gravity and acceleration"
+    confused_with = ("cable", "torque_ripple", "joint_elasticity")
+    experiment = "measure the link's position from outside; a motion can't tell it from a cable"
+    magnitude = "2-20 mrad at the link / 1-5 mrad"
+    uses_torque = True
+    symbolic = False
+
+    @classmethod
+    def available(cls, robot: Robot, joint: int | None) -> str | None:
+        """Turn."""
+        return "a prismatic joint's encoder has no turn" if joint is not None and robot.prismatic[joint] else None
+
+    def full_columns(self, motion: Motion, torques: Torques | None = None) -> Array:
+        """Return -D[tau] cos(h q) and -D[tau] sin(h q), Nm per mrad; derivatives along time by the chain rule."""
+        out = np.zeros((motion.samples, self.robot.n, 2))
+        if torques is None or torques.rigid is None:
+            return out
+        h, j = self.setting["h"], self.joint
+        c, s, v, a = np.cos(h * motion.q[:, j]), np.sin(h * motion.q[:, j]), motion.dq[:, j], motion.ddq[:, j]
+        cosine = (c, -h * s * v, -(h**2) * c * v**2 - h * s * a)
+        sine = (s, h * c * v, -(h**2) * s * v**2 + h * c * a)
+        for k, error in enumerate((cosine, sine)):
+            displacement = np.zeros((3, motion.samples, self.robot.n))
+            displacement[:, :, j] = error
+            out[:, :, k] = -1e-3 * torques.rigid.displaced(Motion(*displacement))
+        return out

@@ -1,0 +1,50 @@
+"""Friction that falls as the gear warms up."""
+
+from __future__ import annotations
+
+import numpy as np
+
+from robot_ident.effects.along_time import step
+from robot_ident.effects.effect import Coefficient, Effect, Inner, Torques
+from robot_ident.motion import Array, Motion
+
+_SHORT = 0.02  # of T0: friction changes by this share over the recording
+
+
+class TemperatureDrift(Effect):
+    """Lubricant that thins as it warms: tau = b dq exp(-t / T0), what viscous friction is above its warm value at a
+    time t after the start of the recording.
+
+    In the average over periods it is viscous friction; it trends from period to period.
+    """
+
+    name = "temperature_drift"
+    equation = "b dq exp(-t / T0)"
+    meaning = "viscous friction beyond its warm value"
+    coefficients = (Coefficient("viscous", "Nm s/rad", "N s/m", positive=True),)
+    inner = (Inner("T0", "s", "s", 10.0, 10000.0, (30.0, 100.0, 300.0, 1000.0, 3000.0), logarithmic=True),)
+    symmetry = "dissipative"
+    signature = "a trend over the periods, nothing in their average"
+    confused_with = ("viscous", "viscous_nonlinear")
+    also_like = ("wear",)
+    experiment = "repeat the recording warm: wear stays, temperature's part is gone"
+    magnitude = "20-60 % of viscous friction / the same"
+    needs_time = True
+    symbolic = False
+    evidence = "viscous friction of the single periods trends over their number"
+
+    def hidden_in(self, motion: Motion) -> str | None:
+        """Vanish in the average over periods, and look like viscous friction in a recording far shorter than T0."""
+        if motion.periodic:
+            return "the average over periods shows no drift; single periods do, or a long motion that is not periodic"
+        duration = motion.samples * step(motion)
+        if duration < _SHORT * self.setting["T0"]:
+            return f"in {duration:.3g} s nothing drifts whose time constant is {self.setting['T0']:.3g} s"
+        return None
+
+    def full_columns(self, motion: Motion, torques: Torques | None = None) -> Array:
+        """Return dq exp(-t / T0), t from the first sample."""
+        t = np.arange(motion.samples) * step(motion)
+        out = np.zeros((motion.samples, self.robot.n, 1))
+        out[:, self.joint, 0] = motion.dq[:, self.joint] * np.exp(-t / self.setting["T0"])
+        return out

@@ -1,0 +1,58 @@
+"""Delay between position and torque."""
+
+from __future__ import annotations
+
+import numpy as np
+
+from robot_ident.effects.along_time import delayed
+from robot_ident.effects.effect import Coefficient, Effect, Inner, Torques
+from robot_ident.motion import Array, Motion
+
+
+class TimeDelay(Effect):
+    """Torque that is stamped later than the position: measured tau(t - d) instead of tau(t), of one joint or, without
+    `@JOINT`, of all joints alike.
+
+    The column is (tau(t - shift) - tau(t)) / shift, so that its coefficient is the delay itself, positive where torque
+    lags; `shift`, near the delay, gives the shape of the spikes at reversals.
+    """
+
+    name = "time_delay"
+    equation = "delay (tau(t - shift) - tau(t)) / shift"
+    meaning = "delay of the torque behind the position"
+    coefficients = (Coefficient("delay", "ms", "ms"),)
+    inner = (Inner("shift", "s", "s", -0.04, 0.04, (-0.02, -0.01, -0.005, 0.003, 0.006, 0.01, 0.02)),)
+    symmetry = "memory"
+    signature = "over the rate of torque, spikes at reversals"
+    confused_with = ("presliding", "joint_elasticity")
+    experiment = "the same path at two speeds: a scale of time stays; a delay of the recording is that of all joints"
+    magnitude = "3-20 ms either way: 2-7 Nm / 0.1-0.7 Nm"
+    scope = "joint_or_robot"
+    uses_torque = True
+    needs_time = True
+    symbolic = False
+
+    def full_columns(self, motion: Motion, torques: Torques | None = None) -> Array:
+        """Return (tau(t - shift) - tau(t)) / shift, Nm per ms."""
+        out = np.zeros((motion.samples, self.robot.n, 1))
+        if torques is None:
+            return out
+        joints = slice(None) if self.whole else slice(self.joint, self.joint + 1)
+        change = _earlier(torques, motion, self._shift) - torques.total
+        out[:, joints, 0] = change[:, joints] / (1000.0 * self._shift)
+        return out
+
+    @property
+    def _shift(self) -> float:
+        """The shift [s], kept off zero, where the quotient would lose its digits."""
+        shift = self.setting["shift"]
+        return float(np.copysign(max(abs(shift), 1e-4), shift))
+
+
+def _earlier(torques: Torques, motion: Motion, shift: float) -> Array:
+    """Return the total torque [N, n] at t - shift; steps of dry friction come where the velocity of then turns."""
+    if torques.dry is None:
+        return delayed(torques.total, motion, shift)
+    smooth = delayed(torques.total - torques.dry, motion, shift)
+    level = delayed(torques.dry * np.sign(motion.dq), motion, shift)
+    return smooth + level * np.sign(delayed(motion.dq, motion, shift))

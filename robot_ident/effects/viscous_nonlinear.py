@@ -1,0 +1,56 @@
+"""Friction that bends with speed."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from typing import Any
+
+from robot_ident.effects.effect import Coefficient, Effect, Inner, Mathematics, Signals
+from robot_ident.motion import Motion
+
+_STILL = 1e-12  # (rad/s)^2 that keep the derivative of |v|^p finite at standstill
+_POWERS = (0.6, 1.5, 2.0, 3.0)
+_POWER, _TANH = 0.0, 1.0
+
+
+class ViscousNonlinear(Effect):
+    """Friction that isn't in proportion to speed, in one of two forms: f sign(dq) |dq|^p (churned lubricant, thinned by
+    shear) or f tanh(dq / v0) (Coulomb friction that sets in gradually).
+
+    `form` 0 is the power, whose exponent is `bend`; form 1 is the tanh, whose speed v0 is `bend`.
+    """
+
+    name = "viscous_nonlinear"
+    equation = "f sign(dq) |dq|^bend (form 0), or f tanh(dq / bend) (form 1)"
+    meaning = "friction that bends with speed"
+    coefficients = (Coefficient("level", "Nm", "N"),)
+    inner = (
+        Inner("form", "", "", 0.0, 1.0, (_POWER, _TANH), continuous=False),
+        Inner(
+            "bend",
+            "1, or rad/s",
+            "1, or m/s",
+            0.002,
+            4.0,
+            (0.03, 0.06, 0.12, 0.25, 0.5, 1.0),
+            (0.004, 0.008, 0.016, 0.03, 0.06, 0.12),
+            logarithmic=True,
+        ),
+    )
+    symmetry = "dissipative"
+    signature = "a bend in the friction curve"
+    confused_with = ("stribeck", "temperature_drift")
+    experiment = "constant speeds over a wider range, slowest and fastest included"
+    magnitude = "2-15 / 0.5-5 Nm at full speed"
+
+    def settings(self, motion: Motion | None = None) -> Sequence[dict[str, float]]:
+        """Return exponents for the power and speeds for the tanh."""
+        speeds = self.inner[1].grid
+        return [{"form": _POWER, "bend": p} for p in _POWERS] + [{"form": _TANH, "bend": v} for v in speeds]
+
+    def full_terms(self, x: Signals, m: Mathematics) -> Sequence[dict[int, Any]]:
+        """Return the column of the chosen form."""
+        v, bend = x.dq[self.joint], self.setting["bend"]
+        if self.setting["form"] == _TANH:
+            return [{self.joint: m.tanh(v / bend)}]
+        return [{self.joint: m.sign(v) * (v**2 + _STILL) ** (bend / 2)}]

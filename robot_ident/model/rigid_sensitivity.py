@@ -1,0 +1,91 @@
+"""How the torque of the rigid arm with estimated parameters changes, to first order."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+from dataclasses import dataclass
+from functools import cached_property
+from typing import Any
+
+import numpy as np
+
+from robot_ident.model.base_parameters import BaseParameters
+from robot_ident.motion import Array, Motion
+from robot_ident.robot.robot import Robot
+
+_MASSLESS = 1e-3  # kg, for links whose mass nothing tells: a centre of mass needs one, and a gram changes no torque
+
+
+@dataclass(frozen=True)
+class RigidSensitivity:
+    """Derivatives of the rigid arm's torque along a motion, for base parameters values [b].
+
+    What base parameters leave open (it has no influence on the torque along the motion) is that of the URDF.
+    """
+
+    robot: Robot
+    base: BaseParameters
+    values: Array
+    motion: Motion
+
+    def displaced(self, displacement: Motion) -> Array:
+        """Return dtau/dq e + dtau/ddq e' + M e'' [N, n] Nm for a displacement e of the links with its derivatives.
+
+        Carpentier and Mansard, "Analytical derivatives of rigid body dynamics algorithms" (2018), by Pinocchio.
+        """
+        along = (displacement.q, displacement.dq, displacement.ddq)
+        moved = [j for j in range(self.robot.n) if any(np.any(x[:, j]) for x in along)]
+        change = np.zeros(displacement.q.shape)
+        for matrix, x in zip(self.derivatives, along, strict=True):
+            change += np.einsum("kij,kj->ki", matrix[:, :, moved], x[:, moved])
+        return change
+
+    def gravity(self, direction: Array) -> Array:
+        """Return the torque [N, n] Nm per m/s^2 of gravity in a direction [3] of the base (it is linear in gravity)."""
+        import pinocchio
+
+        model = self._model()
+        model.gravity.linear = np.asarray(direction, dtype=float)
+        data = model.createData()
+        return np.array([pinocchio.computeGeneralizedGravity(model, data, q).copy() for q in self.motion.q])
+
+    @cached_property
+    def derivatives(self) -> tuple[Array, Array, Array]:
+        """Derivatives of the torque by position, velocity and acceleration, [N, n, n] each."""
+        import pinocchio
+
+        model = self._model()
+        data = model.createData()
+        out = np.empty((3, self.motion.samples, self.robot.n, self.robot.n))
+        for k, (q, v, a) in enumerate(zip(self.motion.q, self.motion.dq, self.motion.ddq, strict=True)):
+            out[0, k], out[1, k], out[2, k] = pinocchio.computeRNEADerivatives(model, data, q, v, a)
+        upper = np.triu(out[2])  # Pinocchio promises no more of the mass matrix
+        mass = upper + np.triu(upper, 1).transpose(0, 2, 1)
+        return out[0], out[1], mass
+
+    def _model(self) -> Any:
+        """Return the Pinocchio model whose links have these base parameters, rotors included in them."""
+        import pinocchio
+
+        model = self.robot.rigid.model.copy()
+        model.armature = np.zeros(self.robot.n)
+        for link, ten in enumerate(self._standard()):
+            model.inertias[1 + link] = pinocchio.Inertia.FromDynamicParameters(ten)
+        return model
+
+    def _standard(self) -> Iterator[Array]:
+        """Yield the ten standard parameters of every link: the URDF's, with the selected ones set right.
+
+        A selected parameter regroups into itself alone, so what its base parameter lacks is what it has to change by.
+        """
+        n = self.robot.n
+        standard = self.robot.rigid.parameters.copy()
+        selected = list(self.base.columns)
+        for mass in range(0, 10 * n, 10):
+            if mass not in selected and standard[mass] <= 0.0:
+                standard[mass] = _MASSLESS
+        standard[selected] += self.values - self.base.regrouping[:, : 10 * n] @ standard
+        for mass in range(0, 10 * n, 10):
+            if standard[mass] == 0.0:
+                standard[mass] = _MASSLESS
+        yield from standard.reshape(n, 10)

@@ -1,0 +1,76 @@
+"""Installs robot_ident: by pip into any Python, with or without ROS 2, and by colcon as an ament_python package."""
+
+import os
+from glob import glob
+from pathlib import Path
+from xml.etree import ElementTree
+
+from setuptools import find_packages, setup
+
+NAME = "robot_ident"
+HERE = Path(__file__).resolve().parent  # `colcon build --symlink-install` runs a link to this file
+VERSION = ElementTree.parse(HERE / "package.xml").findtext("version")  # the one place that says it
+
+
+def share(folder: str) -> list[tuple[str, list[str]]]:
+    """Return the data files of a folder and of those below it, for the same place under `share/robot_ident`."""
+    files = [path for path in glob(f"{folder}/**", recursive=True) if os.path.isfile(path)]
+    places = sorted({os.path.dirname(path) for path in files})
+    return [(f"share/{NAME}/{place}", sorted(p for p in files if os.path.dirname(p) == place)) for place in places]
+
+
+setup(
+    name=NAME,
+    version=VERSION,
+    description="Optimal excitation of robots, identification with uncertainty, and diagnosis of what the model lacks",
+    long_description=(HERE / "README.md").read_text(encoding="utf-8"),
+    long_description_content_type="text/markdown",
+    license="Apache-2.0",
+    maintainer="robot_ident maintainers",
+    maintainer_email="maintainers@robot-ident.org",
+    python_requires=">=3.10",
+    packages=find_packages(include=[NAME, f"{NAME}.*"]),
+    include_package_data=True,
+    data_files=[
+        ("share/ament_index/resource_index/packages", [f"resource/{NAME}"]),
+        (f"share/{NAME}", ["package.xml"]),
+        (f"lib/{NAME}", sorted(glob("scripts/*"))),  # where `ros2 run` looks
+        *share("config"),
+        *share("launch"),
+    ],
+    install_requires=[
+        "casadi>=3.6.7,<4",
+        "joblib>=1.3",
+        "lz4>=4.3",
+        "mcap>=1.1",
+        "numpy>=1.26,<3",
+        "pin>=4,<5",
+        "pydantic>=2.6,<3",
+        "PyYAML>=6.0.1",
+        "rosbags>=0.10.4",
+        "scipy>=1.11",
+        "tqdm>=4.66",
+        "zstandard>=0.22",
+    ],
+    extras_require={
+        # ROS 2 Jazzy from wheels; not a requirement, since an installed ROS 2 brings its own.
+        "ros": ["ros-jazzy-rclpy[fastrtps]==7.1.6", "ros-jazzy-common-interfaces==5.3.6"],
+        "test": [
+            "build>=1.2",
+            "example-robot-data>=4.1",
+            "mypy>=1.11",
+            "pytest>=9",
+            "ruff>=0.9",
+            "types-PyYAML",
+        ],
+    },
+    entry_points={
+        "console_scripts": [
+            "robot_ident = robot_ident.cli.main:main",
+            "robot_ident_trajectory_publisher = robot_ident.nodes.trajectory_publisher:main",
+            "robot_ident_simulated_kuka = robot_ident.nodes.simulated_kuka:main",
+            "robot_ident_recorder = robot_ident.nodes.recorder:main",
+            "robot_ident_estimator = robot_ident.nodes.estimator:main",
+        ]
+    },
+)

@@ -1,0 +1,50 @@
+"""The columns of the plain effects at one state, worked out by hand."""
+
+from __future__ import annotations
+
+from math import cos, exp, sin, tanh
+
+import numpy as np
+import pytest
+
+from robot_ident.effects import Torques, make_effect
+from robot_ident.motion import Motion
+from robot_ident.robot import load_robot
+
+Q, V, A = 0.7, -0.4, 1.3  # of joint_2
+LOAD, TOTAL = -80.0, 120.0
+
+
+@pytest.mark.parametrize(
+    ("label", "setting", "expected"),
+    [
+        ("viscous@joint_2", {}, [V]),
+        ("coulomb@joint_2", {}, [-1.0]),
+        ("torque_offset@joint_2", {}, [1.0]),
+        ("viscous_asymmetric@joint_2", {}, [-V]),
+        ("stribeck@joint_2", {"vs": 0.2, "d": 2.0}, [-exp(-4.0)]),
+        ("stribeck@joint_2", {"vs": 0.1, "d": 0.5}, [-exp(-2.0)]),
+        ("viscous_nonlinear@joint_2", {"form": 0.0, "bend": 2.0}, [-0.16]),
+        ("viscous_nonlinear@joint_2", {"form": 1.0, "bend": 0.3}, [-tanh(0.4 / 0.3)]),
+        ("load_friction@joint_2", {}, [-80.0, -32.0]),
+        ("position_friction@joint_2", {"h": 2.0}, [-cos(1.4), -sin(1.4)]),
+        ("torque_ripple@joint_2", {"h": 0.5}, [cos(0.5 * 103.235 * Q), sin(0.5 * 103.235 * Q)]),
+        ("cable@joint_2", {}, [Q, 1.0]),
+        ("torque_saturation@joint_2", {}, [120.0 * 0.120, 120.0 * 0.120**2]),
+        ("rotor_inertia@joint_2", {}, [A]),
+        ("joint_coupling@joint_2", {"other": 3.0}, [0.5, 1.0, -0.6]),
+        ("end_stop@joint_2", {"side": 1.0, "start": 0.5}, [0.2]),
+        ("end_stop@joint_2", {"side": 1.0, "start": 0.9}, [0.0]),
+        ("end_stop@joint_2", {"side": -1.0, "start": 0.9}, [-0.2]),
+        ("end_stop@joint_2", {"side": -1.0, "start": 0.5}, [0.0]),
+        ("end_stop@joint_2", {"side": 0.0, "start": -0.5}, [0.2]),
+        ("gravity_spring@joint_2", {"ratio": 0.2}, [5.0 * sin(Q) * (1.0 - (1.04 - 0.4 * cos(Q)) ** -0.5)]),
+    ],
+)
+def test_column_is_the_equation(label: str, setting: dict[str, float], expected: list[float]) -> None:
+    robot = load_robot()
+    motion = Motion(np.array([[0.1, Q, -0.2]]), np.array([[0.2, V, 0.5]]), np.array([[-0.3, A, -0.6]]))
+    torques = Torques(np.array([[10.0, LOAD, 5.0]]), np.array([[20.0, TOTAL, 7.0]]))
+    columns = make_effect(label, robot, setting).columns(motion, torques)
+    np.testing.assert_allclose(columns[0, 1], expected, rtol=1e-9, atol=1e-12)
+    assert not np.any(columns[0, [0, 2]])

@@ -1,0 +1,126 @@
+"""Effects that displace the links or tilt gravity, against differences, Pinocchio and a simulated twisting shaft."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from typing import Any
+
+import numpy as np
+import pinocchio
+import pytest
+
+from robot_ident.effects import make_effect
+from robot_ident.excitation.fourier import FourierSeries
+from robot_ident.model.rigid_sensitivity import RigidSensitivity
+from robot_ident.model.structure import Structure
+from robot_ident.motion import Array, Motion
+from robot_ident.robot import Robot
+
+ARMS = ("kuka", "six_axes")
+
+
+def other_values(at: Any) -> Array:
+    """Return base parameters that are not the URDF's."""
+    count = len(at.structure.base.columns)
+    return at.values[:count] * np.random.default_rng(2).uniform(0.7, 1.3, count)
+
+
+@pytest.mark.parametrize("arm", ARMS)
+def test_displacement_against_differences(arm: str, case: Callable[[str], Any]) -> None:
+    at = case(arm)
+    values, motion, n = other_values(at), at.motion[::20], at.robot.n
+    e = 1e-5 * np.random.default_rng(4).normal(size=(3, motion.samples, n))
+
+    def torque(sign: float) -> Array:
+        moved = Motion(motion.q + sign * e[0], motion.dq + sign * e[1], motion.ddq + sign * e[2])
+        return at.structure.rigid_columns(moved) @ values
+
+    found = RigidSensitivity(at.robot, at.structure.base, values, motion).displaced(Motion(*e))
+    difference = (torque(1.0) - torque(-1.0)) / 2
+    np.testing.assert_allclose(found, difference, atol=1e-6 * np.abs(difference).max())
+
+
+@pytest.mark.parametrize("arm", ARMS)
+@pytest.mark.parametrize("name", ["encoder_eccentricity", "joint_elasticity"])
+def test_displaced_links_change_the_torque(arm: str, name: str, case: Callable[[str], Any]) -> None:
+    at, amount = case(arm), 1e-3
+    eccentric = name == "encoder_eccentricity"
+    effect = make_effect(f"{name}@{at.robot.joints[1]}", at.robot, {"h": 2.0} if eccentric else {})
+    shift = np.zeros_like(at.motion.q)
+    shift[:, 1] = 1e-3 * np.cos(2 * at.motion.q[:, 1]) if eccentric else 1e-6 * at.torques.load[:, 1]
+    shift *= amount
+
+    def along(x: Array) -> Array:
+        w = 2j * np.pi * np.fft.rfftfreq(len(x), at.motion.dt)[:, None]
+        return np.fft.irfft(w * np.fft.rfft(x, axis=0), len(x), axis=0)
+
+    true = Motion(at.motion.q - shift, at.motion.dq - along(shift), at.motion.ddq - along(along(shift)))
+    rigid = at.values[: len(at.structure.base.columns)]
+    change = (at.structure.rigid_columns(true) - at.structure.rigid_columns(at.motion)) @ rigid
+    found = amount * effect.columns(at.motion, at.torques)[:, :, 0]
+    np.testing.assert_allclose(found, change, atol=1e-3 * np.abs(change).max())
+
+
+@pytest.mark.parametrize("arm", ARMS)
+def test_tilted_base_against_pinocchio(arm: str, case: Callable[[str], Any]) -> None:
+    at, gx, gy = case(arm), 0.12, -0.05
+    model = at.robot.rigid.model.copy()
+    model.gravity.linear = np.array([gx, gy, -9.81])
+    data, m = model.createData(), at.motion
+    tilted = np.array([pinocchio.rnea(model, data, *x) for x in zip(m.q, m.dq, m.ddq, strict=True)])
+    change = tilted - at.robot.rigid.inverse_dynamics(m)
+    found = make_effect("base_tilt", at.robot).columns(m, at.torques) @ [gx, gy]
+    np.testing.assert_allclose(found, change, atol=1e-6 * np.abs(change).max())
+
+
+def test_a_tilt_is_measured_across_gravity(kuka: Any) -> None:
+    directions = make_effect("base_tilt", kuka.robot).directions()
+    np.testing.assert_allclose(directions, np.eye(3)[:2])
+
+
+def test_compliance_is_that_of_a_simulated_shaft(pendulum: Robot) -> None:
+    """Motor led along q(t), link on a shaft of stiffness k: what the motor feels, to first order in 1 / k."""
+    from scipy.integrate import solve_ivp
+
+    k, damping = 5000.0, 6.0
+    structure = Structure.build(pendulum)
+    series = FourierSeries(0.2, np.array([0.4]), np.array([[0.5, 0.3]]), np.array([[0.2, -0.4]]))
+    inertia, weight = 1.3, 10.0 * 0.3 * 9.81
+
+    w = series.frequencies
+
+    def shaft(t: float, x: Array) -> list[float]:
+        s, c = np.sin(w * t), np.cos(w * t)
+        lead = 0.4 + (series.a / w) @ s - (series.b / w) @ c
+        tau = k * (lead[0] - x[0]) + damping * ((series.a @ c + series.b @ s)[0] - x[1])
+        return [x[1], (tau + weight * np.cos(x[0])) / inertia]
+
+    t = np.arange(500) * series.period / 500
+    m = series.motion(t)
+    m = Motion(m.q, m.dq, m.ddq, dt=series.period / 500, periodic=True)
+    values = structure.true_values()
+    rigid = (structure.columns(m) @ values)[:, 0]
+    start = [m.q[0, 0] - rigid[0] / k, m.dq[0, 0]]
+    found = solve_ivp(shaft, (0.0, 2 * series.period), start, t_eval=t + series.period, rtol=1e-7, atol=1e-9)
+    felt = k * (m.q[:, 0] - found.y[0]) + damping * (m.dq[:, 0] - found.y[1])
+    effect = make_effect("joint_elasticity@hinge", pendulum)
+    column = effect.columns(m, structure.torques(m, values))[:, 0, 0]
+    change = felt - rigid
+    compliance = float(column @ change / (column @ column))
+    assert compliance == pytest.approx(1e6 / k, rel=0.02)
+    assert np.linalg.norm(change - compliance * column) < 0.05 * np.linalg.norm(change)
+
+
+def test_backlash_bursts_after_the_load_reverses(kuka: Any) -> None:
+    """What is told of its signature: above 5 Hz, and near reversals of the load."""
+    effect = make_effect("backlash@joint_1", kuka.robot, {"width": 0.02})
+    load = kuka.torques.load[:, 0]
+    column = effect.columns(kuka.motion, kuka.torques)[:, 0, 0]
+    lines = np.abs(np.fft.rfft(column)) ** 2
+    high = np.fft.rfftfreq(len(column), kuka.motion.dt) > 5.0
+    assert lines[high].sum() > 0.6 * lines.sum()
+    reversals = np.flatnonzero(np.sign(load) != np.sign(np.roll(load, 1)))
+    assert len(reversals) >= 2
+    late = (np.arange(len(load))[:, None] - reversals) * kuka.motion.dt
+    near = np.any((late >= -0.03) & (late <= 0.12), axis=1)
+    assert np.sum(column[near] ** 2) > 0.9 * np.sum(column**2)

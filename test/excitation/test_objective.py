@@ -1,0 +1,85 @@
+"""The optimiser's smooth criteria against the exact ones, and their derivatives against differences."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+from typing import Any
+
+import casadi as ca
+import numpy as np
+import pytest
+
+from robot_ident.excitation.feasibility import allowed_poses
+from robot_ident.excitation.objective import cholesky_functions, smooth_log_condition, smooth_regressor, smooth_sign
+from robot_ident.excitation.problem import SIGN_WIDTH, Problem, Setting, reachable_speed
+from robot_ident.excitation.search import random_start
+from robot_ident.model.structure import Structure
+from robot_ident.robot import Robot
+
+
+@pytest.fixture(scope="module")
+def setting(kuka: Robot) -> Setting:
+    structure = Structure.build(kuka)
+    return Setting(
+        robot=kuka,
+        smooth=smooth_regressor(structure, SIGN_WIDTH * reachable_speed(kuka, 0.1)),
+        exact=structure.symbolic(),
+        base_frequency=0.1,
+        harmonics=5,
+        sample_rate=150.0,
+        variances=np.array([25.0, 26.0, 10.0]),
+        criterion="d-optimal",
+        poses=allowed_poses(kuka),
+    )
+
+
+def gradient_error(program: Any, x: np.ndarray) -> float:
+    """Return the largest relative deviation of the gradient from central differences along random directions."""
+    gradient = np.array(ca.Function("g", [program.x], [ca.gradient(program.cost, program.x)])(x)).ravel()
+    rng, h, worst = np.random.default_rng(0), 1e-6, 0.0
+    for _ in range(5):
+        d = rng.normal(size=len(x))
+        difference = (float(program.value(x + h * d)) - float(program.value(x - h * d))) / (2 * h)
+        worst = max(worst, abs(gradient @ d - difference) / max(1.0, abs(difference)))
+    return worst
+
+
+def test_the_coarse_determinant_is_near_the_exact_one(setting: Setting) -> None:
+    problem = Problem(setting)
+    x = random_start(problem, np.random.default_rng(0), draws=3)
+    exact, _ = problem.evaluate(problem.coefficients(x))
+    assert float(problem.coarse.value(x)) == pytest.approx(exact, abs=0.6)  # the smooth sign costs a little
+    assert gradient_error(problem.coarse, x) < 1e-5
+
+
+def test_the_smooth_condition_number_bounds_the_exact_one(setting: Setting) -> None:
+    problem = Problem(replace(setting, criterion="condition", floor=-43.0))
+    x = random_start(problem, np.random.default_rng(1), draws=3)
+    assert gradient_error(problem.coarse, x) < 1e-5
+    assert problem.coarse.rows.shape[0] == problem.coarse.jacobian.size1_out("jac_g_x")
+
+
+def test_smooth_condition_of_a_given_matrix() -> None:
+    rng = np.random.default_rng(3)
+    f = rng.normal(size=(60, 6)) * [1.0, 5.0, 0.2, 1.0, 3.0, 1.0]
+    m = ca.MX.sym("m", 6, 6)
+    log_det, inverse_factor = cholesky_functions(6)
+    smooth = ca.Function("smooth", [m], [smooth_log_condition(m, inverse_factor, doublings=5)])
+    exact = np.log(np.linalg.cond(f / np.linalg.norm(f, axis=0)))
+    value = float(smooth(f.T @ f))
+    assert exact <= value <= exact + np.log(6.0) / 32 + 1e-9
+    assert float(log_det(f.T @ f)) == pytest.approx(np.linalg.slogdet(f.T @ f)[1])
+
+
+def test_the_smooth_sign_takes_the_width_of_its_joint() -> None:
+    dq = ca.SX.sym("dq", 2)
+    sign = smooth_sign(np.array([0.01, 1.0]))
+    f = ca.Function("f", [dq], [sign(dq[0]), sign(dq[1]), sign(dq[0] + dq[1])])
+    values = [float(v) for v in f([0.02, 0.5])]
+    np.testing.assert_allclose(values, [np.tanh(2.0), np.tanh(0.5), np.tanh(0.52)])
+
+
+def test_variables_and_coefficients_are_inverse(setting: Setting) -> None:
+    problem = Problem(setting)
+    x = np.random.default_rng(0).normal(size=33)
+    np.testing.assert_allclose(problem.variables(problem.coefficients(x)), x, atol=1e-12)

@@ -1,0 +1,133 @@
+"""The recorder keeps every byte and both stamps, loses nothing when it is killed, and says what is missing."""
+
+from __future__ import annotations
+
+import signal
+import time
+from collections.abc import Callable
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import pytest
+
+pytest.importorskip("rclpy")
+
+from robot_ident.bags import describe, read_messages, read_recording  # noqa: E402
+
+NAMES = ("joint_1", "joint_2", "joint_3")
+
+
+def message(k: int) -> Any:
+    from robot_ident.nodes.joint_states import joint_state
+
+    stamp = 1_700_000_000_000_000_000 + k * 5_000_000
+    return joint_state(NAMES, stamp, np.array([k, 2.0 * k, -k]), np.ones(3), np.array([0.5, k / 7, 1.0]))
+
+
+def publisher(client: Any, until: Callable[..., Any], topic: str = "joint_states") -> Any:
+    from sensor_msgs.msg import JointState
+
+    made = client.create_publisher(JointState, topic, 1000)
+    assert until(made.get_subscription_count), "the recorder does not listen"
+    return made
+
+
+def send(made: Any, numbers: range) -> None:
+    for k in numbers:
+        made.publish(message(k))
+        time.sleep(0.002)
+
+
+def test_bag_holds_what_was_sent(
+    start: Callable[..., Any], client: Any, until: Callable[..., Any], call: Callable[..., Any], tmp_path: Path
+) -> None:
+    from diagnostic_msgs.msg import DiagnosticArray
+    from std_msgs.msg import Float64
+    from std_srvs.srv import Trigger
+
+    bag = tmp_path / "bag"
+    statuses: list[DiagnosticArray] = []
+    client.create_subscription(DiagnosticArray, "/recorder/status", statuses.append, 10)
+    recorder = start("recorder", output=bag, topics="[temperature]", autostart=False, status_rate=10.0)
+    other = client.create_publisher(Float64, "temperature", 10)
+    made = publisher(client, until)
+    assert call(Trigger, "/recorder/start").success
+    assert until(other.get_subscription_count), "a topic whose type is found in the graph"
+    before = time.time_ns()
+    send(made, range(100, 300))
+    send(made, range(305, 320))
+    other.publish(Float64(data=21.5))
+    assert until(lambda: statuses and any(v.value == "216" for v in statuses[-1].status[0].values)), statuses[-1]
+    answer = call(Trigger, "/recorder/stop")
+    assert answer.success and "216 messages" in answer.message
+    assert not call(Trigger, "/recorder/stop").success
+    send(made, range(400, 405))
+    second = call(Trigger, "/recorder/start")
+    assert not second.success and "exists already" in second.message
+    assert recorder.end()[0] == 0, recorder.text
+
+    recording = read_recording(bag)
+    np.testing.assert_array_equal(recording.q[:, 0], [*range(100, 300), *range(305, 320)])
+    np.testing.assert_array_equal(np.diff(np.round(recording.t * 1e9)) % 5_000_000, 0)
+    assert recording.start_ns == 1_700_000_000_500_000_000
+    for raw in read_messages(bag, ["/joint_states"]):
+        assert before < raw.publish_time <= raw.log_time < time.time_ns()
+        assert raw.topic.type_hash.startswith("RIHS01_") and "reliable" in raw.topic.qos
+    text = (bag / "metadata.yaml").read_text()
+    assert "215 messages at 200.0 Hz, 0 lost on the way, 1 gaps (5 samples" in " ".join(text.split())
+
+
+def test_rosbags_reads_it(start: Callable[..., Any], client: Any, until: Callable[..., Any], tmp_path: Path) -> None:
+    from rosbags.highlevel import AnyReader
+
+    bag = tmp_path / "bag"
+    recorder = start("recorder", output=bag, split_duration=0.2)
+    made = publisher(client, until)
+    send(made, range(300))
+    assert recorder.end()[0] == 0, recorder.text
+    assert len(list(bag.glob("*.mcap"))) > 1, "the bag is split"
+    with AnyReader([bag]) as reader:
+        (connection,) = [c for c in reader.connections if c.topic == "/joint_states"]
+        got = [reader.deserialize(raw, connection.msgtype) for _, _, raw in reader.messages([connection])]
+    assert [m.position[0] for m in got] == list(range(300))
+
+
+def test_killed_recorder_loses_nothing(
+    start: Callable[..., Any], client: Any, until: Callable[..., Any], tmp_path: Path
+) -> None:
+    bag = tmp_path / "bag"
+    recorder = start("recorder", output=bag)
+    made = publisher(client, until)
+    send(made, range(400))
+    from rclpy.duration import Duration
+
+    made.wait_for_all_acked(Duration(seconds=10))
+    assert until(lambda: next(bag.glob("*.mcap")).stat().st_size > 400 * 150)
+    size = -1
+    while size != (size := next(bag.glob("*.mcap")).stat().st_size):
+        time.sleep(0.1)
+    code, _ = recorder.end(signal.SIGKILL)
+    assert code == -signal.SIGKILL
+    recording = read_recording(bag)
+    assert recording.samples == 400
+    assert describe(bag).topics
+
+
+def test_a_full_disk_is_told_and_what_came_before_is_kept(
+    start: Callable[..., Any], client: Any, until: Callable[..., Any], tmp_path: Path
+) -> None:
+    """A limit on the size of files stands in for the full disk: the kernel refuses the write just as well."""
+    import subprocess
+
+    bag = tmp_path / "bag"
+    recorder = start("recorder", output=bag)
+    made = publisher(client, until)
+    send(made, range(50))
+    subprocess.run(["prlimit", f"--pid={recorder.popen.pid}", f"--fsize={60_000}:{60_000}"], check=True)
+    send(made, range(50, 600))
+    assert recorder.wait() == 2, recorder.text
+    assert "can't be written" in recorder.text.splitlines()[-1] and "Traceback" not in recorder.text
+    recording = read_recording(bag)
+    assert recording.samples > 100
+    np.testing.assert_array_equal(recording.q[:, 0], np.arange(recording.samples))

@@ -1,0 +1,111 @@
+"""Deadlines: nothing adds up, what is missed is counted, a clock that jumps moves the grid."""
+
+from __future__ import annotations
+
+import threading
+import time
+
+from robot_ident.playing.ticker import Stall, Ticker
+
+
+def run(ticker: Ticker, done: threading.Event) -> None:
+    ticker.start()
+    assert done.wait(20.0)
+    ticker.stop()
+
+
+def test_ticks_are_numbered_and_absolute() -> None:
+    numbers: list[int] = []
+    times: list[float] = []
+    done = threading.Event()
+
+    def tick(number: int) -> None:
+        numbers.append(number)
+        times.append(time.monotonic())
+        if number >= 100:
+            done.set()
+
+    ticker = Ticker(200.0, tick, stall=5.0)
+    run(ticker, done)
+    assert numbers == sorted(set(numbers))
+    assert ticker.timing.missed == numbers[100 - ticker.timing.missed] - (100 - ticker.timing.missed)
+    early = [t - times[0] - k / 200.0 for t, k in zip(times, numbers, strict=True)]
+    assert min(early) > -0.5 / 200.0, "a tick came before its time"
+
+
+def test_a_slow_tick_is_skipped_or_made_up_for() -> None:
+    for late, expected in (("skip", False), ("catch_up", True)):
+        numbers: list[int] = []
+        done = threading.Event()
+
+        def tick(number: int, numbers: list[int] = numbers, done: threading.Event = done) -> None:
+            numbers.append(number)
+            if number == 5:
+                time.sleep(0.055)
+            if number >= 40:
+                done.set()
+
+        ticker = Ticker(100.0, tick, late=late, stall=10.0)  # type: ignore[arg-type]
+        run(ticker, done)
+        assert (numbers == list(range(len(numbers)))) is expected
+        assert (ticker.timing.missed == 0) is expected
+        if not expected:
+            assert ticker.timing.missed >= 4
+            assert numbers[-1] == len(numbers) - 1 + ticker.timing.missed
+
+
+def test_a_stall_moves_the_grid_and_is_told() -> None:
+    numbers: list[int] = []
+    stalls: list[Stall] = []
+    done = threading.Event()
+
+    def tick(number: int) -> None:
+        numbers.append(number)
+        if number == 5:
+            time.sleep(0.5)
+        if number == 40:
+            done.set()
+
+    ticker = Ticker(100.0, tick, stall=0.3, on_stall=stalls.append)
+    run(ticker, done)
+    assert stalls and stalls[0].seconds > 0.3 and not stalls[0].clock_jump
+    assert "stood still" in str(stalls[0])
+    assert 6 in numbers, "the tick after the stall is the next one, not one of the past or of the future"
+
+
+def test_a_jump_of_a_foreign_clock_is_told() -> None:
+    offset = [0.0]
+    stalls: list[Stall] = []
+    numbers: list[int] = []
+    done = threading.Event()
+
+    def tick(number: int) -> None:
+        numbers.append(number)
+        if number == 10:
+            threading.Timer(0.003, lambda: offset.__setitem__(0, 5.0)).start()
+        if number == 20:
+            threading.Timer(0.003, lambda: offset.__setitem__(0, -5.0)).start()
+        if number == 40:
+            done.set()
+
+    clock = lambda: time.monotonic() + offset[0]  # noqa: E731
+    run(Ticker(50.0, tick, stall=1.0, on_stall=stalls.append, clock=clock), done)
+    jumps = [stall for stall in stalls if stall.clock_jump]
+    assert len(jumps) == 2 and jumps[0].seconds > 4.0 and jumps[1].seconds < -9.0
+    assert numbers[:41] == list(range(41))
+
+
+def test_an_error_in_a_tick_reaches_the_owner() -> None:
+    errors: list[BaseException] = []
+    told = threading.Event()
+
+    def broken(number: int) -> None:
+        raise ZeroDivisionError(number)
+
+    def on_error(error: BaseException) -> None:
+        errors.append(error)
+        told.set()
+
+    ticker = Ticker(100.0, broken, on_error=on_error)
+    run(ticker, told)
+    assert isinstance(errors[0], ZeroDivisionError)
