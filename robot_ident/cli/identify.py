@@ -20,9 +20,16 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
 
     parser.add_argument("bags", nargs="+", metavar="BAG", help="recordings, periodic or not")
     add_robot(parser)
-    parser.add_argument("--estimator", default="wls", help="ls (eq. 10) or wls (eq. 7); default %(default)s")
+    parser.add_argument(
+        "--estimator",
+        default="wls",
+        help="ls (eq. 10), wls (eq. 7), ml (eqs. 3 to 6) or iv (instrumental variables); default %(default)s",
+    )
     parser.add_argument(
         "--effect", action="append", default=[], metavar="NAME@JOINT", help="further effects in the model"
+    )
+    parser.add_argument(
+        "--physical", action="store_true", help="the nearest parameters that a real arm can have (needs cvxpy)"
     )
     add_processing(parser)
     add_output(parser, "MODEL", "model.yaml to write")
@@ -44,8 +51,13 @@ def run(args: argparse.Namespace) -> int:
     robot = load_robot(args.robot)
     processing = processing_of(args, robot)
     recordings = [read_recording(bag, topic=args.topic) for bag in args.bags]
-    model = identify(recordings, robot, effects=args.effect, estimator=args.estimator, processing=processing)
-    options = {"trajectory": args.trajectory, "topic": args.topic, "effects": args.effect or None}
+    model = identify(recordings, robot, effects=args.effect, estimator=args.estimator, processing=processing, physical=args.physical)
+    options = {
+        "trajectory": args.trajectory,
+        "topic": args.topic,
+        "effects": args.effect or None,
+        "physical": args.physical or None,
+    }
     model = replace(model, provenance=provenance(args.bags, options))
     if args.output:
         write_model(model, args.output, force=args.force)
@@ -59,6 +71,13 @@ def run(args: argparse.Namespace) -> int:
     say(fit_table(model.robot, model.residual))
     say()
     say(f"condition number {model.condition_number:.4g}, log10 det of the covariance {model.log10_det_covariance:.2f}")
+    if model.chi_square is not None and model.dof:
+        say(f"chi-square per degree of freedom {model.chi_square / model.dof:.4f} ({model.dof:.0f} degrees of freedom)")
+    for one in model.per_period:
+        say(
+            f"{one['source']}: the {one['periods']} periods alone scatter {one['scatter_over_sigma']:.2f} times what sigma"
+            " says (1: the noise alone makes them differ)"
+        )
     if args.output:
         say(f"written: {args.output}")
     return 0

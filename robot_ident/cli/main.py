@@ -22,6 +22,8 @@ VERBS: dict[str, str] = {
     "info": "what is in a bag: topics, joints, rate, periods, noise",
     "identify": "estimate the parameters with their uncertainty",
     "validate": "predict an independent recording",
+    "diagnose": "which physical effect is missing, with evidence",
+    "add": "add effects to a model and print the error before and after",
     "effects": "the catalogue of physical effects",
     "montecarlo": "bias and efficiency of the estimator over repeated noise",
 }

@@ -38,6 +38,12 @@ def add_processing(parser: argparse.ArgumentParser) -> None:
         metavar="V[,V...]",
         help="leave out rows slower than this, rad/s, one value or one a joint; default the robot's",
     )
+    parser.add_argument(
+        "--anti-alias",
+        metavar="ORDER:HZ",
+        help="Butterworth filter that the torque passed when it was recorded, undone; none: there was none;"
+        " default what the robot's YAML says",
+    )
 
 
 def processing_of(args: argparse.Namespace, robot: Robot) -> Processing:
@@ -57,8 +63,13 @@ def processing_of(args: argparse.Namespace, robot: Robot) -> Processing:
         ("--derivative-bandwidth", args.derivative_bandwidth),
         ("--decimate", args.decimate),
     ):
-        if value is not None and not value > 0:
-            raise InputError(f"{name} {value}: must be above 0")
+        if value is not None and not 0 < value < float("inf"):
+            raise InputError(f"{name} {value}: must be above 0 and finite")
+    low_pass, wide = args.low_pass, args.derivative_bandwidth
+    if low_pass is not None and wide is not None and wide < low_pass:
+        raise InputError(
+            f"--derivative-bandwidth {wide:g} contradicts --low-pass {low_pass:g}: acceleration must reach as far as torque"
+        )
     return Processing(
         base_frequency=frequency,
         periodic=False if args.not_periodic else (True if frequency else None),
@@ -66,7 +77,24 @@ def processing_of(args: argparse.Namespace, robot: Robot) -> Processing:
         derivative_bandwidth=args.derivative_bandwidth,
         decimate=args.decimate,
         minimum_speed=_speeds(args.minimum_speed, robot),
+        anti_alias=_filter(args.anti_alias),
     )
+
+
+def _filter(text: str | None) -> tuple[float, float] | None:
+    """Return (order, Hz) of `8:40`, (0, 0) for `none`, None where nothing is said."""
+    if text is None:
+        return None
+    if text.strip().lower() == "none":
+        return 0.0, 0.0
+    order, _, cutoff = text.partition(":")
+    try:
+        found = float(int(order)), float(cutoff)
+    except ValueError as error:
+        raise InputError(f"--anti-alias {text!r}: ORDER:HZ was expected, like 8:40, or none") from error
+    if not 1 <= found[0] <= 12 or not 0 < found[1] < float("inf"):
+        raise InputError(f"--anti-alias {text!r}: the order must be 1 to 12 and the frequency above 0")
+    return found
 
 
 def _speeds(text: str | None, robot: Robot) -> tuple[float, ...] | None:

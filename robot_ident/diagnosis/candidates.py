@@ -17,8 +17,9 @@ from robot_ident.motion import Array
 class Score:
     """How well an effect explains what is missing.
 
-    gain: fall of the squared error over all trajectories, in units of chi-square, at the best setting. held_out: fall of the squared
-    error on trajectories left out of the fit, summed over them, and by joint [n]. effect: at that setting.
+    gain: fall of the squared error over all trajectories, in units of chi-square, at the best setting. held_out: fall
+    of the squared error on trajectories left out of the fit, summed over them, and by joint [n]. effect: at that
+    setting.
     """
 
     effect: Effect

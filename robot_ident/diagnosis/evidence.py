@@ -15,7 +15,8 @@ from robot_ident.recording.measurement import Measurement
 
 @dataclass(frozen=True)
 class Trajectory:
-    """One trajectory: its averaged motion, torque over noise y [N, n] and weight [N, n] (1 / sigma, 0 where a row is not used).
+    """One trajectory: its averaged motion, torque over noise y [N, n] and weight [N, n] (1 / sigma, 0 where a row is
+    not used).
 
     dof [n]: independent rows of each joint. measured: where it comes from.
     """
@@ -52,11 +53,12 @@ def trajectory(measured: Measurement) -> Trajectory:
     variance = measured.averaged_variance
     if not np.all(np.isfinite(variance)) or np.any(variance <= 0):
         raise InputError(
-            f"{measured.source}: its noise is unknown without periods; record at least 2 (better 8 or more) periods of a motion"
+            f"{measured.source}: its noise is unknown without periods;"
+            " record at least 2 (better 8 or more) periods of a motion"
         )
     used: Mask = measured.used[measured.rows]
     # rows that a low pass has smeared share their noise: their weight in chi-square is that of the independent ones
-    weight = used * np.sqrt(measured.independent / variance)
+    weight = used.astype(float) * np.sqrt(measured.independent / variance)
     y = measured.passed(measured.torque) * weight
     return Trajectory(measured, measured.motion, weight, y, used.sum(axis=0) * measured.independent)
 
@@ -72,7 +74,7 @@ def fitted(
     structure: Structure, trajectories: tuple[Trajectory, ...], rigid: tuple[Array, ...], start: Array | None = None
 ) -> Evidence:
     """Return the evidence with the linear parameters fitted; columns that depend on torque are iterated."""
-    values = start
+    values = np.zeros(len(structure.names)) if start is None else start
     for _ in range(3 if structure.uses_torque else 1):
         phi = tuple(t.weighed(structure.columns(t.motion, values, r)) for t, r in zip(trajectories, rigid, strict=True))
         stacked = np.concatenate([p.reshape(-1, p.shape[2]) for p in phi])

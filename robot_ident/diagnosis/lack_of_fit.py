@@ -18,8 +18,8 @@ BANDS = (1.0, 5.0, 15.0)  # Hz: bands up to these, and the rest
 class LackOfFit:
     """Of one joint: squared error over what noise alone would leave, its degrees of freedom and its p-value.
 
-    p_value is the smallest over the whole spectrum and its bands, times their number (Bonferroni). excess: mean square of the
-    residual beyond the noise, (Nm)^2, over the rows used.
+    p_value is the smallest over the whole spectrum and its bands, times their number (Bonferroni). excess: mean
+    square of the residual beyond the noise, (Nm)^2, over the rows used.
     """
 
     statistic: float

@@ -1,7 +1,9 @@
-"""Scores candidate columns without refitting the model: what they gain on the data, and on a trajectory they have not seen.
+"""Scores candidate columns without refitting the model: what they gain on the data, and on a trajectory they have not
+seen.
 
-With base columns F and candidate columns C (Frisch and Waugh) the gain of C is s' B^-1 s, where s and B are C'y and C'C after
-projection off F. All of it follows from the Gram matrices of each trajectory, so that leaving one trajectory out costs a subtraction.
+With base columns F and candidate columns C (Frisch and Waugh) the gain of C is s' B^-1 s, where s and B are C'y and
+C'C after projection off F. All of it follows from the Gram matrices of each trajectory, so that leaving one
+trajectory out costs a subtraction.
 """
 
 from __future__ import annotations
@@ -21,7 +23,9 @@ _RIDGE = 1e-9  # of a candidate's own norm: less than this left after projection
 
 @dataclass(frozen=True)
 class Columns:
-    """Columns of one effect at one setting, weighed, on each trajectory [N, joints, k], and the joints that they touch."""
+    """Columns of one effect at one setting, weighed, on each trajectory [N, joints, k], and the joints that they
+    touch.
+    """
 
     effect: Effect
     joints: tuple[int, ...]
@@ -30,7 +34,8 @@ class Columns:
 
 @dataclass(frozen=True)
 class Gram:
-    """Inner products of one setting's columns, per trajectory: with the base [T, p, k], themselves [T, k, k], the torque [T, k].
+    """Inner products of one setting's columns, per trajectory: with the base [T, p, k], themselves [T, k, k], the
+    torque [T, k].
 
     The last two also per joint [T, n, ...], for gains of one joint.
     """
@@ -110,7 +115,9 @@ class BaseFit:
 
 @dataclass(frozen=True)
 class Addition:
-    """What a candidate adds when fitted to some trajectories: its gain there, its coefficients, and the base beside them."""
+    """What a candidate adds when fitted to some trajectories: its gain there, its coefficients, and the base beside
+    them.
+    """
 
     gain: float
     coefficients: Array
@@ -138,7 +145,9 @@ def loss_with(gram_: Gram, base: BaseGram, addition: Addition, on: int) -> Array
 
 
 def _solve(projected: Array, right: Array, size: Array, positive: Sequence[bool]) -> Array:
-    """Solve the small normal equations; columns that the base holds already get zero, signs are enforced by trying subsets."""
+    """Solve the small normal equations; columns that the base holds already get zero, signs are enforced by trying
+    subsets.
+    """
     k = len(right)
     alive = [i for i in range(k) if projected[i, i] > _RIDGE * size[i]]
     best, best_gain = np.zeros(k), 0.0

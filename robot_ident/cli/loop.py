@@ -1,0 +1,68 @@
+"""What compare, diagnose and add share: a model and the recordings that it is held against."""
+
+from __future__ import annotations
+
+import argparse
+from collections.abc import Sequence
+from dataclasses import dataclass
+from typing import TYPE_CHECKING
+
+from robot_ident.errors import InputError
+
+if TYPE_CHECKING:
+    from robot_ident.model.model import Model
+    from robot_ident.recording.measurement import Measurement
+
+
+def add_common(parser: argparse.ArgumentParser) -> None:
+    """Add the options that the three verbs share."""
+    from robot_ident.cli.effects_from import add_effects_from
+    from robot_ident.cli.output import add_json
+
+    parser.add_argument("--validation", action="append", default=[], metavar="BAG2", help="recordings that never enter a fit")
+    parser.add_argument("--topic", metavar="T", help="topic of the joint states")
+    add_effects_from(parser)
+    add_json(parser)
+
+
+@dataclass(frozen=True)
+class Inputs:
+    """Models and measurements; those of `validation` never enter a fit."""
+
+    models: tuple[Model, ...]
+    paths: tuple[str, ...]
+    bags: tuple[str, ...]
+    measurements: tuple[Measurement, ...]
+    validation: tuple[Measurement, ...]
+
+
+def is_model(path: str) -> bool:
+    """Tell a model from a recording by its content."""
+    try:
+        with open(path, encoding="utf-8") as file:
+            return any("robot_ident/model/" in line for line in (file.readline() for _ in range(5)))
+    except (OSError, UnicodeDecodeError):
+        return False
+
+
+def read_inputs(words: Sequence[str], validation: Sequence[str], topic: str | None) -> Inputs:
+    """Read models and recordings from one list; recordings are processed as the first model says."""
+    from robot_ident.model.model_file import read_model
+
+    paths = tuple(word for word in words if is_model(word))
+    bags = tuple(word for word in words if word not in paths)
+    if not paths:
+        raise InputError(f"none of {', '.join(words)} is a model; make one by robot_ident identify ... -o model.yaml")
+    models = tuple(read_model(path) for path in paths)
+    measured = tuple(_measured(models[0], bag, topic) for bag in bags)
+    unseen = tuple(_measured(models[0], bag, topic) for bag in validation)
+    return Inputs(models, paths, bags, measured, unseen)
+
+
+def _measured(model: Model, bag: str, topic: str | None) -> Measurement:
+    from robot_ident.bags import read_recording
+    from robot_ident.recording.measurement import Processing
+    from robot_ident.recording.process import process
+
+    processing = Processing(**dict(model.processing)) if model.processing else Processing()
+    return process(read_recording(bag, topic=topic), model.robot, processing)

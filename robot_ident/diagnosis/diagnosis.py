@@ -1,0 +1,105 @@
+"""The result of a diagnosis: what is missing, what else it might be, what stays unexplained."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from dataclasses import dataclass
+from typing import Any, Literal
+
+from robot_ident.effects import Effect
+
+Verdict = Literal["adequate", "missing", "unexplained", "not_decidable"]
+
+
+@dataclass(frozen=True)
+class Estimate:
+    """An estimated parameter of a candidate."""
+
+    name: str
+    value: float
+    std: float
+    unit: str
+
+
+@dataclass(frozen=True)
+class Suspect:
+    """One candidate: how much it explains and what adding it does.
+
+    explained: share of the excess squared error on its joints that it removes on trajectories left out of the fit.
+    Mean squares by joint, (Nm)^2. experiment: what would tell it from those that it is tied with.
+    """
+
+    effect: Effect
+    p_value: float
+    explained: float
+    mse_before: Mapping[str, float]
+    mse_after: Mapping[str, float]
+    validation_before: Mapping[str, float] | None
+    validation_after: Mapping[str, float] | None
+    parameters: tuple[Estimate, ...]
+    tied_with: tuple[str, ...]
+    experiment: str | None
+
+    @property
+    def label(self) -> str:
+        """`name@joint`."""
+        return self.effect.label
+
+    def to_dict(self, rank: int) -> dict[str, Any]:
+        """Return the candidate as `diagnose --json` prints it."""
+        return {
+            "effect": self.effect.name,
+            "joint": self.effect.place,
+            "rank": rank,
+            "p_value": self.p_value,
+            "explained": self.explained,
+            "residual_mse_before": dict(self.mse_before),
+            "residual_mse_after": dict(self.mse_after),
+            "validation_mse_before": None if self.validation_before is None else dict(self.validation_before),
+            "validation_mse_after": None if self.validation_after is None else dict(self.validation_after),
+            "parameters": [{"name": p.name, "value": p.value, "std": p.std, "unit": p.unit} for p in self.parameters],
+            "tied_with": list(self.tied_with),
+            "experiment": self.experiment,
+        }
+
+
+@dataclass(frozen=True)
+class Unexplained:
+    """What no known effect explains: the joint, which variables the residual depends on (held-out shares), and where
+    it sits.
+    """
+
+    joint: str
+    depends_on: Mapping[str, float]
+    where: str
+
+
+@dataclass(frozen=True)
+class Diagnosis:
+    """Verdict, the members found in their order, further candidates, the remainder by joint [Nm rms], and notes."""
+
+    verdict: Verdict
+    missing: tuple[Suspect, ...]
+    others: tuple[Suspect, ...]
+    remaining_rms: Mapping[str, float]
+    unexplained: Unexplained | None
+    notes: tuple[str, ...] = ()
+
+    def to_dict(self) -> dict[str, Any]:
+        """Return what `diagnose --json` prints."""
+        listed = [*self.missing, *self.others]
+        return {
+            "schema": "robot_ident/diagnosis/1",
+            "verdict": self.verdict,
+            "remaining_rms": dict(self.remaining_rms),
+            "missing": [{"effect": s.effect.name, "joint": s.effect.place} for s in self.missing],
+            "candidates": [suspect.to_dict(rank) for rank, suspect in enumerate(listed, start=1)],
+            "unexplained": None
+            if self.unexplained is None
+            else {
+                "joint": self.unexplained.joint,
+                "depends_on": dict(self.unexplained.depends_on),
+                "where": self.unexplained.where,
+            },
+            "notes": list(self.notes),
+        }

@@ -1,0 +1,59 @@
+"""Which rivals can the data not tell from the best candidate?"""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+
+import numpy as np
+
+from robot_ident.diagnosis.candidates import Candidate, Folds, Score
+from robot_ident.diagnosis.evidence import Evidence
+from robot_ident.diagnosis.scan import Columns, add, gram
+from robot_ident.motion import Array
+
+BLOCK = 0.5  # s: residuals further apart are taken as independent
+_Z = 2.0  # standard errors of the mean difference of block losses below which two candidates are tied
+_SHARE = 0.02  # of the best gain: a smaller lead is no lead
+_RIVAL = 0.4  # of the best held-out gain that a rival must reach to be looked at
+
+
+def tied(
+    best: Score, scores: Sequence[Score], candidates: dict[str, Candidate], evidence: Evidence, folds: Folds
+) -> list[Score]:
+    """Return the rivals whose held-out loss is not significantly larger than that of the best, best first."""
+    if best.held_out <= 0.0:
+        return []
+    reference = _block_losses(best, candidates[best.label], evidence, folds)
+    out = []
+    for rival in scores:
+        if (
+            rival is best
+            or rival.held_out < _RIVAL * best.held_out
+            or not set(rival.columns.joints) & set(best.columns.joints)
+        ):
+            continue
+        if best.label.partition("@")[0] in type(rival.effect).contains:
+            continue  # what holds the best as a part can't be told from it, and says nothing more
+        lead = _block_losses(rival, candidates[rival.label], evidence, folds) - reference
+        spread = float(np.std(lead, ddof=1)) * np.sqrt(len(lead))
+        if lead.sum() < _Z * spread or lead.sum() < _SHARE * best.held_out:
+            out.append(rival)
+    return sorted(out, key=lambda score: -score.held_out)
+
+
+def _block_losses(score: Score, candidate: Candidate, evidence: Evidence, folds: Folds) -> Array:
+    """Return the squared error in blocks of time of every trajectory left out, at the score's setting."""
+    columns: Columns = score.columns
+    inner = gram(columns, evidence)
+    losses = []
+    for left, fit in enumerate(folds.without):
+        addition = add(inner, fit, candidate.positive)
+        trajectory = evidence.trajectories[left]
+        residual = trajectory.y - evidence.phi[left] @ addition.values
+        residual[:, columns.joints] -= columns.parts[left] @ addition.coefficients
+        squared = np.sum(residual**2, axis=1)
+        size = max(1, round(BLOCK / (trajectory.measured.dt * trajectory.measured.decimate)))
+        used = np.flatnonzero(trajectory.weight.any(axis=1))
+        span = squared[used[0] : used[-1] + 1] if len(used) else squared
+        losses += [float(block.sum()) for block in np.array_split(span, max(1, len(span) // size))]
+    return np.array(losses)
