@@ -3,8 +3,11 @@
 from __future__ import annotations
 
 import os
-from collections.abc import Callable, Iterator, Sequence
-from contextlib import closing
+import signal
+import threading
+import warnings
+from collections.abc import Callable, Generator, Iterator, Sequence
+from contextlib import closing, contextmanager
 from typing import TypeVar
 
 Case = TypeVar("Case")
@@ -21,7 +24,7 @@ def available_workers() -> int:
 
 def completed(
     function: Callable[[Case], Result], cases: Sequence[Case], workers: int | None = None
-) -> Iterator[tuple[int, Result]]:
+) -> Generator[tuple[int, Result], None, None]:
     """Yield (index, function(case)) as cases are completed, in any order.
 
     `function` and `cases` must be picklable when there are several workers; each worker computes with one thread. An
@@ -35,9 +38,30 @@ def completed(
     from joblib import Parallel, delayed, parallel_config
 
     with parallel_config(backend="loky", inner_max_num_threads=1):
-        pool = Parallel(n_jobs=workers, return_as="generator_unordered", batch_size=1, pre_dispatch=2 * workers)
-        with closing(pool(delayed(_numbered)(function, index, case) for index, case in enumerate(cases))) as results:
-            yield from results
+        pool = Parallel(
+            n_jobs=workers, return_as="generator_unordered", batch_size=1, pre_dispatch=2 * workers, max_nbytes=None
+        )
+        with warnings.catch_warnings():
+            warnings.filterwarnings("ignore", ".*have been cancelled.*", UserWarning)  # on purpose, when closed early
+            with _interrupt_ignored():
+                results = pool(delayed(_numbered)(function, i, case) for i, case in enumerate(cases))
+            with closing(results):
+                yield from results
+
+
+@contextmanager
+def _interrupt_ignored() -> Iterator[None]:
+    """Ignore Ctrl-C for the moment in which processes are started: they inherit that, and leave it to this one to end
+    them.
+    """
+    if threading.current_thread() is not threading.main_thread():  # where signals can't be changed
+        yield
+        return
+    before = signal.signal(signal.SIGINT, signal.SIG_IGN)
+    try:
+        yield
+    finally:
+        signal.signal(signal.SIGINT, before)
 
 
 def run_parallel(

@@ -18,14 +18,15 @@ class Equations:
     """Rows that count, of all measurements and joints.
 
     phi [R, p], torque [R] Nm, both averaged and low-passed; joint [R], block [R]: which joint and measurement a row
-    belongs to; variance [R] (Nm)^2 of its noise, nan where unknown; independent [R]: share of independent noise among
-    its neighbours.
+    belongs to; sample [R]: its place among the (decimated) rows of that measurement; variance [R] (Nm)^2 of its noise,
+    nan where unknown; independent [R]: share of independent noise among its neighbours.
     """
 
     phi: Array
     torque: Array
     joint: np.ndarray
     block: np.ndarray
+    sample: np.ndarray
     variance: Array
     independent: Array
 
@@ -63,12 +64,13 @@ def stack(
                     torque[rows, joint],
                     np.full(count, joint),
                     np.full(count, block),
+                    np.flatnonzero(rows),
                     np.full(count, variance[joint]),
                     np.full(count, measured.independent),
                 ]
             )
     joined = [np.concatenate(part) for part in zip(*parts, strict=True)]
-    phi, torque, joint_of, block_of, variance_of, independent = joined
+    phi, torque, joint_of, block_of, sample, variance_of, independent = joined
     for joint, name in enumerate(structure.robot.joints):
         if not np.any(joint_of == joint):
             raise InputError(
@@ -78,4 +80,6 @@ def stack(
         raise InputError(
             f"{source}: {len(torque)} usable samples are too few for {len(structure.parameters)} parameters"
         )
-    return Equations(phi, torque, joint_of.astype(int), block_of.astype(int), variance_of, independent)
+    return Equations(
+        phi, torque, joint_of.astype(int), block_of.astype(int), sample.astype(int), variance_of, independent
+    )

@@ -2,13 +2,16 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from dataclasses import asdict
 
 import numpy as np
 
 from robot_ident.errors import InputError, did_you_mean
 from robot_ident.estimation.equations import Equations
+from robot_ident.estimation.identifiability import identifiability
+from robot_ident.estimation.per_period import drift_notes, per_period
+from robot_ident.estimation.position_noise import position_notes
 from robot_ident.estimation.solve import ESTIMATORS, solve
 from robot_ident.model.model import Fit, Model, NoiseLevel
 from robot_ident.model.structure import Structure
@@ -26,6 +29,7 @@ def identify(
     effects: Sequence[str] = (),
     estimator: str = "wls",
     processing: Processing | None = None,
+    physical: bool = False,
 ) -> Model:
     """Estimate a robot's parameters from one or several recordings.
 
@@ -35,7 +39,7 @@ def identify(
     processing = processing or Processing()
     structure = Structure.build(robot, effects)
     measurements = [process(recording, robot, processing) for recording in recordings]
-    return estimate(measurements, structure, estimator=estimator, processing=processing)
+    return estimate(measurements, structure, estimator=estimator, processing=processing, physical=physical)
 
 
 def estimate(
@@ -44,14 +48,30 @@ def estimate(
     *,
     estimator: str = "wls",
     processing: Processing | None = None,
+    physical: bool = False,
 ) -> Model:
-    """Return the model of some measurements: eq. (7) or (10) with its covariance."""
+    """Return the model of some measurements: eq. (7), (10) or the minimum of (4), with its covariance.
+
+    physical: take the nearest parameters that a real arm can have.
+    """
     if estimator not in ESTIMATORS:
         raise InputError(f"unknown estimator {estimator!r}{did_you_mean(estimator, ESTIMATORS)}")
     if not measurements:
         raise InputError("no recording was given")
     found = solve(measurements, structure, estimator)
+    periods = per_period(measurements, found, estimator)
+    notes = [*structure.notes, *(f"{m.source}: {note}" for m in measurements for note in m.notes), *found.notes]
+    notes += drift_notes(periods, structure.names)
+    notes += identifiability(found, measurements).notes
+    consistent = None
+    if physical:
+        from robot_ident.estimation.physical import nearest_physical
+
+        consistent = nearest_physical(found)
+        found = consistent.solution
+        notes += consistent.notes
     equations, linear = found.equations, found.values[: len(structure.parameters)]
+    residual = _fits(equations, equations.torque - equations.phi @ linear, structure)
     _, logdet = np.linalg.slogdet(found.covariance[: len(linear), : len(linear)])
     return Model(
         structure=found.structure,
@@ -59,12 +79,34 @@ def estimate(
         covariance=found.covariance,
         estimator=estimator,
         noise=_noise(measurements),
-        residual=_fits(equations, equations.torque - equations.phi @ linear, structure),
+        residual=residual,
         condition_number=found.condition_number,
         log10_det_covariance=float(logdet / np.log(10.0)),
         processing=asdict(processing or Processing()),
-        notes=(*structure.notes, *(f"{m.source}: {note}" for m in measurements for note in m.notes), *found.notes),
+        notes=(*notes, *_misfit_notes(residual, equations), *position_notes(measurements, found, estimator)),
+        per_period=tuple(one.to_dict(structure.names) for one in periods),
+        chi_square=found.chi_square if np.isfinite(found.chi_square) else None,
+        dof=found.dof if np.isfinite(found.dof) else None,
+        physical=None if consistent is None else consistent.to_dict(),
     )
+
+
+def _misfit_notes(residual: Mapping[str, Fit], equations: Equations) -> list[str]:
+    """Return a line that names the joints whose residual is more than their noise."""
+    joints = []
+    for number, (name, fit) in enumerate(residual.items()):
+        if fit.noise_variance is None:
+            continue
+        ratio = fit.mse / fit.noise_variance
+        rows = float(np.sum(equations.independent[equations.joint == number]))
+        if ratio > 1.2 and ratio > 1.0 + 5.0 * np.sqrt(2.0 / rows):
+            joints.append(f"{name} {ratio:.3g}")
+    if not joints:
+        return []
+    return [
+        f"the residual exceeds the noise, in variance: {', '.join(joints)} times; the standard deviations hold for noise"
+        " alone, not for what the model lacks (robot_ident compare shows where it fails)"
+    ]
 
 
 def _noise(measurements: Sequence[Measurement]) -> NoiseLevel:

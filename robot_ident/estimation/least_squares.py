@@ -65,16 +65,6 @@ def factor(phi: Array, weight: Array, names: Sequence[str], source: str) -> Fact
     return Factor(q, r, scale, root, float(singular[0] / singular[-1]))
 
 
-def weighted(phi: Array, torque: Array, variance: Array, names: Sequence[str], source: str) -> tuple[Array, Array]:
-    """Return (theta, covariance) of weighted least squares: theta = (F' S^-1 F)^-1 F' S^-1 b, cov = (F' S^-1 F)^-1
-    (eqs. 7 and 9).
-
-    phi [R, p], torque [R] Nm, variance [R] (Nm)^2.
-    """
-    found = factor(phi, 1.0 / variance, names, source)
-    return found.solve(torque), found.inverse_information()
-
-
 def ordinary(phi: Array, torque: Array, variance: Array, names: Sequence[str], source: str) -> tuple[Array, Array]:
     """Return (theta, covariance) of ordinary least squares: theta = F+ b (eq. 10), cov = F+ S F+'."""
     found = factor(phi, np.ones(len(torque)), names, source)

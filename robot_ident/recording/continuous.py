@@ -4,7 +4,9 @@ from __future__ import annotations
 
 import numpy as np
 
+from robot_ident.errors import InputError
 from robot_ident.motion import Array, Mask, Motion
+from robot_ident.recording.chain import chain_of
 from robot_ident.recording.clock import Clock, fill, roughness
 from robot_ident.recording.low_pass import ZeroPhaseLowPass
 from robot_ident.recording.measurement import Measurement, Processing
@@ -25,6 +27,14 @@ def low_passed(recording: Recording, clock: Clock, robot: Robot, processing: Pro
     nyquist = 0.5 / clock.dt
     cutoff = processing.low_pass or min(DEFAULT_LOW_PASS, 0.4 * nyquist)
     wide = processing.derivative_bandwidth or min(4.0 * cutoff, 0.8 * nyquist)
+    chain = chain_of(robot, processing.anti_alias, recording.source, 1.0 / clock.dt)
+    if not chain.trivial:
+        if cutoff > chain.bandwidth:
+            raise InputError(
+                f"{recording.source}: low pass of {cutoff:g} Hz lies above {chain.bandwidth:.3g} Hz, up to which the"
+                " anti-alias filter can be undone"
+            )
+        tau = chain.undone(tau, 1.0 / clock.dt)
     smoother = ZeroPhaseLowPass(wide, clock.dt, len(q))
     motion = Motion(smoother.apply(q), smoother.apply(q, 1), smoother.apply(q, 2), dt=clock.dt)
     low_pass = ZeroPhaseLowPass(cutoff, clock.dt, len(q))
@@ -32,6 +42,8 @@ def low_passed(recording: Recording, clock: Clock, robot: Robot, processing: Pro
     whole = _whole(present, low_pass.smear())[:, None]
     stops = at_rest(motion, robot)
     notes = [f"not periodic: low-passed at {cutoff:g} Hz, differentiated to {wide:g} Hz"]
+    if chain.note:
+        notes.append(chain.note)
     if not present.all():
         notes.append(f"{int((~whole).sum())} rows near gaps and ends left out")
     return Measurement(

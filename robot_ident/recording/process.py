@@ -5,6 +5,7 @@ from __future__ import annotations
 from dataclasses import replace
 
 from robot_ident.errors import InputError
+from robot_ident.recording.chain import in_newton_metres
 from robot_ident.recording.clock import Clock, even_positions, read_clock
 from robot_ident.recording.continuous import low_passed
 from robot_ident.recording.measurement import Measurement, Processing
@@ -23,6 +24,7 @@ def process(recording: Recording, robot: Robot, processing: Processing | None = 
     """
     processing = processing or Processing()
     recording = recording.with_joints(robot.joints)
+    recording = in_newton_metres(recording, robot)
     check_plausible(recording, robot)
     clock = read_clock(recording)
     if processing.low_pass is not None and not 0 < processing.low_pass < 0.5 / clock.dt:

@@ -127,6 +127,17 @@ def test_a_limit_that_is_just_reached_is_not_kept(kuka: Robot) -> None:
     assert with_velocity(0.9 + 1e-9).kept
 
 
+def test_a_rule_that_is_hardly_kept_is_certified(kuka: Robot, random_excitation: Callable[..., Excitation]) -> None:
+    excitation = random_excitation(1)
+
+    def height(offset: float) -> Margins:
+        return certify(excitation, replace(kuka, workspace=(half_space("flange", (0.0, 0.0, 1.0), offset),)))
+
+    lowest = next(item.value for item in height(0.0).items if item.quantity == "workspace")
+    assert height(lowest - 3e-8).kept
+    assert not height(lowest + 3e-8).kept
+
+
 def test_margins_as_json(kuka: Robot, random_excitation: Callable[..., Excitation]) -> None:
     data = json.loads(json.dumps(certify(random_excitation(0), kuka).to_json()))
     assert set(data) == {"kept", "position", "velocity", "acceleration", "workspace", "torque"}

@@ -112,3 +112,11 @@ def test_local_motion_says_nothing_across_a_gap() -> None:
         said.append(local.add(round(k / 150 * 1e9), motion(k / 150), np.zeros(2)) is not None)
     assert said[30] and said[-1]
     assert not any(said[40:50])
+
+
+def test_every_sample_is_the_middle_once() -> None:
+    local = LocalMotion(0.2)
+    stamps = [1_700_000_000_000_000_000 + k * 20_000_000 // 3 for k in range(300)]
+    states = [local.add(stamp, np.zeros(1), np.zeros(1)) for stamp in stamps]
+    told = [state.stamp_ns for state in states if state is not None]
+    assert told == stamps[15:-15]

@@ -163,7 +163,7 @@ def test_a_joint_that_runs_out_sticks_without_chatter(kuka: Robot) -> None:
 def test_stick_slip_of_a_dragged_joint(kuka: Robot) -> None:
     """A weak position controller that creeps (0.02 rad/s) makes a joint with stribeck friction stick and jump."""
     plant = Plant(
-        kuka, plant_physics(kuka, ["stribeck@joint_1:stribeck=45,speed=0.02"]), Servo.make(kuka, "pd", 1.0), 1 / 1500
+        kuka, plant_physics(kuka, ["stribeck@joint_1:stribeck=20,speed=0.01"]), Servo.make(kuka, "pd", 1.0), 1 / 1500
     )
     t = np.arange(2 * 15000 + 1) / 3000
     q, dq = np.zeros((len(t), 3)), np.zeros((len(t), 3))

@@ -1,0 +1,81 @@
+"""Covariance of an estimate whose weights are not the inverse of its noise, or whose noise is not known."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+
+import numpy as np
+
+from robot_ident.estimation.equations import Equations
+from robot_ident.estimation.row_noise import RowNoise
+from robot_ident.motion import Array
+
+
+def sandwich(
+    bread: Array, weighed: Array, residual: Array, equations: Equations, noise: RowNoise, unknown: Sequence[int]
+) -> Array:
+    """Return B M B with B = bread [p, p] and M the covariance of the scores.
+
+    weighed [R, p]: weights times the derivatives of torque, whose products with the noise are the scores. Measurements
+    with known noise give X' S X; `unknown` ones the residual's own spectrum at zero, heteroscedasticity and
+    autocorrelation included.
+    """
+    known = ~np.isin(equations.block, list(unknown))
+    spread = noise.multiply(weighed * known[:, None])
+    meat = weighed.T @ (spread * known[:, None])
+    parameters = weighed.shape[1]
+    for block in unknown:
+        rows = equations.block == block
+        scores = _by_time(weighed[rows] * residual[rows, None], equations.sample[rows], equations.independent[rows])
+        meat = meat + long_run(scores) * _few(len(scores), len(np.unique(equations.joint[rows])), parameters)
+    return np.asarray(bread @ meat @ bread)
+
+
+def long_run(scores: Array) -> Array:
+    """Return sum over lags of k(lag / S) sum_t g_t g_(t + lag)' for scores g [T, p]: heteroscedasticity and
+    autocorrelation consistent.
+
+    Quadratic spectral kernel with the bandwidth S that an AR(1) of every score suggests (Andrews, "Heteroskedasticity
+    and autocorrelation consistent covariance matrix estimation", 1991, eqs. 2.7, 6.2 and 6.4).
+    """
+    total, p = scores.shape
+    scale = np.sqrt(np.mean(scores**2, axis=0))
+    scaled = scores / np.where(scale > 0, scale, 1.0)
+    before, after = scaled[:-1], scaled[1:]
+    rho = np.sum(before * after, axis=0) / np.maximum(np.sum(before**2, axis=0), 1e-300)
+    rho = np.clip(rho, -0.97, 0.97)
+    innovation = np.mean((after - rho * before) ** 2, axis=0)
+    top = np.sum(4.0 * rho**2 * innovation**2 / (1.0 - rho) ** 8)
+    bottom = np.sum(innovation**2 / (1.0 - rho) ** 4)
+    bandwidth = 1.3221 * (max(float(top / max(bottom, 1e-300)), 1e-6) * total) ** 0.2
+    lags = np.arange(1, total)
+    weights = np.concatenate([[1.0], _quadratic_spectral(lags / bandwidth)])
+    # sum_lag k(lag) sum_t g_t g_(t+lag)' as a product with the Toeplitz matrix of k, by FFT of twice the length
+    size = 2 * total
+    kernel = np.zeros(size)
+    kernel[:total], kernel[size - total + 1 :] = weights, weights[:0:-1]
+    smooth = np.fft.irfft(
+        np.fft.rfft(scores, size, axis=0) * np.real(np.fft.rfft(kernel))[:, None], size, axis=0
+    )[:total]
+    found = scores.T @ smooth
+    return np.asarray(0.5 * (found + found.T))
+
+
+def _quadratic_spectral(x: Array) -> Array:
+    angle = 6.0 * np.pi * x / 5.0
+    return np.asarray(25.0 / (12.0 * np.pi**2 * x**2) * (np.sin(angle) / angle - np.cos(angle)))
+
+
+def _by_time(scores: Array, sample: np.ndarray, independent: Array) -> Array:
+    """Return the scores [R, p] summed over joints and over bins as long as the low pass smears noise [T, p]."""
+    width = max(1, round(1.0 / float(np.mean(independent))))
+    bins = sample // width
+    out = np.zeros((int(bins.max()) + 1, scores.shape[1]))
+    np.add.at(out, bins, scores)
+    return out
+
+
+def _few(times: int, joints: int, parameters: int) -> float:
+    """Return what the fit has taken from the residual: T n / (T n - p)."""
+    values = times * joints
+    return values / max(values - parameters, 1)

@@ -1,0 +1,166 @@
+"""The periods one by one: the scatter of their estimates beside the sigma of the averaged one, and what drifts."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+from typing import Any
+
+import numpy as np
+
+from robot_ident.estimation.equations import Equations
+from robot_ident.estimation.solve import Problem, Solution
+from robot_ident.motion import Array
+from robot_ident.recording.measurement import Measurement
+
+_FRICTION = ("viscous", "coulomb")
+_LEAST = 3  # periods, below which neither scatter nor drift can be judged
+_ALPHA = 1e-3  # of the test for drift, divided by the number of joints and recordings
+
+
+@dataclass(frozen=True)
+class Drift:
+    """Change of a joint's friction over the periods of a recording.
+
+    change: of the friction's torque from the first to the last period, as a share of it; p_value of no trend.
+    """
+
+    joint: str
+    p_value: float
+    change: float
+
+
+@dataclass(frozen=True)
+class PerPeriod:
+    """Estimates [M, p] from each period of one recording alone.
+
+    scatter [p]: their standard deviation; of_mean [p]: that over sqrt(M), to be held beside the averaged sigma.
+    """
+
+    source: str
+    values: Array
+    sigma: Array
+    drift: tuple[Drift, ...]
+
+    @property
+    def scatter(self) -> Array:
+        """Standard deviation of the estimates of single periods [p]."""
+        return np.std(self.values, axis=0, ddof=1)
+
+    @property
+    def of_mean(self) -> Array:
+        """What that scatter lets expect of the mean's standard deviation [p]."""
+        return self.scatter / np.sqrt(len(self.values))
+
+    @property
+    def ratio(self) -> float:
+        """Root mean square of scatter / sqrt(M) over the averaged sigma: 1 where the noise alone makes periods differ."""
+        return float(np.sqrt(np.mean((self.of_mean / self.sigma) ** 2)))
+
+    def restless(self) -> list[tuple[int, float]]:
+        """Return the parameters whose scatter exceeds what sigma says by a quarter and by chance (1e-4), and how far."""
+        from scipy.stats import chi2
+
+        count, p = self.values.shape
+        ratio = self.of_mean / self.sigma
+        bound = max(1.25, float(np.sqrt(chi2.isf(1e-4 / p, count - 1) / (count - 1))))
+        return [(int(k), float(ratio[k])) for k in np.argsort(-ratio) if ratio[k] > bound]
+
+    def to_dict(self, names: Sequence[str]) -> dict[str, Any]:
+        """Return plain data for `model.yaml`."""
+        return {
+            "source": self.source,
+            "periods": len(self.values),
+            "scatter_over_sigma": self.ratio,
+            "parameters": {
+                name: {"scatter": float(s), "of_mean": float(m), "sigma": float(g), "values": [float(v) for v in column]}
+                for name, s, m, g, column in zip(
+                    names, self.scatter, self.of_mean, self.sigma, self.values.T, strict=True
+                )
+            },
+            "drift": [{"joint": d.joint, "p_value": d.p_value, "change": d.change} for d in self.drift],
+        }
+
+
+def per_period(measurements: Sequence[Measurement], found: Solution, estimator: str) -> tuple[PerPeriod, ...]:
+    """Return the estimates of single periods of every recording that has at least three, at the motion of their mean."""
+    out = []
+    p = len(found.structure.parameters)
+    for measured in measurements:
+        if measured.period_torque is None or len(measured.period_torque) < _LEAST:
+            continue
+        values, sigma = _estimates(measured, found, estimator)
+        drift = _drifts(values, found, len(measurements))
+        out.append(PerPeriod(measured.source, values[:, :p], sigma, drift))
+    return tuple(out)
+
+
+def _estimates(measured: Measurement, found: Solution, estimator: str) -> tuple[Array, Array]:
+    """Return theta [M, p] of each period by linear least squares, and the sigma [p] of their mean."""
+    problem = Problem([measured], found.structure, "ls" if estimator == "ls" else "wls")
+    equations = problem.equations(found.structure, found.values[: len(found.structure.parameters)])
+    solver = problem.factored(equations.phi, found.structure.names)
+    torques = measured.period_torque
+    assert torques is not None
+    rows = np.column_stack([_rows(measured, one, equations) for one in torques])
+    values = solver.solve(problem.right(rows)).T
+    residual = equations.torque - equations.phi @ values.mean(axis=0)
+    covariance = problem.covariance(equations, equations.phi, residual, found.structure.names)
+    return values, np.sqrt(np.diag(covariance))
+
+
+def _rows(measured: Measurement, torque: Array, equations: Equations) -> Array:
+    """Return one period's torque [N, n] at the rows of the equations [R]; gaps hold the mean period's."""
+    whole = measured.passed(np.where(np.isfinite(torque), torque, measured.torque))
+    out: Array = whole[equations.sample, equations.joint]
+    return out
+
+
+def _drifts(values: Array, found: Solution, recordings: int) -> tuple[Drift, ...]:
+    """Return the joints whose friction has a trend over the periods: regressed on their number, F test of both slopes."""
+    from scipy.stats import f as fisher
+
+    structure, count = found.structure, len(values)
+    mean = values.mean(axis=0)
+    number = np.arange(count) - (count - 1) / 2.0
+    slope = number @ values / np.sum(number**2)
+    rest = values - mean - np.outer(number, slope)
+    out = []
+    for joint, name in enumerate(structure.robot.joints):
+        own = [k for k, p in enumerate(structure.parameters) if p.joint == name and p.effect in _FRICTION]
+        if not own or count < len(own) + 3:
+            continue
+        covariance = rest[:, own].T @ rest[:, own] / (count - 2)
+        statistic = float(slope[own] @ np.linalg.solve(covariance, slope[own]) * np.sum(number**2))
+        freedom = count - 1 - len(own)
+        # Hotelling's T^2 of a slope whose covariance has M - 2 degrees of freedom
+        p_value = float(fisher.sf(statistic * freedom / (len(own) * (count - 2)), len(own), freedom))
+        if p_value < _ALPHA / (structure.robot.n * recordings):
+            out.append(Drift(name, p_value, _change(found, own, joint, slope * (count - 1), mean)))
+    return tuple(out)
+
+
+def _change(found: Solution, own: Sequence[int], joint: int, change: Array, mean: Array) -> float:
+    """Return the mean change of friction over the rows of a joint, as a share of the friction."""
+    phi = found.equations.phi[found.equations.joint == joint][:, own]
+    size = np.sum((phi @ mean[list(own)]) ** 2)
+    return float((phi @ change[list(own)]) @ (phi @ mean[list(own)]) / size) if size else 0.0
+
+
+def drift_notes(periods: Sequence[PerPeriod], names: Sequence[str]) -> tuple[str, ...]:
+    """Return a line for each joint that drifts, and one where periods differ by more than the noise."""
+    notes = []
+    for one in periods:
+        for drift in one.drift:
+            word = "falls" if drift.change < 0 else "rises"
+            notes.append(
+                f"{one.source}: the friction of {drift.joint} {word} by {100 * abs(drift.change):.2g} % from the first"
+                f" period to the last (p = {drift.p_value:.1g}): warm up before recording, or add temperature_drift"
+            )
+        loud = one.restless()
+        if loud:
+            notes.append(
+                f"{one.source}: the periods alone scatter more than the noise within a period explains, in"
+                f" {', '.join(f'{names[k]} {size:.2g} times' for k, size in loud)}; trust that scatter rather than sigma"
+            )
+    return tuple(notes)

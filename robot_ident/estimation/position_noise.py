@@ -1,0 +1,54 @@
+"""How much torque the noise of the positions is worth: whether least squares may take the columns as exact."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+
+import numpy as np
+
+from robot_ident.estimation.solve import Solution
+from robot_ident.model.structure import Structure
+from robot_ident.motion import Array
+from robot_ident.recording.measurement import Measurement
+
+_ACCELERATION = 1e-3  # of its rms: noise of the acceleration below which nothing needs to be computed
+_TORQUE = 0.1  # of the torque's noise variance: more is worth a word
+
+
+def acceleration_noise(measured: Measurement) -> Array:
+    """Return the noise of the acceleration over its rms [n], from the lines that a periodic motion holds; 0 elsewhere."""
+    lines, variance = measured.position_lines, measured.averaged_position_variance
+    if lines is None or variance is None or measured.base_frequency is None:
+        return np.zeros(len(measured.joints))
+    rates = (2.0 * np.pi * measured.base_frequency * np.arange(len(lines))) ** 4
+    noise = np.sqrt((lines.T @ rates) * 2.0 * variance / measured.motion.samples)
+    size = np.sqrt(np.mean(measured.motion.ddq**2, axis=0))
+    return np.asarray(noise / np.maximum(size, 1e-12))
+
+
+def torque_of_position_noise(measured: Measurement, structure: Structure, values: Array) -> Array:
+    """Return the variance [n] (Nm)^2 that the noise of the motion's lines gives the model's torque, averaged over time."""
+    from robot_ident.estimation.maximum_likelihood import Trajectory
+
+    trajectory = Trajectory.of(measured)
+    slope, _ = trajectory.torque_slope(structure, measured.motion, values)
+    return np.asarray(np.einsum("kjd,d->j", slope**2, trajectory.variance) / len(slope))
+
+
+def position_notes(measurements: Sequence[Measurement], found: Solution, estimator: str) -> list[str]:
+    """Return a line for each measurement whose position noise biases least squares."""
+    if estimator not in ("ls", "wls"):
+        return []
+    out = []
+    values = found.values[: len(found.structure.parameters)]
+    for measured in measurements:
+        if acceleration_noise(measured).max() < _ACCELERATION:
+            continue
+        share = torque_of_position_noise(measured, found.structure, values) / measured.averaged_variance
+        worst = int(np.argmax(share))
+        if share[worst] > _TORQUE:
+            out.append(
+                f"{measured.source}: position noise adds {100.0 * share[worst]:.0f} % to the torque noise variance of"
+                f" {measured.joints[worst]} and biases {estimator}; --estimator ml takes it into account"
+            )
+    return out

@@ -1,0 +1,140 @@
+"""The noise of the stacked rows: independent, coloured or shared by joints, and what it makes of an estimate."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+
+import numpy as np
+
+from robot_ident.estimation.equations import Equations
+from robot_ident.motion import Array
+from robot_ident.recording.measurement import Measurement
+
+_ROWS = 750  # of a block whose rows are whitened together; colour reaches over far fewer
+
+
+@dataclass(frozen=True)
+class Block:
+    """Rows [r] of the equations whose noise is correlated, and the lower Cholesky factor [r, r] of its covariance."""
+
+    rows: np.ndarray
+    cholesky: Array
+
+
+@dataclass(frozen=True)
+class Passband:
+    """Rows of a low-passed measurement whose noise is not white: their places (time, joint) on the period's grid."""
+
+    measurement: Measurement
+    rows: np.ndarray
+    place: tuple[np.ndarray, np.ndarray]
+
+    def multiply(self, x: Array) -> Array:
+        """Return S x for x [r, p]."""
+        measured = self.measurement
+        if measured.noise is None or measured.low_pass is None:
+            raise ValueError("a pass band needs a spectrum and a low pass")
+        grid = np.zeros((measured.noise.samples, len(measured.joints), x.shape[1]))
+        grid[self.place] = x
+        spread = measured.noise.multiply(measured.low_pass.apply(grid))
+        out: Array = measured.low_pass.apply(spread)[self.place] / measured.averages
+        return out
+
+
+@dataclass(frozen=True)
+class RowNoise:
+    """Covariance S [R, R] of the rows: diagonal but for blocks that are correlated in time or across joints.
+
+    variance [R] (Nm)^2: the diagonal. independent [R]: share of rows with independent noise where a low pass smeared
+    white noise; it counts as variance / independent there. blocks: without a low pass, coloured. bands: with one.
+    """
+
+    variance: Array
+    independent: Array
+    blocks: tuple[Block, ...] = ()
+    bands: tuple[Passband, ...] = ()
+
+    @property
+    def plain(self) -> bool:
+        """Whether S is taken as diagonal."""
+        return not self.blocks and not self.bands
+
+    @property
+    def spread(self) -> Array:
+        """Variance [R] that counts, the smearing of a low pass included."""
+        return self.variance / self.independent
+
+    def whiten(self, x: Array) -> Array:
+        """Return S^-1/2 x for x [R, ...], the smearing of a low pass left in."""
+        from scipy.linalg import solve_triangular
+
+        out: Array = (x.T / np.sqrt(self.variance)).T
+        for block in self.blocks:
+            out[block.rows] = solve_triangular(block.cholesky, x[block.rows], lower=True, check_finite=False)
+        return out
+
+    def precision(self, x: Array) -> Array:
+        """Return the weights that wls gives, W x for x [R, p]: S^-1 x where S is known in blocks, else x / spread."""
+        from scipy.linalg import cho_solve
+
+        out: Array = x / self.spread[:, None]
+        for block in self.blocks:
+            out[block.rows] = cho_solve((block.cholesky, True), x[block.rows], check_finite=False)
+        return out
+
+    def multiply(self, x: Array) -> Array:
+        """Return S x for x [R, p]."""
+        out: Array = x * self.spread[:, None]
+        for block in self.blocks:
+            out[block.rows] = block.cholesky @ (block.cholesky.T @ x[block.rows])
+        for band in self.bands:
+            out[band.rows] = band.multiply(x[band.rows])
+        return out
+
+
+def row_noise(measurements: Sequence[Measurement], equations: Equations, variance: Array) -> RowNoise:
+    """Return the noise of stacked equations with variances [R], from the spectra of their measurements."""
+    blocks: list[Block] = []
+    bands: list[Passband] = []
+    for number, measured in enumerate(measurements):
+        spectrum = measured.noise
+        if spectrum is None or spectrum.white:
+            continue
+        rows = np.flatnonzero(equations.block == number)
+        if measured.low_pass is not None:
+            place = equations.sample[rows] * measured.decimate, equations.joint[rows]
+            bands.append(Passband(measured, rows, place))
+        else:
+            blocks += _blocks(measured, equations, rows)
+    return RowNoise(variance, equations.independent, tuple(blocks), tuple(bands))
+
+
+def _blocks(measured: Measurement, equations: Equations, rows: np.ndarray) -> list[Block]:
+    """Return the blocks of one measurement: joints together where they share noise, else each coloured one alone."""
+    spectrum = measured.noise
+    assert spectrum is not None
+    joints = range(len(measured.joints))
+    groups = [list(joints)] if spectrum.correlated else [[j] for j in joints if spectrum.coloured[j]]
+    lagged = spectrum.autocovariance() / measured.averages
+    if measured.quantisation is not None:
+        lagged[0] += np.diag(measured.quantisation)
+    out = []
+    for group in groups:
+        own = rows[np.isin(equations.joint[rows], group)]
+        own = own[np.lexsort((equations.joint[own], equations.sample[own]))]
+        for part in np.array_split(own, max(1, int(np.ceil(len(own) / _ROWS)))):
+            time, joint = equations.sample[part] * measured.decimate, equations.joint[part]
+            lag = (time[None, :] - time[:, None]) % spectrum.samples
+            covariance = lagged[lag, joint[:, None], joint[None, :]]
+            out.append(Block(part, _cholesky(covariance)))
+    return out
+
+
+def _cholesky(covariance: Array) -> Array:
+    """Return the lower factor; a spectrum that falls to nothing is held at 1e-4 of its mean, lest its lines rule."""
+    from scipy.linalg import cholesky
+
+    floor = 1e-4 * float(np.mean(np.diag(covariance)))
+    factor: Array = cholesky(covariance + floor * np.eye(len(covariance)), lower=True, check_finite=False)
+    return factor

@@ -1,0 +1,105 @@
+"""What the optimiser minimises: smooth, differentiable forms of the criteria, as CasADi expressions."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from typing import Any
+
+import casadi as ca
+import numpy as np
+
+from robot_ident.model.structure import Structure
+from robot_ident.motion import Array
+
+
+def smooth_regressor(structure: Structure, widths: Array) -> Any:
+    """Return Phi (q, dq, ddq) -> [n, p] with sign(v) replaced by tanh(v / width); widths [n] rad/s by joint.
+
+    An expression of several joints' velocities takes the widest of their widths.
+    """
+    return structure.symbolic(sign=smooth_sign(widths))
+
+
+def smooth_sign(widths: Array) -> Callable[[Any], Any]:
+    """Return sign(v) as tanh(v / width), the width taken from the joints' velocities in v."""
+    n = len(widths)
+    names = {("dq" if n == 1 else f"dq_{joint}"): float(widths[joint]) for joint in range(n)}
+
+    def sign(v: Any) -> Any:
+        found = [names[symbol.name()] for symbol in ca.symvar(v) if symbol.name() in names]
+        return ca.tanh(v / max(found, default=float(np.max(widths))))
+
+    return sign
+
+
+def information_matrix(phi: Any, motion: tuple[Any, Any, Any], weights: Array, scale: Array, samples: int) -> Any:
+    """Return D F' S^-1 F D [p, p] for `samples` rows a period, by quadrature over the grid of the motion.
+
+    motion: q, dq, ddq [n, N] expressions; weights [n] = 1 / variance; scale D [p] keeps the numbers near one.
+    """
+    n, points = phi.size1_in(0), motion[0].shape[1]
+    q, dq, ddq = (ca.SX.sym(name, n) for name in ("q", "dq", "ddq"))
+    rows = ca.mtimes([ca.diag(ca.DM(np.sqrt(weights * samples / points))), phi(q, dq, ddq), ca.diag(ca.DM(scale))])
+    columns = ca.Function("rows", [q, dq, ddq], [ca.densify(rows)]).map(points)(*motion)
+    stacked = ca.vertcat(*ca.horzsplit(columns, phi.size2_out(0)))
+    return ca.mtimes(stacked.T, stacked)
+
+
+def cholesky_functions(p: int) -> tuple[Any, Any]:
+    """Return the CasADi functions M -> log det M and M -> M^-1 of positive definite matrices [p, p], by Cholesky.
+
+    The square root of a pivot that is not positive gives nan, which makes the optimiser shorten its step.
+    """
+    m = ca.SX.sym("m", p, p)
+    factor = _cholesky(m, p)
+    log_det = 2 * sum(ca.log(factor[j][j]) for j in range(p))
+    inverse = _inverse_of_factor(factor, p)
+    return (
+        ca.Function("log_det", [m], [log_det]),
+        ca.Function("inverse_factor", [m], [inverse]),
+    )
+
+
+def _cholesky(m: Any, p: int) -> list[list[Any]]:
+    """Return the rows of the lower factor L of M = L L'."""
+    factor: list[list[Any]] = [[None] * p for _ in range(p)]
+    for j in range(p):
+        pivot = m[j, j] - sum((factor[j][k] ** 2 for k in range(j)), ca.SX(0))
+        factor[j][j] = ca.sqrt(pivot)
+        for i in range(j + 1, p):
+            factor[i][j] = (m[i, j] - sum((factor[i][k] * factor[j][k] for k in range(j)), ca.SX(0))) / factor[j][j]
+    return factor
+
+
+def _inverse_of_factor(factor: list[list[Any]], p: int) -> Any:
+    """Return L^-1 by forward substitution."""
+    inverse = ca.SX(p, p)
+    for j in range(p):
+        column: dict[int, Any] = {}
+        for i in range(j, p):
+            right = ca.SX(1.0 if i == j else 0.0) - sum((factor[i][k] * column[k] for k in range(j, i)), ca.SX(0))
+            column[i] = right / factor[i][i]
+            inverse[i, j] = column[i]
+    return inverse
+
+
+def smooth_log_condition(information: Any, inverse_factor: Any, doublings: int) -> Any:
+    """Return a smooth upper bound of log(s_max / s_min) of the column-normalised regressor.
+
+    With R the information matrix scaled to a unit diagonal, s^2 are its eigenvalues, and with m = 2^doublings
+    (tr R^m)^(1/m) >= l_max, (tr R^-m)^(1/m) >= 1 / l_min, each by at most the factor p^(1/m).
+    """
+    inverse_length = 1 / ca.sqrt(ca.diag(information))
+    correlation = information * ca.mtimes(inverse_length, inverse_length.T)
+    factor = inverse_factor(correlation)
+    power = 2**doublings
+    total = 0
+    for matrix in (correlation, ca.mtimes(factor.T, factor)):
+        exponent = 0.0
+        for _ in range(doublings - 1):  # tr R^(2 k) = |R^k|^2, so one squaring fewer is needed
+            size = ca.sqrt(ca.sumsqr(matrix))
+            matrix = matrix / size
+            exponent = 2 * (exponent + ca.log(size))
+            matrix = ca.mtimes(matrix, matrix)
+        total += (2 * exponent + ca.log(ca.sumsqr(matrix))) / power
+    return 0.5 * total

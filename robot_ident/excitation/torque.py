@@ -1,0 +1,67 @@
+"""The torque that a motion takes, as far as a robot's files tell: URDF, armature and `simulation`."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+from functools import cached_property
+from typing import Any
+
+import casadi as ca
+import numpy as np
+
+from robot_ident.model.structure import Structure
+from robot_ident.motion import Array, Motion
+from robot_ident.robot.robot import Robot
+
+
+class TorqueModel:
+    """tau = Phi(q, dq, ddq) theta with the values that the robot's files give.
+
+    What they don't give counts as zero, and so do effects with memory and those that depend on the torque themselves.
+    """
+
+    def __init__(self, robot: Robot) -> None:
+        """Read the values of a robot."""
+        structure = Structure.build(robot)
+        theta = structure.true_values()
+        ends = np.cumsum([len(structure.base.columns), *(len(effect.coefficients) for effect in structure.effects)])
+        shares = np.split(theta, ends[:-1])
+        kept = [k for k, effect in enumerate(structure.effects) if effect.symbolic and not effect.uses_torque]
+        self._robot = robot
+        self._structure = replace(structure, effects=tuple(structure.effects[k] for k in kept))
+        self._theta = np.concatenate([shares[0], *(shares[1 + k] for k in kept)])
+        free = [
+            joint
+            for joint in structure.base.free_rotors
+            if f"rotor_inertia@{robot.joints[joint]}" not in structure.labels
+        ]
+        self._rotors = np.zeros(robot.n)
+        self._rotors[free] = robot.drives.armature[free]
+
+    @property
+    def known(self) -> bool:
+        """Whether there is anything to limit: inertias in the URDF and at least one torque limit."""
+        return bool(np.any(self._robot.rigid.parameters) and np.isfinite(self._robot.limits.torque).any())
+
+    def function(self, sign: Any = None) -> Any:
+        """Return the CasADi function (q, dq, ddq) -> tau [n]; `sign` may be a smooth stand-in for the sign function."""
+        q, dq, ddq = (ca.SX.sym(name, self._robot.n) for name in ("q", "dq", "ddq"))
+        tau = ca.mtimes(self._structure.symbolic(sign=sign)(q, dq, ddq), ca.DM(self._theta)) + ca.DM(self._rotors) * ddq
+        return ca.Function("torque", [q, dq, ddq], [ca.densify(tau)])
+
+    @cached_property
+    def _numeric(self) -> Any:
+        return self.function()
+
+    def torque(self, motion: Motion) -> Array:
+        """Return the torque [N, n] Nm along a motion."""
+        return np.array(self._numeric(motion.q.T, motion.dq.T, motion.ddq.T)).T
+
+    def reachable(self, samples: int = 4000) -> bool:
+        """Return whether states within the other limits come near a torque limit, from random corners and states."""
+        limits, rng = self._robot.limits, np.random.default_rng(0)
+        draw = rng.uniform(-1.0, 1.0, (3, samples, self._robot.n))
+        draw[1:] = np.where(rng.uniform(size=draw[1:].shape) < 0.5, np.sign(draw[1:]), draw[1:])
+        middle, half = 0.5 * (limits.upper + limits.lower), 0.5 * (limits.upper - limits.lower)
+        motion = Motion(middle + half * draw[0], limits.velocity * draw[1], limits.acceleration * draw[2])
+        return bool(np.any(np.abs(self.torque(motion)) > 0.9 * limits.torque))

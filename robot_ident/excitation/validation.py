@@ -1,0 +1,70 @@
+"""The paper's validation motion: random points, reached as fast as the limits allow, with a full stop at each."""
+
+from __future__ import annotations
+
+import numpy as np
+
+from robot_ident.errors import InputError
+from robot_ident.excitation.feasibility import allowed_poses, require_limits
+from robot_ident.excitation.limits import Certifier
+from robot_ident.excitation.point_to_point import PointToPoint
+from robot_ident.motion import Array
+from robot_ident.robot.robot import Robot
+
+_TRIES = 400  # random points for one move
+_PACES = (1.0, 0.7, 0.5, 0.35, 0.25)  # tried in turn where the full speed would take too much torque
+
+
+def validation_motion(robot: Robot, seed: int, points: int = 20, pause: float = 0.0) -> PointToPoint:
+    """Return a certified motion through `points` random points with maximum acceleration.
+
+    The motion of Swevers et al. 1997, section V. Every straight move between two points keeps position, velocity,
+    acceleration and the rules of the workspace. Raises InputError when limits are missing, can't be met together, or
+    no point can be reached from another.
+    """
+    if points < 2:
+        raise InputError(f"points = {points}: a motion needs two at least")
+    require_limits(robot)
+    certifier, rng = Certifier(robot), np.random.default_rng(seed)
+    pool = allowed_poses(robot, count=_TRIES, spread=0.98, seed=seed)
+    chosen, paces = [pool[0]], []
+    for _ in range(points - 1):
+        for k in rng.integers(len(pool), size=_TRIES):
+            pace = _pace(robot, certifier, chosen[-1], pool[k])
+            if pace is not None:
+                chosen.append(pool[k])
+                paces.append(pace)
+                break
+        else:
+            raise InputError(
+                f"{robot.name}: no straight move from {np.round(chosen[-1], 3).tolist()} stays within the limits"
+            )
+    return moves(robot, np.array(chosen), pause=pause, pace=np.array(paces), seed=seed)
+
+
+def moves(
+    robot: Robot,
+    points: Array,
+    *,
+    law: str = "fastest",
+    share: float = 1.0,
+    pause: float = 0.0,
+    pace: Array | None = None,
+    seed: int | None = None,
+) -> PointToPoint:
+    """Return the motion of a robot through points [K + 1, n] with a share of its velocity and acceleration limits."""
+    limits = robot.limits
+    pace = np.ones(len(points) - 1) if pace is None else pace
+    return PointToPoint(
+        robot.name, robot.joints, points, share * limits.velocity, share * limits.acceleration, law, pause, pace, seed
+    )
+
+
+def _pace(robot: Robot, certifier: Certifier, start: Array, goal: Array) -> float | None:
+    """Return the largest pace at which the straight move is certified, or None."""
+    if np.max(np.abs(goal - start) / (robot.limits.upper - robot.limits.lower)) < 0.05:
+        return None
+    pair = np.array([start, goal])
+    if not certifier.keeps(moves(robot, pair), torque=False):
+        return None
+    return next((pace for pace in _PACES if certifier.keeps(moves(robot, pair, pace=np.array([pace])))), None)

@@ -1,0 +1,238 @@
+"""What every node shares: its parameters, its life from start to a clean end, and quality of service."""
+
+from __future__ import annotations
+
+import gc
+import os
+import signal
+import sys
+import tempfile
+import threading
+from collections.abc import Callable, Iterator, Sequence
+from contextlib import contextmanager
+from types import FrameType, TracebackType
+from typing import Any, ClassVar
+
+import rclpy
+from diagnostic_msgs.msg import DiagnosticArray, DiagnosticStatus, KeyValue
+from rclpy.clock import Clock, ClockType
+from rclpy.executors import ExternalShutdownException, SingleThreadedExecutor
+from rclpy.logging import get_logger
+from rclpy.node import Node
+from rclpy.qos import DurabilityPolicy, HistoryPolicy, QoSProfile, ReliabilityPolicy
+from rclpy.qos_overriding_options import QoSOverridingOptions
+from rclpy.signals import SignalHandlerOptions
+from rclpy.utilities import remove_ros_args
+
+from robot_ident.errors import InputError, RobotIdentError
+from robot_ident.nodes.parameters import Parameter, Value, declare, usage
+
+OK, WARN, ERROR = DiagnosticStatus.OK, DiagnosticStatus.WARN, DiagnosticStatus.ERROR
+_SWITCH = 0.001  # s for which one thread may keep another from running; Python's own 5 ms are most of a tick at 150 Hz
+_WAKE = 0.1  # s between looks at whether the node is to end; a signal doesn't interrupt the wait for messages
+
+
+def reliable(depth: int) -> QoSProfile:
+    """Return the profile of the project's topics: nothing is lost while the reader keeps up within `depth` messages."""
+    return QoSProfile(
+        reliability=ReliabilityPolicy.RELIABLE,
+        durability=DurabilityPolicy.VOLATILE,
+        history=HistoryPolicy.KEEP_LAST,
+        depth=depth,
+    )
+
+
+def overridable() -> QoSOverridingOptions:
+    """Return the options by which users change a profile (`qos_overrides./joint_states.subscription.depth`)."""
+    return QoSOverridingOptions.with_default_policies()
+
+
+class BaseNode(Node):
+    """A node with its parameters declared; a subclass names them and itself."""
+
+    node_name: ClassVar[str]
+    description: ClassVar[str]
+    table: ClassVar[tuple[Parameter, ...]]
+
+    def __init__(self) -> None:
+        """Declare the parameters; InputError when one doesn't fit."""
+        super().__init__(self.node_name)
+        declare(self, self.table)
+        self._steady = Clock(clock_type=ClockType.STEADY_TIME)
+        self._end = threading.Event()
+        self._failure: BaseException | None = None
+
+    def value(self, name: str) -> Any:
+        """Return a parameter's present value."""
+        value: Value = self.get_parameter(name).value
+        return list(value) if isinstance(value, Sequence) and not isinstance(value, str) else value
+
+    def texts(self, name: str) -> list[str]:
+        """Return a list of texts without the empty ones."""
+        return [text for text in self.value(name) if text]
+
+    def per_joint(self, name: str, joints: Sequence[str]) -> list[float]:
+        """Return one number a joint of a parameter that gives one for all or one for each."""
+        values: list[float] = self.value(name)
+        if len(values) not in (1, len(joints)):
+            raise InputError(
+                f"parameter {name} has {len(values)} values; give one, or one for each of {', '.join(joints)}"
+            )
+        return values * len(joints) if len(values) == 1 else values
+
+    def every(self, seconds: float, callback: Callable[[], None]) -> None:
+        """Call back every so many seconds of real time, whatever the node's clock says."""
+        self.create_timer(seconds, callback, clock=self._steady)
+
+    def now_ns(self) -> int:
+        """Return the time of the node's clock [ns]: the machine's, or that of `/clock` under `use_sim_time`."""
+        return int(self.get_clock().now().nanoseconds)
+
+    @property
+    def ended(self) -> bool:
+        """Whether the node is to end."""
+        return self._end.is_set()
+
+    def end(self) -> None:
+        """End the node; from any thread."""
+        self._end.set()
+
+    def fail(self, error: BaseException) -> None:
+        """End the node with an error; from any thread."""
+        if self._failure is None:
+            self._failure = error
+        self.end()
+
+    def raise_failure(self) -> None:
+        """Raise the error that ended the node, if one did."""
+        if self._failure is not None:
+            raise self._failure
+
+    def request_end(self, reason: str) -> None:
+        """Answer a signal; a subclass that moves something brings it to rest first."""
+        self.end()
+
+    def close(self) -> None:
+        """Release what the node holds: threads joined, files closed."""
+
+    def status_array(self, level: bytes, message: str, values: dict[str, object]) -> DiagnosticArray:
+        """Return a diagnostic message about this node."""
+        status = DiagnosticStatus(
+            level=level,
+            name=self.get_fully_qualified_name().lstrip("/"),
+            message=message,
+            hardware_id="",
+            values=[KeyValue(key=key, value=str(value)) for key, value in values.items()],
+        )
+        array = DiagnosticArray(status=[status])
+        array.header.stamp = self.get_clock().now().to_msg()
+        return array
+
+
+class Signals:
+    """SIGINT and SIGTERM: they interrupt the start of a node, ask it to end while it runs, and do nothing at its end.
+
+    The handlers are Python's own rather than rclpy's, which shut the context down at once: nothing could be published
+    any more, not even a smooth stop. They also work where SIGINT was inherited as ignored.
+    """
+
+    def __init__(self) -> None:
+        """Nothing is caught before the block is entered."""
+        self.answer: Callable[[str], None] | None = None
+        self.closing = False
+        self._former: dict[int, Any] = {}
+
+    def _handle(self, number: int, frame: FrameType | None) -> None:
+        if self.closing:
+            return
+        if self.answer is None:
+            raise KeyboardInterrupt
+        self.answer(signal.Signals(number).name)
+
+    def __enter__(self) -> Signals:
+        """Install the handlers."""
+        for number in (signal.SIGINT, signal.SIGTERM):
+            self._former[number] = signal.signal(number, self._handle)
+        return self
+
+    def __exit__(
+        self, kind: type[BaseException] | None, error: BaseException | None, trace: TracebackType | None
+    ) -> None:
+        """Leave the handlers in place and mute: a second signal may come while the process ends."""
+        self.closing = True
+
+
+def run(make: type[BaseNode], argv: Sequence[str] | None = None) -> int:
+    """Run a node until it ends; return the exit code: 0, or that of an error of ours, told in one line."""
+    argv = list(sys.argv if argv is None else argv)
+    try:
+        with _ros_refusals():
+            rest = remove_ros_args(argv)[1:]
+        if "-h" in rest or "--help" in rest:
+            get_logger(make.node_name).info(usage(make.node_name, make.description, make.table))
+            return 0
+        if rest:
+            raise InputError(f"unknown argument {rest[0]!r}; parameters are given as --ros-args -p NAME:=VALUE")
+        with Signals() as signals:
+            _live(make, argv, signals)
+    except KeyboardInterrupt:
+        return 0  # before anything had begun
+    except RobotIdentError as error:
+        get_logger(make.node_name).fatal(str(error))
+        return error.exit_code
+    return 0
+
+
+def _live(make: type[BaseNode], argv: list[str], signals: Signals) -> None:
+    """From init to shutdown; whatever the node holds is released on every way out."""
+    _log_directory()
+    with _ros_refusals():
+        rclpy.init(args=argv, signal_handler_options=SignalHandlerOptions.NO)
+    node: BaseNode | None = None
+    executor = SingleThreadedExecutor()
+    try:
+        node = make()
+        signals.answer = node.request_end
+        _be_prompt()
+        executor.add_node(node)
+        while rclpy.ok() and not node.ended:
+            executor.spin_once(timeout_sec=_WAKE)
+        node.raise_failure()
+    except ExternalShutdownException:
+        return  # somebody else ended the context: an end like any other
+    finally:
+        signals.closing = True
+        if node is not None:
+            node.close()
+            executor.remove_node(node)
+            node.destroy_node()
+        executor.shutdown(timeout_sec=0.0)
+        rclpy.try_shutdown()
+
+
+@contextmanager
+def _ros_refusals() -> Iterator[None]:
+    """Turn what ROS says of arguments that it can't read into one line."""
+    try:
+        yield
+    except Exception as error:
+        if type(error).__name__ not in ("RCLError", "RCLInvalidROSArgsError", "UnknownROSArgsError"):
+            raise  # rclpy keeps the class of the first two in a private module
+        raise InputError(str(error).split(", at /")[0].removeprefix("failed to initialize rcl: ")) from error
+
+
+def _be_prompt() -> None:
+    """Keep Python's own housekeeping from standing in the way of a tick.
+
+    What was made at the start lives as long as the node: without `freeze` a collection looks through all of it again
+    and again, for 0.3 s each time, and no thread runs meanwhile.
+    """
+    sys.setswitchinterval(_SWITCH)
+    gc.collect()
+    gc.freeze()
+
+
+def _log_directory() -> None:
+    """ROS refuses to start where it finds no place for its log files."""
+    if not any(os.environ.get(name) for name in ("ROS_LOG_DIR", "ROS_HOME", "HOME")):
+        os.environ["ROS_LOG_DIR"] = os.path.join(tempfile.gettempdir(), "ros_log")

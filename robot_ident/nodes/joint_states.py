@@ -1,0 +1,47 @@
+"""Between JointState messages and arrays, joints matched by name."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+
+import numpy as np
+from builtin_interfaces.msg import Time
+from sensor_msgs.msg import JointState
+
+from robot_ident.motion import Array
+
+
+def stamp_of(message: JointState) -> int:
+    """Return the header stamp [ns], 0 where there is none."""
+    return int(message.header.stamp.sec) * 1_000_000_000 + int(message.header.stamp.nanosec)
+
+
+def time_message(stamp_ns: int) -> Time:
+    """Return a stamp [ns] as a message."""
+    seconds, nanoseconds = divmod(stamp_ns, 1_000_000_000)
+    return Time(sec=seconds, nanosec=nanoseconds)
+
+
+def joint_state(
+    joints: Sequence[str], stamp_ns: int, q: Array | None = None, dq: Array | None = None, tau: Array | None = None
+) -> JointState:
+    """Return a message of positions, velocities and efforts [n]; what is None stays empty."""
+    message = JointState(name=list(joints))
+    message.header.stamp = time_message(stamp_ns)
+    message.position = [] if q is None else q.tolist()
+    message.velocity = [] if dq is None else dq.tolist()
+    message.effort = [] if tau is None else tau.tolist()
+    return message
+
+
+def columns(message: JointState, joints: Sequence[str]) -> tuple[Array, Array | None, Array | None] | None:
+    """Return position, velocity and effort [n] of the joints; None for a field that is missing, or where a joint is."""
+    names = list(message.name)
+    if any(joint not in names for joint in joints) or len(message.position) != len(names):
+        return None
+    pick = [names.index(joint) for joint in joints]
+    q, dq, tau = (
+        np.asarray(values, dtype=float)[pick] if len(values) == len(names) else None
+        for values in (message.position, message.velocity, message.effort)
+    )
+    return (q, dq, tau) if q is not None else None

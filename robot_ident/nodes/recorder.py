@@ -1,0 +1,297 @@
+"""Records topics to a rosbag2 folder, byte for byte as they come from DDS, so that a killed recorder loses nothing."""
+
+from __future__ import annotations
+
+import importlib
+import shutil
+import threading
+import time
+from collections.abc import Sequence
+from dataclasses import dataclass, field
+from pathlib import Path
+from typing import Any, ClassVar
+
+from diagnostic_msgs.msg import DiagnosticArray
+from rclpy.qos import DurabilityPolicy, HistoryPolicy, QoSProfile, ReliabilityPolicy
+from rclpy.subscription import Subscription
+from sensor_msgs.msg import JointState
+from std_srvs.srv import Trigger
+
+from robot_ident.bags import BagWriter, Qos, Topic, qos_text
+from robot_ident.errors import InputError, RobotIdentError
+from robot_ident.nodes.common import ERROR, OK, WARN, BaseNode, overridable, reliable, run
+from robot_ident.nodes.parameters import Parameter
+from robot_ident.playing.stamps import SequenceWatch, StampWatch, header_stamp
+
+_LOOK = 0.5  # s between looks for topics whose type isn't known yet
+_STATES = "sensor_msgs/msg/JointState"
+
+
+@dataclass
+class Stream:
+    """One recorded topic: what was received of it."""
+
+    topic: Topic
+    has_header: bool
+    stamps: StampWatch = field(default_factory=StampWatch)
+    numbers: SequenceWatch = field(default_factory=SequenceWatch)
+
+    def summary(self) -> str:
+        """Say in words what was received and lost."""
+        s = self.stamps
+        rate = f" at {s.rate:.1f} Hz" if s.rate else ""
+        return (
+            f"{s.received} messages{rate}, {self.numbers.lost} lost on the way, "
+            f"{s.gaps} gaps ({s.missing} samples missing), {s.duplicates} repeated stamps, {s.late} late"
+        )
+
+
+def message_class(kind: str) -> type:
+    """Return the class of a message type such as `tf2_msgs/msg/TFMessage`; InputError when it isn't installed."""
+    module, _, name = kind.rpartition("/")
+    try:
+        found: type = getattr(importlib.import_module(module.replace("/", ".")), name)
+    except (ImportError, ValueError, AttributeError) as error:
+        raise InputError(f"the message type {kind!r} is not installed ({error})") from error
+    return found
+
+
+class Recorder(BaseNode):
+    """Subscribes raw, writes each message at once, counts what is missing."""
+
+    node_name: ClassVar[str] = "recorder"
+    description: ClassVar[str] = "records joint states, commands and further topics to a rosbag2 folder (MCAP)"
+    table: ClassVar[tuple[Parameter, ...]] = (
+        Parameter(
+            "output",
+            "",
+            "folder of the bag, made by the recorder; it must not exist (empty: a name from date and time)",
+            live=True,
+        ),
+        Parameter(
+            "topics", [""], "further topics to record: NAME, or NAME:TYPE as in tf:tf2_msgs/msg/TFMessage ('' for none)"
+        ),
+        Parameter("autostart", True, "start recording at once; otherwise by ~/start"),
+        Parameter(
+            "chunked",
+            False,
+            "compress in chunks: a smaller bag, of which a killed recorder loses up to a second",
+            live=True,
+        ),
+        Parameter(
+            "split_size",
+            0,
+            "start a new file of the bag after so many megabytes (0: never)",
+            0,
+            1_000_000,
+            unit="MB",
+            live=True,
+        ),
+        Parameter(
+            "split_duration",
+            0.0,
+            "start a new file of the bag after so many seconds (0: never)",
+            0.0,
+            1e7,
+            unit="s",
+            live=True,
+        ),
+        Parameter("depth", 5000, "messages a topic that may wait to be written", 1, 1_000_000),
+        Parameter("status_rate", 1.0, "how often ~/status is published", 0.1, 50.0, unit="Hz"),
+    )
+
+    def __init__(self) -> None:
+        """Subscribe, and start recording where `autostart` says so."""
+        super().__init__()
+        self._lock = threading.Lock()
+        self._bag: BagWriter | None = None
+        self._streams: dict[str, Stream] = {}
+        self._begun = 0.0
+        self._file_begun = 0.0
+        self._split_at = (0, 0.0)  # bytes, s
+        self._subscribed: dict[str, Subscription] = {}
+        self._sought = [entry.partition(":")[0] for entry in self.texts("topics")]
+        self._kinds = {"joint_states": _STATES, "joint_command": _STATES}
+        self._kinds |= {
+            name: kind for name, _, kind in (entry.partition(":") for entry in self.texts("topics")) if kind
+        }
+        self._status = self.create_publisher(DiagnosticArray, "~/status", 10)
+        if self.value("autostart"):
+            self._start()
+        for name in ("joint_states", "joint_command"):
+            self._subscribe(name, JointState, _STATES, reliable(self.value("depth")))
+        self.create_service(Trigger, "~/start", self._on_start)
+        self.create_service(Trigger, "~/stop", self._on_stop)
+        self.every(1.0 / self.value("status_rate"), self._tell)
+        self.every(_LOOK, self._look)
+        self._look()
+        self._syncing = threading.Thread(target=self._sync, name="sync", daemon=True)
+        self._syncing.start()
+
+    # --- topics
+
+    def _look(self) -> None:
+        """Subscribe to further topics once they are there, with the quality of service that they offer."""
+        for name in list(self._sought):
+            full = self.resolve_topic_name(name)
+            offers = self.get_publishers_info_by_topic(full)
+            kind = self._kinds.get(name) or (offers[0].topic_type if offers else "")
+            if not offers or not kind:
+                continue
+            self._sought.remove(name)
+            try:
+                message = message_class(kind)
+            except InputError as error:
+                self.get_logger().error(f"topic {name} can't be recorded: {error}")
+                continue
+            every = [offer.qos_profile for offer in offers]
+            best_effort = any(q.reliability == ReliabilityPolicy.BEST_EFFORT for q in every)
+            latched = all(q.durability == DurabilityPolicy.TRANSIENT_LOCAL for q in every)
+            profile = QoSProfile(
+                reliability=ReliabilityPolicy.BEST_EFFORT if best_effort else ReliabilityPolicy.RELIABLE,
+                durability=DurabilityPolicy.TRANSIENT_LOCAL if latched else DurabilityPolicy.VOLATILE,
+                history=HistoryPolicy.KEEP_LAST,
+                depth=self.value("depth"),
+            )
+            self._subscribe(name, message, kind, profile)
+
+    def _subscribe(self, name: str, message: type, kind: str, profile: QoSProfile) -> None:
+        full = self.resolve_topic_name(name)
+        if full in self._subscribed:
+            return
+        offered = Qos(
+            depth=profile.depth,
+            reliability="best_effort" if profile.reliability == ReliabilityPolicy.BEST_EFFORT else "reliable",
+            durability="transient_local" if profile.durability == DurabilityPolicy.TRANSIENT_LOCAL else "volatile",
+        )
+        topic = Topic(full, kind, qos=qos_text([offered]))
+        fields = message.get_fields_and_field_types()  # type: ignore[attr-defined]
+        stream = Stream(topic, next(iter(fields.values()), "") == "std_msgs/Header")
+
+        def receive(data: bytes, info: dict[str, Any]) -> None:
+            self._receive(full, data, info)
+
+        with self._lock:
+            self._streams[full] = stream
+            if self._bag is not None:
+                self._bag.add_topic(topic)
+        self._subscribed[full] = self.create_subscription(
+            message, name, receive, profile, raw=True, qos_overriding_options=overridable()
+        )
+
+    # --- recording
+
+    def _start(self) -> None:
+        """Open the bag; InputError when it can't be."""
+        output = Path(self.value("output") or time.strftime("robot_ident_%Y_%m_%d-%H_%M_%S"))
+        if output.exists():
+            raise InputError(f"parameter output: {output} exists already; give another name")
+        with self._lock:
+            streams = {name: Stream(stream.topic, stream.has_header) for name, stream in self._streams.items()}
+            bag = BagWriter(output, [stream.topic for stream in streams.values()], chunked=self.value("chunked"))
+            self._streams, self._bag = streams, bag
+            self._begun = self._file_begun = time.monotonic()
+            self._split_at = (self.value("split_size") * 1_000_000, self.value("split_duration"))
+        self.get_logger().info(f"recording to {output}")
+
+    def _stop(self) -> str:
+        """Close the bag; return what it holds."""
+        with self._lock:
+            bag, self._bag = self._bag, None
+            if bag is None:
+                return ""
+            bag.custom_data |= {f"robot_ident{name}": stream.summary() for name, stream in self._streams.items()}
+            bag.close()
+        counts = ", ".join(f"{stream.stamps.received} of {name}" for name, stream in self._streams.items())
+        return f"{bag.path}: {bag.messages} messages ({counts})"
+
+    def _receive(self, name: str, data: bytes, info: dict[str, Any]) -> None:
+        received = info["received_timestamp"] or time.time_ns()
+        number = info["publication_sequence_number"] or 0
+        with self._lock:
+            if self._bag is None:
+                return
+            stream = self._streams[name]
+            try:
+                self._bag.write(name, data, received, info["source_timestamp"] or received, number % 2**32)
+                self._split(self._bag)
+            except RobotIdentError as error:
+                self.fail(error)
+                return
+            stream.stamps.add(header_stamp(data) if stream.has_header else info["source_timestamp"])
+            if number:
+                stream.numbers.add(number)
+
+    def _split(self, bag: BagWriter) -> None:
+        size, duration = self._split_at
+        now = time.monotonic()
+        if (size and bag.file_bytes >= size) or (duration and now - self._file_begun >= duration):
+            bag.split()
+            self._file_begun = now
+
+    def _sync(self) -> None:
+        """Bring what was written to the disk once a second, so that a power cut takes no more than that."""
+        while not self._end.wait(1.0):
+            bag = self._bag
+            if bag is not None:
+                try:
+                    bag.sync()
+                except RobotIdentError as error:
+                    self.fail(error)
+                except ValueError:
+                    continue  # the bag was closed meanwhile
+
+    # --- services and status
+
+    def _on_start(self, request: Trigger.Request, response: Trigger.Response) -> Trigger.Response:
+        try:
+            if self._bag is not None:
+                raise InputError(f"recording already, to {self._bag.path}")
+            self._start()
+            response.success, response.message = True, f"recording to {self._bag.path if self._bag else ''}"
+        except RobotIdentError as error:
+            response.success, response.message = False, str(error)
+        return response
+
+    def _on_stop(self, request: Trigger.Request, response: Trigger.Response) -> Trigger.Response:
+        text = self._stop()
+        response.success, response.message = bool(text), text or "nothing is being recorded"
+        return response
+
+    def _tell(self) -> None:
+        bag = self._bag
+        if bag is None:
+            self._status.publish(self.status_array(OK, "not recording", {}))
+            return
+        left = shutil.disk_usage(bag.path if bag.path.exists() else ".").free
+        lost = sum(stream.numbers.lost for stream in self._streams.values())
+        gaps = sum(stream.stamps.gaps for stream in self._streams.values())
+        values: dict[str, object] = {
+            "output": bag.path,
+            "messages": bag.messages,
+            "duration [s]": f"{time.monotonic() - self._begun:.1f}",
+            "disk left [MB]": left // 1_000_000,
+        }
+        values |= {name: stream.summary() for name, stream in self._streams.items()}
+        message = "recording" if not lost else f"recording; {lost} messages were lost on the way"
+        if left < 50_000_000:
+            message = f"recording; only {left // 1_000_000} MB are left on the disk"
+        level = ERROR if left < 50_000_000 else WARN if lost or gaps else OK
+        self._status.publish(self.status_array(level, message, values))
+
+    def close(self) -> None:
+        """Close the bag properly."""
+        self.end()
+        self._syncing.join(2.0)
+        text = self._stop()
+        if text:
+            self.get_logger().info(text)
+
+
+def main(argv: Sequence[str] | None = None) -> int:
+    """Run the recorder."""
+    return run(Recorder, argv)
+
+
+if __name__ == "__main__":
+    raise SystemExit(main())

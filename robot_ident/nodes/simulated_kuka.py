@@ -1,0 +1,156 @@
+"""A simulated robot in real time: follows joint commands and reports joint states as a real one would."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from typing import ClassVar
+
+import numpy as np
+from sensor_msgs.msg import JointState
+from std_srvs.srv import Trigger
+
+from robot_ident.motion import Array
+from robot_ident.nodes.common import BaseNode, overridable, reliable, run
+from robot_ident.nodes.joint_states import columns, joint_state, stamp_of
+from robot_ident.nodes.parameters import Parameter
+from robot_ident.playing.command_buffer import CommandBuffer
+from robot_ident.playing.ticker import Stall, Ticker
+from robot_ident.robot import load_robot
+from robot_ident.simulation.interpolator import CommandInterpolator
+from robot_ident.simulation.servo import BANDWIDTH, SERVOS
+from robot_ident.simulation.simulated_robot import SimulatedRobot
+
+
+class SimulatedKuka(BaseNode):
+    """Advances `SimulatedRobot` by one sample a tick and publishes what its sensors say, on an even grid of stamps."""
+
+    node_name: ClassVar[str] = "simulated_kuka"
+    description: ClassVar[str] = "a simulated robot that follows joint_command and publishes joint_states in real time"
+    table: ClassVar[tuple[Parameter, ...]] = (
+        Parameter("robot", "kuka_ir361", "name of a robot, a robot YAML or a URDF"),
+        Parameter("rate", 150.0, "rate of joint_states", 1.0, 2000.0, unit="Hz"),
+        Parameter("step_rate", 0.0, "rate of the dynamics, a multiple of rate; 0: 1 kHz or finer", 0.0, 1e5, unit="Hz"),
+        Parameter("servo", "feedforward", "; ".join(f"{k}: {v}" for k, v in SERVOS.items()), choices=tuple(SERVOS)),
+        Parameter("bandwidth", BANDWIDTH, "bandwidth of the position controllers", 0.1, 200.0, unit="Hz"),
+        Parameter("effects", [""], "further phenomena of the plant, as NAME@JOINT or NAME@JOINT:k=v,... ('' for none)"),
+        Parameter("noise", 1.0, "factor of the robot's noise variances; 0: no noise", 0.0, 1e6),
+        Parameter("seed", 0, "seed of the noise", 0, 2**31 - 1),
+        Parameter(
+            "initial_position",
+            [0.0],
+            "where it stands at the start and after ~/reset; one value, or one a joint; brought within the limits",
+            -1e3,
+            1e3,
+            unit="rad or m",
+        ),
+        Parameter(
+            "delay", 0.05, "how long commands wait, so that late ones don't disturb the motion", 0.0, 1.0, unit="s"
+        ),
+        Parameter(
+            "patience", 0.1, "how long it moves on when commands stop, before it brakes and holds", 0.0, 10.0, unit="s"
+        ),
+        Parameter("depth", 1000, "joint states that a slow reader may leave waiting", 1, 1_000_000),
+    )
+
+    def __init__(self) -> None:
+        """Build the plant and start its clock; InputError on an unknown robot, effect or rate."""
+        super().__init__()
+        robot = load_robot(self.value("robot"))
+        rate = self.value("rate")
+        self._joints = robot.joints
+        self._interval_ns = 1e9 / rate
+        self._plant = SimulatedRobot(
+            robot,
+            sample_rate=rate,
+            step_rate=self.value("step_rate") or None,
+            servo=self.value("servo"),
+            bandwidth=self.value("bandwidth"),
+            effects=self.texts("effects"),
+            noise=self.value("noise"),
+        )
+        start = np.array(self.per_joint("initial_position", robot.joints))
+        self._start: Array = np.clip(start, robot.limits.lower, robot.limits.upper)
+        self._interpolator = CommandInterpolator(robot.limits.acceleration, 1.0 / rate, patience=self.value("patience"))
+        self._buffer = CommandBuffer(self.value("delay"))
+        self._rng = np.random.default_rng(self.value("seed"))
+        self._resets = 1
+        self._origin_ns: int | None = None
+        self._epoch_ns = 0
+        self._states = self.create_publisher(
+            JointState, "joint_states", reliable(self.value("depth")), qos_overriding_options=overridable()
+        )
+        self.create_subscription(
+            JointState, "joint_command", self._on_command, reliable(1000), qos_overriding_options=overridable()
+        )
+        self.create_service(Trigger, "~/reset", self._on_reset)
+        self._ticker = Ticker(
+            rate,
+            self._tick,
+            late="catch_up",
+            stall=1.0,
+            on_stall=self._on_stall,
+            on_error=self.fail,
+            clock=(lambda: self.now_ns() * 1e-9) if self.get_parameter("use_sim_time").value else None,
+        )
+        self.get_logger().info(f"{robot.name} with {', '.join(self._plant.effects) or 'no effects'}")
+        self._ticker.start()
+
+    def _on_command(self, message: JointState) -> None:
+        values = columns(message, self._joints)
+        if values is None:
+            self.get_logger().warning(
+                f"a command without positions of {', '.join(self._joints)} is left out", throttle_duration_sec=5.0
+            )
+            return
+        q, dq, _ = values
+        dq = np.zeros(len(q)) if dq is None else dq
+        if not (np.isfinite(q).all() and np.isfinite(dq).all()):
+            self.get_logger().warning("a command that is not a number is left out", throttle_duration_sec=5.0)
+            return
+        self._buffer.put(stamp_of(message), self.now_ns(), q, dq)
+
+    def _tick(self, number: int) -> None:
+        """Advance by one sample and report; in the ticker's thread."""
+        if self._origin_ns is None:
+            self._origin_ns = self.now_ns() - round(number * self._interval_ns)
+        stamp = self._origin_ns + round(number * self._interval_ns)
+        if self._resets:
+            self._resets = 0
+            self._plant.reset(self._start)
+            self._interpolator.reset(self._start)
+            self._buffer.clear()
+        for command in self._buffer.due(stamp):
+            self._epoch_ns = self._epoch_ns or command.t_ns
+            self._interpolator.push((command.t_ns - self._epoch_ns) * 1e-9, command.q, command.dq)
+        half = 0.5 * self._plant.step
+        self._plant.advance(self._interpolator.advance(2 * self._plant.steps_per_sample, half))
+        reading = self._plant.measure(self._rng)
+        self._states.publish(joint_state(self._joints, stamp, reading.q, reading.dq, reading.tau))
+
+    def _on_stall(self, stall: Stall) -> None:
+        """Begin the grid of stamps anew."""
+        self._origin_ns = None
+        self.get_logger().warning(f"{stall}: the stamps of joint_states have a gap")
+
+    def _on_reset(self, request: Trigger.Request, response: Trigger.Response) -> Trigger.Response:
+        self._resets = 1
+        response.success, response.message = True, f"at {self._start.tolist()}"
+        return response
+
+    def close(self) -> None:
+        """Join the thread."""
+        self.end()
+        self._ticker.stop()
+        timing = self._ticker.timing
+        self.get_logger().info(
+            f"{timing.ticks} samples, worst lateness {1e3 * timing.worst:.2f} ms, {timing.stalls} stalls"
+        )
+
+
+def main(argv: Sequence[str] | None = None) -> int:
+    """Run the simulated robot."""
+    return run(SimulatedKuka, argv)
+
+
+if __name__ == "__main__":
+    raise SystemExit(main())

@@ -1,0 +1,140 @@
+"""Calls a function on an even time grid, in its own thread, by absolute deadlines."""
+
+from __future__ import annotations
+
+import threading
+import time
+from collections.abc import Callable
+from dataclasses import dataclass
+from typing import Literal
+
+_POLL = 0.001  # s; a clock that isn't the machine's own can only be asked again and again
+_JUMP = 0.1  # s of real time within which a clock that leaps has jumped, rather than this process stood still
+
+
+@dataclass(frozen=True)
+class Timing:
+    """How well the grid was kept: ticks done and missed, the worst lateness [s], stalls that moved the grid."""
+
+    ticks: int = 0
+    missed: int = 0
+    worst: float = 0.0
+    stalls: int = 0
+
+
+@dataclass(frozen=True)
+class Stall:
+    """The grid was moved by `seconds`: the process stood still, or its clock jumped."""
+
+    seconds: float
+    clock_jump: bool
+
+    def __str__(self) -> str:
+        """Say it in words."""
+        return (
+            f"the clock jumped by {self.seconds:+.3f} s"
+            if self.clock_jump
+            else f"this process stood still for {self.seconds:.3f} s"
+        )
+
+
+class Ticker:
+    """Tick k is due at t0 + k / rate: no error adds up, whatever a tick costs.
+
+    late: `skip` leaves out ticks that are overdue by a whole interval and counts them (a command for the past is worth
+    nothing); `catch_up` makes up for them (a simulation must not lose time). Lateness beyond `stall` seconds, or a
+    clock that runs backwards, moves the whole grid instead and is told to `on_stall`. An exception in a tick ends the
+    thread and is handed to `on_error`.
+    """
+
+    def __init__(
+        self,
+        rate: float,
+        tick: Callable[[int], None],
+        *,
+        late: Literal["skip", "catch_up"] = "skip",
+        stall: float = 0.1,
+        on_stall: Callable[[Stall], None] | None = None,
+        on_error: Callable[[BaseException], None] | None = None,
+        clock: Callable[[], float] | None = None,
+    ) -> None:
+        """Prepare a grid of `rate` [Hz]; `clock` [s] replaces the machine's monotonic clock."""
+        self.interval = 1.0 / rate
+        self._tick = tick
+        self._catch_up = late == "catch_up"
+        self._stall = stall
+        self._on_stall = on_stall
+        self._on_error = on_error
+        self._clock = clock or time.monotonic
+        self._foreign = clock is not None
+        self._ended = threading.Event()
+        self._thread = threading.Thread(target=self._run, name="ticker", daemon=True)
+        self._timing = Timing()
+
+    @property
+    def timing(self) -> Timing:
+        """How well the grid was kept so far."""
+        return self._timing
+
+    def start(self) -> None:
+        """Start the thread; its first tick is due at once."""
+        self._thread.start()
+
+    def stop(self, timeout: float = 1.0) -> None:
+        """End the thread and wait for it; a tick may call this for its own ticker."""
+        self._ended.set()
+        if self._thread.is_alive() and threading.current_thread() is not self._thread:
+            self._thread.join(timeout)
+
+    def _run(self) -> None:
+        try:
+            self._loop()
+        except Exception as error:  # noqa: BLE001 - any failure of a tick belongs to whoever owns the ticker
+            if self._on_error is None:
+                raise
+            self._on_error(error)
+
+    def _loop(self) -> None:
+        while self._foreign and self._clock() <= 0.0:  # a clock that has not been heard yet
+            if self._ended.wait(_POLL):
+                return
+        start = self._clock()
+        number = 0
+        ticks = missed = stalls = 0
+        worst = 0.0
+        while not self._ended.is_set():
+            stall = self._wait(start + number * self.interval)
+            if self._ended.is_set():
+                return
+            late = self._clock() - start - number * self.interval
+            if stall is None and late > self._stall:
+                stall = Stall(late, clock_jump=False)
+            if stall is not None:
+                start += late
+                stalls += 1
+                if self._on_stall is not None:
+                    self._on_stall(stall)
+                late = 0.0
+            elif late > self.interval and not self._catch_up:
+                overdue = int(late / self.interval)
+                missed += overdue
+                number += overdue
+            worst = max(worst, late)
+            self._tick(number)
+            number += 1
+            ticks += 1
+            self._timing = Timing(ticks, missed, worst, stalls)
+
+    def _wait(self, deadline: float) -> Stall | None:
+        """Wait until the deadline; return the jump of a foreign clock that happened meanwhile."""
+        if not self._foreign:
+            self._ended.wait(max(deadline - self._clock(), 0.0))
+            return None
+        before, real = self._clock(), time.monotonic()
+        while before < deadline and not self._ended.wait(_POLL):
+            now, real_now = self._clock(), time.monotonic()
+            step = now - before
+            if step < 0.0 or (step > self._stall and real_now - real < _JUMP):
+                return Stall(step, clock_jump=True)
+            before, real = now, real_now
+        return None

@@ -1,0 +1,162 @@
+"""Watches the robot while it is moved: is it still there, is it where it was sent, is its torque within bounds."""
+
+from __future__ import annotations
+
+import threading
+from collections import deque
+from collections.abc import Sequence
+from dataclasses import dataclass
+
+import numpy as np
+
+from robot_ident.motion import Array
+
+_REST_SPAN = 0.2  # s over which the speed of a robot is judged from its positions alone
+_REST_SPEED = 0.02  # rad/s: stands still, as in a validation
+
+
+@dataclass(frozen=True)
+class Bounds:
+    """A motion is stopped without a new state for `timeout` [s], `tracking` [n] rad off, beyond `effort` [n] Nm."""
+
+    timeout: float
+    tracking: Array
+    effort: Array
+
+
+@dataclass(frozen=True)
+class State:
+    """What the robot reported: q [n] rad, tau [n] Nm (nan where none), its stamp [ns] and when it came [s]."""
+
+    q: Array
+    tau: Array
+    stamp_ns: int
+    received: float
+
+
+class Watch:
+    """Keeps the robot's latest state and says what is wrong with it.
+
+    A message that lacks one of the joints belongs to another device and is passed over; one that repeats the stamp of
+    its predecessor is no news. A NaN is remembered until `clear`.
+    """
+
+    def __init__(self, joints: Sequence[str], bounds: Bounds) -> None:
+        """Watch these joints; `bounds` may be replaced at any time."""
+        self.joints = tuple(joints)
+        self.bounds = bounds
+        self.worst_tracking: Array = np.zeros(len(self.joints))
+        self._lock = threading.Lock()
+        self._recent: deque[State] = deque()
+        self._order: tuple[tuple[str, ...], list[int]] = ((), [])
+        self._fault = ""
+        self._hint = ""
+
+    def update(
+        self, names: Sequence[str], position: Sequence[float], effort: Sequence[float], stamp_ns: int, now: float
+    ) -> None:
+        """Take one joint state in, received at `now` [s]."""
+        pick = self._pick(tuple(names), len(position))
+        if pick is None:
+            return
+        q = np.asarray(position, dtype=float)[pick]
+        tau = np.asarray(effort, dtype=float)[pick] if len(effort) == len(names) else np.full(len(pick), np.nan)
+        with self._lock:
+            if not np.isfinite(q).all() or (len(effort) == len(names) and np.isnan(tau).any()):
+                what, values = ("position", q) if not np.isfinite(q).all() else ("effort", tau)
+                joint = int(np.argmin(np.isfinite(values)))
+                self._fault = f"the {what} of {self.joints[joint]} is {values[joint]}"
+                return
+            if self._recent and stamp_ns and stamp_ns <= self._recent[-1].stamp_ns:
+                self._hint = (
+                    "; their stamps stand still"
+                    if stamp_ns == self._recent[-1].stamp_ns
+                    else "; their stamps run backwards"
+                )
+                return
+            self._hint = ""
+            self._recent.append(State(q, tau, stamp_ns, now))
+            while len(self._recent) > 2 and now - self._recent[1].received >= _REST_SPAN:
+                self._recent.popleft()
+
+    def _pick(self, names: tuple[str, ...], positions: int) -> list[int] | None:
+        if names != self._order[0]:
+            missing = [joint for joint in self.joints if joint not in names]
+            if missing or positions != len(names):
+                if not self._recent:
+                    self._hint = (
+                        f"; those that come lack {missing[0]}" if missing else "; their positions don't fit their names"
+                    )
+                return None
+            self._order = (names, [names.index(joint) for joint in self.joints])
+        return self._order[1] if positions == len(names) else None
+
+    @property
+    def state(self) -> State | None:
+        """The latest state."""
+        with self._lock:
+            return self._recent[-1] if self._recent else None
+
+    def clear(self) -> None:
+        """Forget an earlier fault and the worst tracking error, at the start of a motion."""
+        with self._lock:
+            self._fault = ""
+            self.worst_tracking = np.zeros(len(self.joints))
+
+    def forget(self) -> None:
+        """Forget the states as well: they are older than they look (this process stood still)."""
+        with self._lock:
+            self._recent.clear()
+
+    def not_ready(self, now: float) -> str:
+        """Return why no motion can start from here, or an empty text."""
+        silence = self._silence(now)
+        if silence:
+            return silence
+        with self._lock:
+            first, last = self._recent[0], self._recent[-1]
+        span = last.received - first.received
+        if span < 0.5 * _REST_SPAN:
+            return "the robot was seen for too short a time to know whether it stands still"
+        speed = np.abs(last.q - first.q) / span
+        if speed.max() > _REST_SPEED:
+            joint = int(np.argmax(speed))
+            return f"{self.joints[joint]} moves at {speed[joint]:.3f} rad/s; the robot must stand still to start"
+        return ""
+
+    def _silence(self, now: float) -> str:
+        with self._lock:
+            last = self._recent[-1] if self._recent else None
+        if last is None:
+            return f"no joint_states{self._hint}"
+        age = now - last.received
+        if age > self.bounds.timeout:
+            return f"no new joint_states for {age:.2f} s{self._hint}"
+        return ""
+
+    def problem(self, now: float, commanded: Array) -> str:
+        """Return why the motion must stop, or an empty text.
+
+        commanded [k, n] rad: the positions commanded lately. A robot follows with a delay, so what counts is the
+        distance from the range that these cover.
+        """
+        if self._fault:
+            return self._fault
+        silence = self._silence(now)
+        if silence:
+            return silence
+        state = self.state
+        if state is None or not len(commanded):
+            return ""
+        off = np.maximum(state.q - commanded.max(axis=0), commanded.min(axis=0) - state.q)
+        self.worst_tracking = np.maximum(self.worst_tracking, off)
+        if np.any(off > self.bounds.tracking):
+            joint = int(np.argmax(off - self.bounds.tracking))
+            bound = f"(bound {self.bounds.tracking[joint]:g})"
+            return f"{self.joints[joint]} is {off[joint]:.4f} from where it was sent {bound}"
+        if np.any(np.abs(state.tau) > self.bounds.effort):
+            joint = int(np.nanargmax(np.abs(state.tau) - self.bounds.effort))
+            return (
+                f"the effort of {self.joints[joint]} is {state.tau[joint]:.1f} (bound {self.bounds.effort[joint]:.1f})"
+            )
+        return ""

@@ -1,0 +1,52 @@
+"""The low pass in front of the torque converter: a causal filter with a real delay."""
+
+from __future__ import annotations
+
+import numpy as np
+
+from robot_ident.errors import InputError
+from robot_ident.motion import Array
+from robot_ident.robot.robot import AntiAlias, Robot
+from robot_ident.simulation.sensors import Sensors
+
+PAPER = AntiAlias(order=8, cutoff=40.0)
+"""The filter of the paper's section V: a delay of 20 ms at low frequency."""
+
+
+def anti_alias_of(robot: Robot, rate: float) -> AntiAlias:
+    """Return the robot's filter, or the paper's; InputError when its cutoff isn't below half of `rate` [Hz]."""
+    kind = robot.anti_alias or PAPER
+    if kind.cutoff >= rate / 2:
+        raise InputError(
+            f"anti-alias filter: cutoff {kind.cutoff:g} Hz is not below half of the step rate, {rate:g} Hz"
+        )
+    return kind
+
+
+def low_pass(kind: AntiAlias, values: Array, rate: float) -> Array:
+    """Return values [N, n], sampled at `rate` [Hz], behind the Butterworth filter, which has settled on the first
+    value.
+
+    Discretised by the bilinear rule with its -3 dB kept in place; `rate` far above the cutoff.
+    """
+    from scipy import signal
+
+    sections = signal.butter(kind.order, kind.cutoff, fs=rate, output="sos")
+    settled = signal.sosfilt_zi(sections)[:, :, None] * values[0]
+    filtered, _ = signal.sosfilt(sections, values, axis=0, zi=settled)
+    return np.asarray(filtered)
+
+
+def filtered(
+    robot: Robot, torque: Array, rate: float, per_sample: int, sensors: Sensors, rng: np.random.Generator
+) -> Array:
+    """Return the noisy torque [N, n] at the samples behind the filter, of the torque at steps of `rate` [Hz].
+
+    The noise is white up to half of the step rate with the density that it has, sampled without a filter, up to half of
+    the sample rate: its variance at the steps is that of a sample times their ratio, and inverting the filter gives the
+    robot's noise back.
+    """
+    kind = anti_alias_of(robot, rate)
+    fine = torque + np.sqrt(per_sample) * sensors.read_torque(np.zeros(torque.shape), rng)
+    settled = np.concatenate([torque[:1], fine])  # the filter has settled on the first torque, not on its noise
+    return low_pass(kind, settled, rate)[1::per_sample]

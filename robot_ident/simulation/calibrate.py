@@ -1,0 +1,103 @@
+"""How large a phenomenon is to the eye of identification: what a refitted model without it leaves."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Sequence
+from typing import NamedTuple
+
+import numpy as np
+
+from robot_ident.excitation.fourier import FourierSeries
+from robot_ident.model.structure import Structure
+from robot_ident.motion import Array, Motion
+from robot_ident.robot.robot import Robot
+from robot_ident.simulation.periodic import Play
+from robot_ident.simulation.physics import Physics, home_pose
+from robot_ident.simulation.physics.physics import strength
+
+EVERY = 3
+"""Samples a row: a smooth model needs no more to be fitted."""
+
+TRIES = 6
+STEEPEST = 3.0
+"""Bound on how fast the residual is taken to rise with size, as a power."""
+
+
+class Calibrated(NamedTuple):
+    """A phenomenon of the size that was wanted, or as near to it as it may be; visible [n] Nm rms by joint."""
+
+    physics: Physics
+    visible: Array
+
+
+def standard_motions(robot: Robot, count: int = 2, seed: int = 361) -> list[FourierSeries]:
+    """Return random periodic motions (five harmonics of 0.1 Hz) that fill 85 % of a robot's limits, workspace aside.
+
+    They are the same whenever they are asked for: what is drawn for them doesn't depend on a user's own motion.
+    """
+    rng, base, out = np.random.default_rng(seed), 0.1, []
+    limits, middle = robot.limits, home_pose(robot)
+    room = np.minimum(limits.upper - middle, middle - limits.lower)
+    room = np.where(np.isfinite(room), np.minimum(room, 2.0), 1.5)
+    speed = np.where(np.isfinite(limits.velocity), np.minimum(limits.velocity, 2.0), 1.0)
+    push = np.where(np.isfinite(limits.acceleration), limits.acceleration, 4.0)
+    for _ in range(count):
+        a, b = rng.standard_normal((2, robot.n, 5))
+        motion = FourierSeries(base, np.zeros(robot.n), a, b).motion(np.linspace(0, 1 / base, 400, endpoint=False))
+        largest = [np.abs(part).max(axis=0) for part in (motion.q, motion.dq, motion.ddq)]
+        factor = 0.85 * np.min([limit / peak for limit, peak in zip((room, speed, push), largest, strict=True)], axis=0)
+        out.append(FourierSeries(base, middle, a * factor[:, None], b * factor[:, None]))
+    return out
+
+
+def pooled(motions: Sequence[FourierSeries], samples: int = 500) -> Motion:
+    """Return periods of several motions one after the other."""
+    parts = [m.motion(np.linspace(0, m.period, samples, endpoint=False)) for m in motions]
+    return Motion(*(np.concatenate([getattr(p, name) for p in parts]) for name in ("q", "dq", "ddq")))
+
+
+def visible(structure: Structure, plays: Sequence[Play]) -> Array:
+    """Return the rms [n] Nm of what the model leaves of all plays' torque after one weighted fit, without noise.
+
+    Slow phenomena count with their beginning and their end.
+    """
+    robot = structure.robot
+    made = [readings for play in plays for readings in (play.period, *(end for _, end in play.ends))]
+    motion = Motion(
+        *(np.concatenate([getattr(r, name)[::EVERY] for r in made]) for name in ("shown_q", "shown_dq", "shown_ddq"))
+    )
+    torque = np.concatenate([r.recorded[::EVERY] for r in made])
+    noise = np.sqrt(robot.noise.torque_variance)
+    weight = 1 / np.where(np.isfinite(noise) & (noise > 0), noise, [strength(robot, j) for j in range(robot.n)])
+    columns = structure.columns(motion)
+    phi = (columns * weight[:, None]).reshape(-1, columns.shape[2])
+    theta, *_ = np.linalg.lstsq(phi, (torque * weight).ravel(), rcond=None)
+    return np.asarray(np.sqrt(np.mean((torque - columns @ theta) ** 2, axis=0)))
+
+
+def calibrate(
+    physics: Physics,
+    target: float,
+    play: Callable[[Physics], Sequence[Play]],
+    structure: Structure,
+    *,
+    tolerance: float = 0.12,
+) -> Calibrated:
+    """Return a phenomenon scaled so that the joint that shows it best has `target` Nm rms left, within a tolerance.
+
+    `play` simulates the robot with it. The size is found by secants of the logarithms, and never exceeds `largest`
+    times that of `physics`: what is visible then may be less than wanted.
+    """
+    size, past = 1.0, (0.0, 0.0)
+    for attempt in range(TRIES):
+        scaled = physics.scaled(size)
+        left = visible(structure, play(scaled))
+        ratio = float(left.max()) / target
+        if abs(ratio - 1) < tolerance or (size >= physics.largest and ratio < 1) or ratio == 0.0:
+            break
+        now = (float(np.log(size)), float(np.log(ratio)))
+        power = 1.0
+        if attempt and now[0] != past[0]:
+            power = float(np.clip((now[1] - past[1]) / (now[0] - past[0]), 1 / STEEPEST, STEEPEST))
+        past, size = now, min(float(np.exp(now[0] - now[1] / power)), physics.largest)
+    return Calibrated(scaled, left)

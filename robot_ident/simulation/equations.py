@@ -1,0 +1,248 @@
+"""The equations of one time step as CasADi functions: all that happens to the simulated arm between two instants."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+from functools import cached_property
+from typing import Any, NamedTuple
+
+import casadi as ca
+
+from robot_ident.robot.robot import Robot
+from robot_ident.robot.symbolic import dynamics_function
+from robot_ident.simulation.complementarity import StepProblem, solve
+from robot_ident.simulation.physics import Instant, Physics
+from robot_ident.simulation.servo import Servo
+from robot_ident.simulation.state import Layout, Parts
+from robot_ident.simulation.transmissions import Transmissions
+
+AT_ONCE = 1e-9
+"""A step [s] so short that the law of friction over it is the law at an instant."""
+
+
+class Terms(NamedTuple):
+    """The terms of inertia ddq + bias + torque + damping dq + friction = tau at an instant, of friction its level.
+
+    stiff: what the torque rises with position, per joint; load: torque on the gears.
+    """
+
+    inertia: Any
+    bias: Any
+    torque: Any
+    damping: Any
+    stiff: Any
+    level: Any
+    load: Sequence[Any]
+
+
+class Step(NamedTuple):
+    """What is known before friction is: the problem to solve and what follows from its solution."""
+
+    problem: StepProblem
+    terms: Terms
+    physics: tuple[Physics, ...]
+
+
+@dataclass(frozen=True)
+class Equations:
+    """M(q) ddq + n(q, dq) + phenomena = tau over a step of `step` seconds, theta = 1/2.
+
+    M and n at the middle of the step, which the last acceleration predicts; servo gains, damping, stiff springs and
+    shafts by the trapezoidal rule, so that a step is stable whatever they are. Parameters of phenomena are part of the
+    state: the same functions serve all their values.
+    """
+
+    robot: Robot
+    physics: tuple[Physics, ...]
+    servo: Servo
+    step: float
+
+    @cached_property
+    def layout(self) -> Layout:
+        """Where things stand in a state."""
+        own, values = sum(p.states for p in self.physics), sum(len(p.free) for p in self.physics)
+        return Layout(self.robot.n, own, len(self.transmissions.joints), values)
+
+    @cached_property
+    def transmissions(self) -> Transmissions:
+        """The joints whose transmission gives."""
+        return Transmissions.of(self.robot, self.physics)
+
+    def dry_joints(self) -> list[bool]:
+        """Return which joints have dry friction."""
+        _, _, parts = self._symbols()
+        level = self._terms(self._given(parts), parts, parts.q, parts.v, ca.SX.zeros(self.robot.n), 0.0).level
+        return [not level[j].is_zero() for j in range(self.layout.moving)]
+
+    def full(self) -> Any:
+        """Return the function (state, command) -> state after a step, stick and slip and turning in it."""
+        state, command, parts = self._symbols()
+        step = self._step(parts, command)
+        _, _, v = solve(step.problem)
+        return ca.Function("full", [state, command], [self._after(parts, step, v)])
+
+    def slipping(self) -> Any:
+        """Return the same function for a step in which no joint with dry friction stops or turns: a third of the work.
+
+        Wherever the signs of the velocities come out as they went in, it is the one solution of the full problem.
+        """
+        state, command, parts = self._symbols()
+        step = self._step(parts, command)
+        friction = step.problem.level * ca.sign(parts.v)
+        d, lt, p = ca.ldl(step.problem.inertia)
+        v = parts.v + self.step * ca.ldl_solve(step.problem.force - friction, d, lt, p)
+        return ca.Function("slipping", [state, command], [self._after(parts, step, v)])
+
+    def acceleration(self) -> Any:
+        """Return the function (state, torque) -> ddq at that instant, zero for joints that stick."""
+        state, tau, parts, terms, force = self._at_once()
+        nothing = ca.SX.zeros(self.layout.moving)
+        problem = StepProblem(terms.inertia, force, parts.v, terms.level, AT_ONCE, nothing, nothing)
+        _, w, after = solve(problem)
+        sticks = ca.logic_and(parts.v == 0, after == 0)
+        return ca.Function("acceleration", [state, tau], [ca.densify(ca.if_else(sticks, 0, w))])
+
+    def moving_acceleration(self) -> Any:
+        """Return the same function where no joint with dry friction is at rest."""
+        state, tau, parts, terms, force = self._at_once()
+        d, lt, p = ca.ldl(terms.inertia)
+        w = ca.ldl_solve(force - terms.level * ca.sign(parts.v), d, lt, p)
+        return ca.Function("moving_acceleration", [state, tau], [ca.densify(w)])
+
+    def shown(self) -> Any:
+        """Return the function (state, ddq) -> position, velocity and acceleration [n] that the encoders show."""
+        state, _, parts = self._symbols()
+        n = self.robot.n
+        ddq = ca.SX.sym("ddq", n)
+        q, v = ca.SX.sym("q", n), ca.SX.sym("v", n)
+        seen = self._seen(self._given(parts), q)
+        rate = ca.jtimes(seen, q, v)
+        curve = ca.jtimes(rate, q, v) + ca.jtimes(seen, q, ddq)
+        out = ca.substitute([seen, rate, curve], [q, v], [parts.q[:n], parts.v[:n]])
+        return ca.Function("shown", [state, ddq], [ca.densify(x) for x in out])
+
+    def _symbols(self) -> tuple[Any, Any, Parts]:
+        state = ca.SX.sym("x", self.layout.size)
+        return state, ca.SX.sym("u", 5 * self.robot.n), self.layout.split_symbolic(state)
+
+    def _at_once(self) -> tuple[Any, Any, Parts, Terms, Any]:
+        state, _, parts = self._symbols()
+        tau = ca.SX.sym("tau", self.robot.n)
+        terms = self._terms(self._given(parts), parts, parts.q, parts.v, tau, 0.0)
+        force = self._driven(tau) - terms.bias - terms.torque - terms.damping * parts.v
+        return state, tau, parts, terms, force
+
+    def _given(self, parts: Parts) -> tuple[Physics, ...]:
+        """Return the phenomena with their parameters as the state holds them."""
+        out, at = [], 0
+        for physics in self.physics:
+            count = len(physics.free)
+            out.append(physics.with_symbols(ca.vertsplit(parts.values[at : at + count]) if count else []))
+            at += count
+        return tuple(out)
+
+    def _own(self, state: Sequence[Any]) -> list[Sequence[Any]]:
+        """Return the states of each phenomenon."""
+        out, at = [], 0
+        for physics in self.physics:
+            out.append(state[at : at + physics.states])
+            at += physics.states
+        return out
+
+    def _driven(self, tau: Any) -> Any:
+        """Return a torque of the motors [n] with zeros for the links behind them."""
+        return ca.vertcat(tau, ca.SX.zeros(self.layout.links))
+
+    def _seen(self, given: Sequence[Physics], q: Any) -> Any:
+        """Return what the encoders show [n] of positions q [n]."""
+        shown = ca.SX(q)
+        for physics in given:
+            if physics.reads:
+                shown[physics.joint] += physics.misread(q[physics.joint])
+        return shown
+
+    def _terms(self, given: Sequence[Physics], x: Parts, q: Any, v: Any, tau: Any, h: float) -> Terms:
+        """Return the terms at positions and velocities, for phenomena with the states of x and commands tau [n]."""
+        n, size, gear = self.robot.n, self.layout.moving, self.transmissions
+        mass, bias = dynamics_function(self.robot)(gear.of_links(q), gear.of_links(v))
+        inertia = gear.spread(mass)
+        torque, damping, stiff, level = (ca.SX.zeros(size) for _ in range(4))
+        load = ca.mtimes(mass, gear.of_links(x.a)) + bias - ca.DM(self.robot.drives.armature) * gear.of_links(x.a)
+        sides = {
+            "motor": (q[:n], v[:n], x.a[:n], x.v[:n]),
+            "link": tuple(gear.of_links(part) for part in (q, v, x.a, x.v)),
+        }
+        split = {side: [ca.vertsplit(part) for part in parts] for side, parts in sides.items()}
+        own = self._own(ca.vertsplit(x.own) if self.layout.own else [])
+        command = ca.vertsplit(tau)
+        # What the gear carries comes first: friction that depends on the load needs the sum.
+        for physics, z in sorted(zip(given, own, strict=True), key=lambda pair: not pair[0].loads_gear):
+            sq, sv, sa, start = split[physics.side]
+            moved = [h / 2 * value for value in start]
+            part = physics.contribution(Instant(sq, sv, sa, ca.vertsplit(load), z, command, moved, h))
+            at = gear.rows[physics.side]
+            for j, value in part.torque.items():
+                torque[at[j]] += value
+                load[j] += value if physics.loads_gear else 0
+            for into, values in ((damping, part.damping), (stiff, part.stiffness), (level, part.friction)):
+                for j, value in values.items():
+                    into[at[j]] += value
+            for (i, j), value in part.inertia.items():
+                inertia[at[i], at[j]] += value
+                load[i] += value * sa[j] if physics.loads_gear else 0
+        full = ca.SX.zeros(size)
+        for j in range(n):
+            full[gear.rows["link"][j]] += bias[j]
+        torque += gear.torque(given, x.q, x.v, h)
+        return Terms(inertia, full, torque, damping, stiff, _not_negative(level), ca.vertsplit(load))
+
+    def _step(self, x: Parts, command: Any) -> Step:
+        h, servo, n = self.step, self.servo, self.robot.n
+        given = self._given(x)
+        q_ref, v_ref, ahead, jump, fraction = ca.vertsplit(command, n)
+        q_mid, v_mid = x.q + h / 2 * x.v + h**2 / 8 * x.a, x.v + h / 2 * x.a
+        kp, kd, limit = ca.DM(servo.kp), ca.DM(servo.kd), ca.DM(servo.limit)
+        off = self._seen(given, q_mid[:n]) - q_mid[:n]  # taken as constant over the step
+        wanted = ahead + kp * (q_ref - q_mid[:n] - off) + kd * (v_ref - v_mid[:n])
+        free = ca.fabs(wanted) < limit  # a drive at its torque limit answers to nothing
+        clipped = ca.fmax(ca.fmin(wanted, limit), -limit)
+        terms = self._terms(given, x, q_mid, v_mid, clipped, h)
+        trapezoidal = ahead + kp * (q_ref - x.q[:n] - off - h / 2 * x.v[:n]) + kd * (v_ref - x.v[:n])
+        drive = ca.if_else(free, trapezoidal, clipped)
+        held = self._driven(ca.if_else(free, h / 2 * kd + h**2 / 4 * kp, 0))
+        implicit = h / 2 * terms.damping + h**2 / 4 * terms.stiff + held
+        problem = StepProblem(
+            inertia=terms.inertia + ca.diag(implicit) + self.transmissions.implicit(given, x.q, x.v, h),
+            force=self._driven(drive) - terms.bias - terms.torque - terms.damping * x.v,
+            velocity=x.v,
+            level=terms.level,
+            h=h,
+            fraction=self._driven(fraction),
+            jump=self._driven(ca.if_else(free, jump, 0)),
+        )
+        return Step(problem, terms, given)
+
+    def _after(self, x: Parts, step: Step, v: Any) -> Any:
+        """Return the state after a step from the velocity after it."""
+        h, n, gear = self.step, self.robot.n, self.transmissions
+        q = x.q + h / 2 * (x.v + v)
+        a = ca.if_else(v == 0, 0, (v - x.v) / h)  # a joint that has just stopped isn't predicted to turn
+        own: list[Any] = []
+        for physics, z in zip(step.physics, self._own(ca.vertsplit(x.own) if self.layout.own else []), strict=True):
+            if physics.states:
+                pick = gear.of_links if physics.side == "link" else (lambda part: part[:n])
+                before = [ca.vertsplit(pick(part)) for part in (x.q, x.v, x.a)]
+                after = [ca.vertsplit(pick(part)) for part in (q, v, a)]
+                own += physics.advance(Instant(*before, step.terms.load, z), Instant(*after, step.terms.load, z), h)
+        return ca.vertcat(q, v, a, *own, x.values)
+
+
+def _not_negative(level: Any) -> Any:
+    """Return levels of dry friction, those that phenomena lower no further than to zero; structural zeros stay."""
+    return ca.vertcat(*(x if x.is_zero() else ca.fmax(x, 0) for x in ca.vertsplit(level)))
+
+
+def start_values(physics: Sequence[Physics]) -> list[float]:
+    """Return the parameters of phenomena in the order of the state."""
+    return [float(p.values[name]) for p in physics for name in p.free]

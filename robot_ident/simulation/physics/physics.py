@@ -1,0 +1,258 @@
+"""What a phenomenon of the plant is: what it adds to M(q) ddq + n(q, dq) = tau, with its own states and parameters."""
+
+from __future__ import annotations
+
+import copy
+from abc import ABC, abstractmethod
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass, field
+from typing import Any, ClassVar, Literal, Self
+
+import numpy as np
+
+from robot_ident.errors import InputError, did_you_mean
+from robot_ident.motion import Array, Motion
+from robot_ident.robot.robot import Robot
+
+
+@dataclass(frozen=True)
+class Value:
+    """A parameter of a phenomenon: its unit on a revolute and on a prismatic joint, and its bounds.
+
+    structural: it decides what the equations look like (a joint's index, a seed); the others may be changed without
+    building them anew.
+    """
+
+    name: str
+    unit: str
+    unit_prismatic: str
+    lower: float = -np.inf
+    upper: float = np.inf
+    structural: bool = False
+
+
+@dataclass(frozen=True)
+class Instant:
+    """What a phenomenon may depend on, as scalar CasADi expressions by joint.
+
+    q, v, a: position, velocity, acceleration (that of the step before), of motors or links as the phenomenon's `side`
+    is. load: torque that the gear carries. state: the phenomenon's own states. command: what the drives are told to
+    give. moved: what a joint moves until the middle of the step at the velocity that it has at its beginning. h [s]:
+    length of the step, 0 at an instant.
+    """
+
+    q: Sequence[Any]
+    v: Sequence[Any]
+    a: Sequence[Any]
+    load: Sequence[Any]
+    state: Sequence[Any] = ()
+    command: Sequence[Any] = ()
+    moved: Sequence[Any] = ()
+    h: float = 0.0
+
+
+@dataclass(frozen=True)
+class Contribution:
+    """What is added to the left side of M ddq + n = tau, by joint.
+
+    torque [Nm]; damping [Nm s/rad], a torque in proportion to the joint's own velocity that is taken implicitly;
+    stiffness [Nm/rad], how a torque given at `moved` rises with position, taken implicitly too; friction [Nm], the
+    level of a dry friction against the joint's velocity; inertia {(i, j): kg m^2}, symmetric where i != j.
+    """
+
+    torque: Mapping[int, Any] = field(default_factory=dict)
+    damping: Mapping[int, Any] = field(default_factory=dict)
+    stiffness: Mapping[int, Any] = field(default_factory=dict)
+    friction: Mapping[int, Any] = field(default_factory=dict)
+    inertia: Mapping[tuple[int, int], Any] = field(default_factory=dict)
+
+
+class Physics(ABC):
+    """A phenomenon of the simulated robot, at one joint or (scope `robot`) on all of it.
+
+    Its equations are those of the plant, coded apart from `robot_ident.effects`: what identifies a robot is not tested
+    against itself. A subclass states `name` and `parameters` and writes `typical` and `contribution`; one with memory
+    also states its number of `states` and writes `advance`.
+
+    scope: where it may be; `either` means one joint or all. side: whether it acts on the motor or on the link, which
+    differ where a transmission gives. sizes: the parameters that its torque is in proportion to, at least nearly.
+    largest: how much larger than typical it may be drawn. replaces: phenomena of the same joint whose place it takes.
+    loads_gear: the gear carries its torque. shaft: it lies between motor and link. slow: it changes over many periods.
+    reads: it changes what the encoder shows. step_rate [Hz]: how many steps a second it needs.
+    """
+
+    name: ClassVar[str]
+    parameters: ClassVar[tuple[Value, ...]]
+    states: ClassVar[int] = 0
+    scope: ClassVar[Literal["joint", "robot", "either"]] = "joint"
+    side: ClassVar[Literal["motor", "link"]] = "motor"
+    sizes: ClassVar[tuple[str, ...]] = ()
+    largest: ClassVar[float] = 8.0
+    replaces: ClassVar[tuple[str, ...]] = ()
+    loads_gear: ClassVar[bool] = False
+    shaft: ClassVar[bool] = False
+    slow: ClassVar[bool] = False
+    reads: ClassVar[bool] = False
+    step_rate: ClassVar[float] = 0.0
+
+    def __init__(self, robot: Robot, joint: int | None, values: Mapping[str, float]) -> None:
+        """Place it at a joint; a value that is left out is typical. InputError on an unknown or impossible one."""
+        self.robot = robot
+        self.place = joint
+        for key, value in values.items():
+            self._check(key, value)
+        missing = any(p.name not in values for p in self.parameters)
+        self.values: Mapping[str, Any] = {**(self.typical(robot, joint or 0) if missing else {}), **values}
+
+    def _check(self, key: str, value: float) -> None:
+        known = {p.name: p for p in self.parameters}
+        if key not in known:
+            raise InputError(f"{self.label}: no parameter {key!r}{did_you_mean(key, known)}")
+        if not known[key].lower <= value <= known[key].upper:
+            raise InputError(f"{self.label}: {key} = {value} lies outside [{known[key].lower:g}, {known[key].upper:g}]")
+
+    @property
+    def joint(self) -> int:
+        """The joint that it is at; 0 where it is the robot's."""
+        return 0 if self.place is None else self.place
+
+    @property
+    def label(self) -> str:
+        """The phenomenon as users write it: `name@joint`, or `name` where it is the robot's."""
+        return self.name if self.place is None else f"{self.name}@{self.robot.joints[self.place]}"
+
+    @property
+    def text(self) -> str:
+        """The phenomenon with its values, in full: `name@joint:k=v,...`."""
+        values = ",".join(f"{p.name}={float(self.values[p.name])!r}" for p in self.parameters)
+        return f"{self.label}:{values}" if values else self.label
+
+    @property
+    def structure(self) -> tuple[object, ...]:
+        """What its equations depend on, but for values that may be changed."""
+        fixed = tuple(float(self.values[p.name]) for p in self.parameters if p.structural)
+        return (type(self), self.place, *fixed)
+
+    @property
+    def free(self) -> tuple[str, ...]:
+        """Names of the values that may be changed without building the equations anew."""
+        return tuple(p.name for p in self.parameters if not p.structural)
+
+    def with_symbols(self, symbols: Sequence[Any]) -> Self:
+        """Return it with expressions in place of its free values."""
+        other = copy.copy(self)
+        other.values = {**self.values, **dict(zip(self.free, symbols, strict=True))}
+        return other
+
+    def scaled(self, factor: float) -> Self:
+        """Return it with its size multiplied by a factor."""
+        return type(self)(self.robot, self.place, self.values | {k: factor * self.values[k] for k in self.sizes})
+
+    @classmethod
+    @abstractmethod
+    def typical(cls, robot: Robot, joint: int) -> dict[str, float]:
+        """Return values of a size that is usual for a joint of that strength."""
+
+    @classmethod
+    def known(cls, robot: Robot, joint: int) -> dict[str, float]:
+        """Return values that the robot's description gives elsewhere, its geometry for one."""
+        return {}
+
+    @classmethod
+    def draw(cls, robot: Robot, joint: int, rng: np.random.Generator, motion: Motion) -> dict[str, float]:
+        """Return values as a real robot might have them, drawn at random.
+
+        `motion` is how the robot will be moved: for what depends on the range or speed that is used. What `sizes` names
+        is of usual size, with a random sign where both occur.
+        """
+        return cls.typical(robot, joint)
+
+    @classmethod
+    def possible(cls, robot: Robot, joint: int) -> bool:
+        """Return whether it can be at this joint, and be seen there."""
+        return True
+
+    @abstractmethod
+    def contribution(self, x: Instant) -> Contribution:
+        """Return what it adds at an instant."""
+
+    def rest(self) -> list[float]:
+        """Return its states at rest."""
+        return [0.0] * self.states
+
+    def advance(self, before: Instant, after: Instant, h: float) -> list[Any]:
+        """Return its states after a step of h seconds; `after` holds the new q and v and the states before."""
+        return list(before.state)
+
+    def transmit(self, twist: Any, rate: Any) -> tuple[Any, Any, Any]:
+        """Return what a shaft carries when it is twisted: torque [Nm], its slope [Nm/rad] and its damping
+        [Nm s/rad].
+        """
+        raise NotImplementedError(f"{self.name} is no shaft")
+
+    def misread(self, q: Any) -> Any:
+        """Return what the encoder shows too much [rad] at a true position q."""
+        return 0.0
+
+    def lateness(self) -> float:
+        """Return the time [s] by which the recorded torque is late, negative where it is early."""
+        return 0.0
+
+    def held(self, share: float) -> Self:
+        """Return a slow phenomenon, held where it has run through a share of its change."""
+        return self
+
+    def share(self, t: Array) -> Array:
+        """Return what share [N] of its change a slow phenomenon has run through at times t [N] s."""
+        return np.zeros(np.shape(t))
+
+
+def strength(robot: Robot, joint: int) -> float:
+    """Return the torque [Nm or N] that a joint is built for: its limit, or what turns its inertia at 10 rad/s^2."""
+    limit = float(robot.limits.torque[joint])
+    return limit if np.isfinite(limit) else 10.0 * float(home_inertia(robot)[joint])
+
+
+def full_speed(robot: Robot, joint: int) -> float:
+    """Return the speed limit of a joint [rad/s], 1 where none is known."""
+    speed = float(robot.limits.velocity[joint])
+    return speed if np.isfinite(speed) else 1.0
+
+
+def dry_friction(robot: Robot, joint: int) -> float:
+    """Return the Coulomb friction [Nm] of a joint: the robot's own, or 5 % of its torque."""
+    own = robot.simulation.get("coulomb", {}).get(robot.joints[joint], {})
+    return float(own.get("coulomb", 0.0)) or 0.05 * strength(robot, joint)
+
+
+def damping(robot: Robot, joint: int) -> float:
+    """Return the viscous friction [Nm s/rad] of a joint: the robot's own, or 5 % of its torque at full speed."""
+    own = robot.simulation.get("viscous", {}).get(robot.joints[joint], {})
+    return float(own.get("viscous", 0.0)) or 0.05 * strength(robot, joint) / full_speed(robot, joint)
+
+
+def either_sign(rng: np.random.Generator) -> float:
+    """Return +1 or -1."""
+    return float(rng.choice([-1.0, 1.0]))
+
+
+def between(rng: np.random.Generator, low: float, high: float) -> float:
+    """Return a number between two positive ones, evenly over the logarithm."""
+    return float(np.exp(rng.uniform(np.log(low), np.log(high))))
+
+
+def home_pose(robot: Robot) -> Array:
+    """Return the pose [n] in the middle of the position limits, 0 where a joint has none."""
+    lower, upper = robot.limits.lower, robot.limits.upper
+    bounded = np.isfinite(lower) & np.isfinite(upper)
+    return np.where(bounded, (np.where(bounded, lower, 0.0) + np.where(bounded, upper, 0.0)) / 2, 0.0)
+
+
+def home_inertia(robot: Robot) -> Array:
+    """Return the diagonal [n] of M(q), armature included, at the home pose."""
+    import pinocchio
+
+    model = robot.rigid.model
+    mass = pinocchio.crba(model, model.createData(), home_pose(robot))
+    diagonal: Array = np.diag(mass).copy()
+    return diagonal

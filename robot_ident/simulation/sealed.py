@@ -1,0 +1,47 @@
+"""Answers that nobody reads by accident: what was hidden in a simulated robot."""
+
+from __future__ import annotations
+
+import base64
+import binascii
+import json
+import zlib
+from pathlib import Path
+from typing import Any
+
+from robot_ident.errors import InputError
+
+SCHEMA = "robot_ident/sealed/1"
+NOTE = "what was hidden in the simulated robot; to open it: robot_ident trial --open FILE"
+
+
+def sealed_path(bag: Path | str) -> Path:
+    """Return where the answer to a bag lies: beside it, `BAG.sealed`."""
+    bag = Path(bag)
+    return bag.with_name(bag.name + ".sealed")
+
+
+def seal(answer: dict[str, Any]) -> str:
+    """Return the text of a sealed file."""
+    packed = base64.b64encode(zlib.compress(json.dumps(answer, sort_keys=True).encode())).decode()
+    return json.dumps({"schema": SCHEMA, "note": NOTE, "sealed": packed}, indent=2) + "\n"
+
+
+def open_sealed(path: Path | str) -> dict[str, Any]:
+    """Return the answer of a sealed file; InputError where it can't be read."""
+    try:
+        data = json.loads(Path(path).read_text(encoding="utf-8"))
+    except FileNotFoundError as error:
+        raise InputError(f"{path}: no such file") from error
+    except (OSError, UnicodeDecodeError, json.JSONDecodeError) as error:
+        raise InputError(f"{path}: can't be read as a sealed file ({error})") from error
+    schema = data.get("schema") if isinstance(data, dict) else None
+    if schema != SCHEMA:
+        raise InputError(f"{path}: schema: {schema!r} is no sealed file ({SCHEMA!r})")
+    try:
+        answer = json.loads(zlib.decompress(base64.b64decode(data["sealed"], validate=True)))
+    except (KeyError, TypeError, binascii.Error, zlib.error, UnicodeDecodeError, json.JSONDecodeError) as error:
+        raise InputError(f"{path}: sealed: damaged ({error})") from error
+    if not isinstance(answer, dict):
+        raise InputError(f"{path}: sealed: holds no answer")
+    return answer

@@ -1,0 +1,64 @@
+"""Coloured and shared noise: intervals stay honest, and weighting by it pays."""
+
+from __future__ import annotations
+
+from typing import Any
+
+import numpy as np
+import pytest
+from scipy.signal import lfilter
+
+from robot_ident.estimation.solve import solve
+from robot_ident.recording import Processing, Recording, process
+
+RUNS = 8
+
+
+def recordings(arm: Any, pole: float, shared: float, periods: int = 4) -> list[Recording]:
+    exact = arm.record(0, periods=periods, lead=0.0, noise=0.0)
+    across = np.linalg.cholesky((1 - shared) * np.eye(3) + shared) * np.sqrt(arm.robot.noise.torque_variance)[:, None]
+    out = []
+    for seed in range(RUNS):
+        rng = np.random.default_rng(seed)
+        white = rng.normal(size=(exact.samples + 300, 3)) * np.sqrt(1 - pole**2)
+        tau = exact.tau + lfilter([1.0], [1.0, -pole], white, axis=0)[300:] @ across.T
+        q = exact.q + rng.normal(size=tau.shape) * np.sqrt(arm.robot.noise.position_variance)
+        out.append(Recording(exact.names, exact.t, q, tau))
+    return out
+
+
+@pytest.mark.parametrize(("pole", "shared"), [(0.9, 0.0), (0.7, 0.5)])
+@pytest.mark.parametrize(("estimator", "low_pass"), [("wls", None), ("ls", None), ("wls", 15.0)])
+def test_intervals_are_honest(arm: Any, pole: float, shared: float, estimator: str, low_pass: float | None) -> None:
+    truth = arm.structure.true_values()
+    found = []
+    for recording in recordings(arm, pole, shared):
+        solution = solve([process(recording, arm.robot, Processing(low_pass=low_pass))], arm.structure, estimator)
+        error = solution.values - truth
+        found.append(error @ np.linalg.solve(solution.covariance, error) / len(truth))
+    # the spectrum at the lines of the motion is known from few degrees of freedom: 15 % more are allowed for
+    spread = 4 * np.sqrt(2 / (21 * RUNS))
+    assert 1 - spread < np.mean(found) < 1.15 + spread
+
+
+def test_weighting_by_the_spectrum_sharpens_the_friction(arm: Any) -> None:
+    recording = recordings(arm, 0.9, 0.0)[0]
+    measured = process(recording, arm.robot)
+    plain = np.sqrt(np.diag(solve([measured], arm.structure, "ls").covariance))
+    weighted = np.sqrt(np.diag(solve([measured], arm.structure, "wls").covariance))
+    assert np.all(weighted <= plain * 1.001)
+    assert np.all(weighted[18:] < 0.6 * plain[18:])  # Coulomb's harmonics lie where this noise is low
+
+
+def test_chi_square_of_a_true_model_is_its_degrees_of_freedom(arm: Any) -> None:
+    ratios = []
+    for recording in recordings(arm, 0.9, 0.3):
+        found = solve([process(recording, arm.robot)], arm.structure, "wls")
+        ratios.append(found.chi_square / found.dof)
+    assert np.mean(ratios) == pytest.approx(1.0, abs=0.04)
+
+
+def test_ml_uses_the_same_noise(arm: Any) -> None:
+    measured = process(recordings(arm, 0.8, 0.4)[1], arm.robot)
+    wls, ml = (solve([measured], arm.structure, name) for name in ("wls", "ml"))
+    np.testing.assert_allclose(np.diag(ml.covariance), np.diag(wls.covariance), rtol=0.01)
