@@ -51,7 +51,9 @@ def run(args: argparse.Namespace) -> int:
     robot = load_robot(args.robot)
     processing = processing_of(args, robot)
     recordings = [read_recording(bag, topic=args.topic) for bag in args.bags]
-    model = identify(recordings, robot, effects=args.effect, estimator=args.estimator, processing=processing, physical=args.physical)
+    model = identify(
+        recordings, robot, effects=args.effect, estimator=args.estimator, processing=processing, physical=args.physical
+    )
     options = {
         "trajectory": args.trajectory,
         "topic": args.topic,

@@ -27,6 +27,13 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
     parser.add_argument(
         "--effect", action="append", default=[], metavar="NAME@JOINT[:k=v,...]", help="further physics of the plant"
     )
+    parser.add_argument(
+        "--hidden",
+        type=int,
+        metavar="SEED",
+        help="hide effects drawn at random, without saying which; the answer goes to BAG.sealed, the same for the same"
+        " seed and robot whatever the motion (robot_ident trial --open shows it)",
+    )
     parser.add_argument("--servo", default="feedforward", help="feedforward or pd (default %(default)s)")
     parser.add_argument("--sample-rate", type=float, metavar="HZ", help="default: the excitation's, else 150")
     parser.add_argument(
@@ -44,11 +51,18 @@ def run(args: argparse.Namespace) -> int:
     from robot_ident.excitation.excitation import Excitation
     from robot_ident.excitation.point_to_point import load_motion
     from robot_ident.excitation.playback import Playback
-    from robot_ident.files import refuse_existing
+    from robot_ident.files import refuse_existing, write_text
     from robot_ident.robot import load_robot
-    from robot_ident.simulation.simulate import simulate
+    from robot_ident.simulation.scenario import draw_scenario
+    from robot_ident.simulation.sealed import seal, sealed_path
+    from robot_ident.simulation.simulate import simulate, simulated_effects
 
     refuse_existing(args.output, force=args.force)
+    answer = None if args.hidden is None else sealed_path(args.output)
+    if answer is not None:
+        refuse_existing(answer, force=args.force)
+        if args.effect:
+            raise InputError("--hidden and --effect exclude each other: what is hidden might be the same")
     if args.periods < 1:
         raise InputError(f"--periods {args.periods}: at least 1")
     if args.seed < 0:
@@ -56,8 +70,10 @@ def run(args: argparse.Namespace) -> int:
     robot = load_robot(args.robot)
     motion = load_motion(args.excitation)
     motion.check_robot(robot)
+    scenario = None if args.hidden is None else draw_scenario(args.hidden, robot)
+    effects = args.effect if scenario is None else scenario.all_effects
     started = time.perf_counter()
-    options: dict[str, Any] = {"servo": args.servo, "seed": args.seed, "effects": args.effect, "anti_alias": args.anti_alias}
+    options: dict[str, Any] = {"servo": args.servo, "seed": args.seed, "effects": effects, "anti_alias": args.anti_alias}
     if isinstance(motion, Excitation):
         playback = Playback(motion, robot, args.periods)
         steady = (playback.transient, motion.period, args.periods)
@@ -66,13 +82,18 @@ def run(args: argparse.Namespace) -> int:
         result = simulate(robot, motion, sample_rate=args.sample_rate or _SAMPLE_RATE, **options)
     seconds = time.perf_counter() - started
     write_recording(args.output, result.recording, force=args.force)
+    if scenario is not None and answer is not None:
+        write_text(answer, seal(scenario.answer()), force=args.force)
     if args.json:
         data = {"schema": "robot_ident/simulate/1", "path": str(args.output), "samples": result.recording.samples}
-        more = {"duration": result.recording.duration, "seconds": seconds, "effects": list(result.effects)}
-        print_json({**data, **more, "notes": list(result.notes)})
+        shown = result.effects if scenario is None else simulated_effects(robot)
+        more = {"duration": result.recording.duration, "seconds": seconds, "effects": list(shown)}
+        print_json({**data, **more, "sealed": None if answer is None else str(answer), "notes": list(result.notes)})
         return 0
     for note in result.notes:
         tell(note)
     say(f"{result.recording.samples} samples, {result.recording.duration:.1f} s of robot time in {seconds:.2f} s")
     say(f"written: {args.output}")
+    if answer is not None:
+        say(f"what is hidden stands in {answer} (sealed)")
     return 0

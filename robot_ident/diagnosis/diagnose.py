@@ -8,11 +8,12 @@ chosen again in its light.
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Collection, Sequence
 from dataclasses import dataclass, replace
 
 import numpy as np
 
+from robot_ident.diagnosis.backlash import bursts
 from robot_ident.diagnosis.candidates import Candidate, Folds, Score, enumerate_candidates, score, score_grams
 from robot_ident.diagnosis.diagnosis import Diagnosis, Estimate, Suspect, Verdict
 from robot_ident.diagnosis.evidence import Evidence, fitted, gather
@@ -20,14 +21,14 @@ from robot_ident.diagnosis.lack_of_fit import LackOfFit, lack_of_fit
 from robot_ident.diagnosis.scan import add, base_gram, columns_of, gram
 from robot_ident.diagnosis.ties import tied
 from robot_ident.diagnosis.unexplained import explain_by_variables
-from robot_ident.effects import Effect
+from robot_ident.effects import Effect, make_effect
 from robot_ident.model.structure import Structure
 from robot_ident.motion import Array
 from robot_ident.recording.measurement import Measurement
 
 GAIN = 40.0  # chi-square units that a member must gain
 SHARE = 0.5  # of a joint's excess that its members must explain on trajectories not seen
-PART = 0.12  # of the present excess that every further member must explain
+PART = 0.35  # of the present excess on its joints that every member must explain, seen by trajectories left out
 LEAST = 0.25  # Nm rms (times the torque scale of the joint over 400 Nm) that every member must remove
 MOST = 6  # members
 _LISTED = 6  # candidates reported beside the members
@@ -69,14 +70,16 @@ def diagnose(
     first = _stage(evidence)
     stage = first
     members: list[Score] = []
+    rattling: set[int] = set()
     while len(members) < MOST and any(fit.fails for fit in stage.fits):
-        found = _choose(stage)
+        rattling |= {j for j, fit in enumerate(stage.fits) if fit.fails and bursts(stage.evidence, j)}
+        found = _choose(stage, rattling)
         if found is None:
             break
         members.append(found)
         stage = _stage(_with(evidence, [m.effect for m in members]))
-        members, stage = _reconsider(evidence, members, stage)
-    return _conclude(evidence, first, stage, members, validation, notes)
+        members, stage = _reconsider(evidence, members, stage, rattling)
+    return _conclude(evidence, first, stage, members, sorted(rattling), validation, notes)
 
 
 def _split(evidence: Evidence, parts: int = 4) -> Evidence:
@@ -113,22 +116,25 @@ def _extra(structure: Structure) -> list[Effect]:
     return [effect for effect in structure.effects if effect.label not in usual]
 
 
-def _choose(stage: _Stage) -> Score | None:
-    """Return the next member: the best on trajectories left out, the simplest of those that tie with it, refined."""
+def _choose(stage: _Stage, known: Collection[int]) -> Score | None:
+    """Return the next member: the best on trajectories left out, the simplest of those that tie with it, refined.
+
+    known: joints whose error is explained already by an effect without columns.
+    """
     for best in stage.scores:
         if best.held_out <= 0.0:
             return None
-        if not _worthwhile(best, stage):
+        if not _worthwhile(best, stage, known):
             continue
         rivals = tied(best, stage.scores, stage.candidates, stage.evidence, stage.folds)
-        simpler = [r for r in rivals if r.effect.name in type(best.effect).contains and _worthwhile(r, stage)]
+        simpler = [r for r in rivals if r.effect.name in type(best.effect).contains and _worthwhile(r, stage, known)]
         return _refined(simpler[0] if simpler else best, stage)
     return None
 
 
-def _worthwhile(candidate: Score, stage: _Stage) -> bool:
+def _worthwhile(candidate: Score, stage: _Stage, known: Collection[int]) -> bool:
     """Return whether a candidate gains enough, explains enough of its joints' excess, and removes enough torque."""
-    joints = [j for j in candidate.columns.joints if stage.fits[j].fails]
+    joints = [j for j in candidate.columns.joints if stage.fits[j].fails and j not in known]
     if candidate.gain < GAIN or not joints:
         return False
     excess, removed = stage.excess[joints].sum(), candidate.held_out_by_joint[joints].sum()
@@ -182,12 +188,14 @@ def _unit(inner: object, value: float) -> float:
     return float(others.min() / 3.0) if len(others) else 0.1 * max(abs(value), 1e-3)
 
 
-def _reconsider(evidence: Evidence, members: list[Score], stage: _Stage) -> tuple[list[Score], _Stage]:
+def _reconsider(
+    evidence: Evidence, members: list[Score], stage: _Stage, known: Collection[int]
+) -> tuple[list[Score], _Stage]:
     """Choose every earlier member again, given the others; drop one that explains nothing any more."""
     for place in range(len(members) - 1):
         others = [m for k, m in enumerate(members) if k != place]
         without = _stage(_with(evidence, [m.effect for m in others]))
-        again = _choose(without)
+        again = _choose(without, known)
         if again is None:
             return others, without
         if again.label != members[place].label:
@@ -204,6 +212,7 @@ def _conclude(
     first: _Stage,
     last: _Stage,
     members: list[Score],
+    rattling: Sequence[int],
     validation: Sequence[Measurement],
     notes: list[str],
 ) -> Diagnosis:
@@ -214,13 +223,16 @@ def _conclude(
     trusted = [m for m in members if _trusted(m, share, failing)]
     if len(trusted) < len(members):
         last = _stage(_with(evidence, [m.effect for m in trusted])) if trusted else first
+    gaps = [j for j in rattling if last.fits[j].fails]
     rest = [fit.excess for fit in last.fits]
     remaining = {name: float(np.sqrt(rest[j])) for j, name in enumerate(robot.joints)}
-    verdict: Verdict = "adequate" if not failing else "missing" if trusted else "unexplained"
+    verdict: Verdict = "adequate" if not failing else "missing" if trusted or gaps else "unexplained"
     suspects = [_suspect(evidence, first, m, trusted, validation) for m in trusted]
+    suspects += [_gap(last, j) for j in gaps]
     further = _further(evidence, first, last, [m.label for m in trusted], failing, validation)
-    worst = max(range(robot.n), key=lambda j: last.fits[j].statistic)
-    unexplained = explain_by_variables(last.evidence, worst) if last.fits[worst].fails else None
+    open_joints = [j for j, fit in enumerate(last.fits) if fit.fails and j not in gaps]
+    worst = max(open_joints, key=lambda j: last.fits[j].statistic, default=None)
+    unexplained = None if worst is None else explain_by_variables(last.evidence, worst)
     return Diagnosis(verdict, tuple(suspects), tuple(further), remaining, unexplained, tuple(notes))
 
 
@@ -228,6 +240,25 @@ def _trusted(member: Score, share: Array, failing: list[int]) -> bool:
     """Return whether enough of the excess on a member's joints is explained by all members together."""
     joints = [j for j in member.columns.joints if j in failing]
     return bool(joints) and float(np.max(share[joints])) >= SHARE
+
+
+def _gap(stage: _Stage, joint: int) -> Suspect:
+    """Return backlash at a joint, recognised by its bursts; its column gives a size."""
+    evidence = stage.evidence
+    effect = make_effect(f"backlash@{evidence.structure.robot.joints[joint]}", evidence.structure.robot)
+    after = _with(evidence, [effect])
+    return Suspect(
+        effect=effect,
+        p_value=stage.fits[joint].p_value,
+        explained=1.0,
+        mse_before=_mean_squares(evidence),
+        mse_after=_mean_squares(after),
+        validation_before=None,
+        validation_after=None,
+        parameters=_estimates(after, effect),
+        tied_with=(),
+        experiment=None,
+    )
 
 
 def _further(

@@ -20,15 +20,22 @@ def sandwich(
     with known noise give X' S X; `unknown` ones the residual's own spectrum at zero, heteroscedasticity and
     autocorrelation included.
     """
+    return np.asarray(bread @ long_run_scores(weighed, residual, equations, noise, unknown) @ bread)
+
+
+def long_run_scores(
+    weighed: Array, residual: Array, equations: Equations, noise: RowNoise, unknown: Sequence[int]
+) -> Array:
+    """Return the covariance M [p, p] of the scores X' n for X = weighed [R, p]."""
     known = ~np.isin(equations.block, list(unknown))
     spread = noise.multiply(weighed * known[:, None])
-    meat = weighed.T @ (spread * known[:, None])
+    meat: Array = weighed.T @ (spread * known[:, None])
     parameters = weighed.shape[1]
     for block in unknown:
         rows = equations.block == block
         scores = _by_time(weighed[rows] * residual[rows, None], equations.sample[rows], equations.independent[rows])
         meat = meat + long_run(scores) * _few(len(scores), len(np.unique(equations.joint[rows])), parameters)
-    return np.asarray(bread @ meat @ bread)
+    return meat
 
 
 def long_run(scores: Array) -> Array:
@@ -54,9 +61,9 @@ def long_run(scores: Array) -> Array:
     size = 2 * total
     kernel = np.zeros(size)
     kernel[:total], kernel[size - total + 1 :] = weights, weights[:0:-1]
-    smooth = np.fft.irfft(
-        np.fft.rfft(scores, size, axis=0) * np.real(np.fft.rfft(kernel))[:, None], size, axis=0
-    )[:total]
+    smooth = np.fft.irfft(np.fft.rfft(scores, size, axis=0) * np.real(np.fft.rfft(kernel))[:, None], size, axis=0)[
+        :total
+    ]
     found = scores.T @ smooth
     return np.asarray(0.5 * (found + found.T))
 

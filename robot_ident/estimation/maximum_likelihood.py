@@ -158,7 +158,9 @@ def maximum_likelihood(problem: Problem, start: Solution) -> Solution:
     """
     trajectories = [Trajectory.of(measured) for measured in problem.measurements]
     p = len(start.structure.parameters)
-    state = _at(problem, trajectories, start.structure, start.values[:p], [np.zeros(len(t.joint)) for t in trajectories])
+    state = _at(
+        problem, trajectories, start.structure, start.values[:p], [np.zeros(len(t.joint)) for t in trajectories]
+    )
     normal, neglected = _normal(trajectories, state)
     damping = 0.0
     for _ in range(_ITERATIONS):

@@ -73,7 +73,12 @@ class PerPeriod:
             "periods": len(self.values),
             "scatter_over_sigma": self.ratio,
             "parameters": {
-                name: {"scatter": float(s), "of_mean": float(m), "sigma": float(g), "values": [float(v) for v in column]}
+                name: {
+                    "scatter": float(s),
+                    "of_mean": float(m),
+                    "sigma": float(g),
+                    "values": [float(v) for v in column],
+                }
                 for name, s, m, g, column in zip(
                     names, self.scatter, self.of_mean, self.sigma, self.values.T, strict=True
                 )

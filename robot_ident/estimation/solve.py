@@ -193,7 +193,9 @@ def _instruments(problem: Problem, found: Solution) -> Solution:
 ESTIMATORS: dict[str, Estimator] = {
     "ls": Estimator("ordinary least squares (eq. 10)", False, _as_it_is),
     "wls": Estimator("least squares weighted by the noise (eq. 7)", True, _as_it_is),
-    "ml": Estimator("maximum likelihood of parameters and trajectory together (eqs. 3 to 6)", True, _maximum_likelihood),
+    "ml": Estimator(
+        "maximum likelihood of parameters and trajectory together (eqs. 3 to 6)", True, _maximum_likelihood
+    ),
     "iv": Estimator("instrumental variables, the model's own motion as instrument", True, _instruments),
 }
 
@@ -245,9 +247,7 @@ def _refine(problem: Problem, structure: Structure) -> Structure:
     return at(found.x)
 
 
-def with_inner(
-    problem: Problem, structure: Structure, values: Array, equations: Equations
-) -> tuple[Array, np.ndarray]:
+def with_inner(problem: Problem, structure: Structure, values: Array, equations: Equations) -> tuple[Array, np.ndarray]:
     """Return the derivatives of torque [R, p + free] by linear and free inner parameters, and their places among all.
 
     Inner parameters by central differences within their bounds; those that only take values of a grid have none.

@@ -26,8 +26,8 @@ __all__ = ["CRITERIA", "DesignResult", "Progress", "design"]
 CRITERIA = ("d-optimal", "condition")
 STARTS = 12  # cold starts
 COLD_PER_ROUND = 3  # as many rounds of hops as a third of the cold starts, where no time limit rules
-FLOOR_PER_PARAMETER = 0.33  # decades of the determinant that the condition number may cost, a parameter
-_FINISH = 0.7  # s for the exact verdict at the end
+FLOOR_PER_PARAMETER = 0.31  # decades of the determinant that the condition number may cost, a parameter
+_FINISH = 1.2  # s for the exact verdict at the end
 
 
 @dataclass(frozen=True)
@@ -67,10 +67,12 @@ def design(
     """Return the best certified excitation that a multi-start search finds (Swevers et al. 1997, section III and IV-B).
 
     criterion: `d-optimal` (determinant of the covariance) or `condition` (condition number; with log10 of the
-    determinant no larger than `determinant_floor`, by default 0.33 decades a parameter above what a short d-optimal
+    determinant no larger than `determinant_floor`, by default 0.31 decades a parameter above what a short d-optimal
     search reaches). effects: `name@joint`, beyond the robot's known ones. time_limit [s] from now, or deadline on
-    time.monotonic(); without either the result depends on the seed alone. Ctrl-C ends the search and keeps the best
-    so far. Raises InputError when limits are missing or can't be met together.
+    time.monotonic(); what is found before it is kept. starts: cold starts (12); with a time limit and no number of
+    them the search goes on until it gains nothing more. Without a time limit the result depends on the seed alone.
+    Ctrl-C ends the search and keeps the best so far. Raises InputError when limits are missing or can't be met
+    together.
     """
     if criterion not in CRITERIA:
         raise InputError(f"unknown criterion {criterion!r}{did_you_mean(criterion, CRITERIA)}")
@@ -129,7 +131,7 @@ def _setting(structure: Structure, variances: Array, plan: dict[str, Any]) -> An
 
 def _search(run: Run, setting: Any, criterion: str, floor: float | None, starts: int | None, seed: int) -> None:
     cold = starts or STARTS
-    rounds = cold // COLD_PER_ROUND if np.isinf(run.deadline) else None
+    rounds = cold // COLD_PER_ROUND if starts or np.isinf(run.deadline) else None
     if criterion == "d-optimal":
         search_from_starts(run, setting, "d-optimal", cold, rounds, seed, run.deadline, [])
         return

@@ -185,12 +185,11 @@ def _joint_margins(pieces: Sequence[Piece], robot: Robot) -> tuple[list[Margin],
             if not (np.isfinite(lower[joint]) and np.isfinite(upper[joint])):
                 unknown.append(f"{quantity} of {name}")
                 continue
-            nearest = min(
-                (
-                    _range_margin(piece.extremes[index], joint, float(lower[joint]), float(upper[joint]))
-                    for piece in pieces
-                ),
-            )
+            found = [
+                _range_margin(piece.extremes[index], joint, float(lower[joint]), float(upper[joint]))
+                for piece in pieces
+            ]
+            nearest = min(found, key=lambda entry: entry[0])
             margin, value, limit, time = nearest
             unit = ("m" if robot.prismatic[joint] else "rad") + ("", "/s", "/s^2")[index]
             relative = margin / (0.5 * float(upper[joint] - lower[joint]))

@@ -107,17 +107,13 @@ class Playback:
         return Motion(q, dq, ddq)
 
     def pieces(self) -> Sequence[Piece]:
-        """Return the blend-in with the rest of the transient, one steady period, and the blend-out."""
+        """Return one steady period (whose times are told where a blend is as tight), the way in and the way out."""
         series = self.excitation.series
+        steady = _shifted(series.extremes(), self.transient)
         return [
-            self._rise.piece(0.0, self.reference),
-            Piece(
-                self.transient,
-                self.transient + series.period,
-                self.reference,
-                _shifted(series.extremes(), self.transient),
-            ),
-            self._fall.piece(self.steady_end, self.reference),
+            Piece(self.transient, self.transient + series.period, self.reference, steady),
+            self._rise.piece(0.0),
+            self._fall.piece(self.steady_end),
         ]
 
 
@@ -181,7 +177,7 @@ class Ramp:
         found = certified_minimum(bound, 0.0, self.duration, tolerance)
         return found.lower, found.time
 
-    def piece(self, start: float, motion: object) -> Piece:
+    def piece(self, start: float) -> Piece:
         """Return the ramp as a piece that begins at `start` [s]."""
         return Piece(start, start + self.span, lambda t: self.motion(t - start), self._timed(start))
 

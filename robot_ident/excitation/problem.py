@@ -133,20 +133,20 @@ class Problem:
     def coarse(self) -> Program:
         """The program on a coarse grid, for the search."""
         order = self.setting.harmonics
-        return Program(self, quadrature=max(60, 24 * order), grid=12 * order, tightening=4e-3)
+        return Program(self, quadrature=max(60, 24 * order), grid=12 * order, tightening=4e-3, doublings=5)
 
     @cached_property
     def fine(self) -> Program:
         """The program on a fine grid, for the last step."""
         order = self.setting.harmonics
-        return Program(self, quadrature=max(60, 30 * order), grid=36 * order, tightening=2e-4)
+        return Program(self, quadrature=max(60, 30 * order), grid=36 * order, tightening=2e-4, doublings=7)
 
 
 class Program:
     """A nonlinear program: a smooth criterion subject to the limits on a grid, tightened by a share of each."""
 
-    def __init__(self, problem: Problem, *, quadrature: int, grid: int, tightening: float) -> None:
-        """Build the expressions of criterion and limits."""
+    def __init__(self, problem: Problem, *, quadrature: int, grid: int, tightening: float, doublings: int) -> None:
+        """Build the expressions of criterion (see `smooth_log_condition` for doublings) and limits."""
         self.problem = problem
         setting = problem.setting
         self.x = ca.MX.sym("x", problem.scale.size)
@@ -155,7 +155,7 @@ class Program:
         period = 1.0 / setting.base_frequency
         offset = 0.37 / quadrature  # the quadrature's points fall between those of the limits
         states = self._motion((np.arange(quadrature) / quadrature + offset) * period)
-        self.cost, floor = self._criterion(states)
+        self.cost, floor = self._criterion(states, doublings)
         limits = self._motion(np.arange(grid) / grid * period)
         rows = [*self._joint_rows(limits), *self._torque_rows(limits)]
         workspace = self._workspace_rows(limits[0])
@@ -196,7 +196,7 @@ class Program:
         q, dq, ddq = (ca.mtimes(ca.DM(np.hstack(row)), self._coefficients).T for row in rows)
         return q, dq, ddq
 
-    def _criterion(self, states: tuple[Any, Any, Any]) -> tuple[Any, Any]:
+    def _criterion(self, states: tuple[Any, Any, Any], doublings: int) -> tuple[Any, Any]:
         """Return the smooth cost and log10 det of the covariance."""
         setting = self.problem.setting
         scale = _column_scale(self.problem)
@@ -205,7 +205,7 @@ class Program:
         log10_det = (2.0 * np.log(scale).sum() - log_det(matrix)) / np.log(10.0)
         if setting.criterion == "d-optimal":
             return log10_det, log10_det
-        return smooth_log_condition(matrix, inverse_factor, doublings=5), log10_det
+        return smooth_log_condition(matrix, inverse_factor, doublings), log10_det
 
     def _joint_rows(self, states: tuple[Any, Any, Any]) -> list[Any]:
         """Return position, velocity and acceleration as shares of their limits, -1 to 1."""

@@ -77,7 +77,9 @@ def _of_effect(effect: Effect, motion: Motion, share: Array) -> tuple[Array, Arr
         sin=ca.sin, cos=ca.cos, exp=ca.exp, sqrt=ca.sqrt, sign=ca.sign, fabs=ca.fabs, tanh=ca.tanh
     )
     torque = ca.SX(n, 1)
-    for size, term in zip(share, effect.terms(Signals(*(ca.vertsplit(x) for x in (q, dq, ddq))), mathematics), strict=True):
+    for size, term in zip(
+        share, effect.terms(Signals(*(ca.vertsplit(x) for x in (q, dq, ddq))), mathematics), strict=True
+    ):
         for joint, value in term.items():
             torque[joint] += float(size) * value
     out = []

@@ -99,5 +99,10 @@ def calibrate(
         power = 1.0
         if attempt and now[0] != past[0]:
             power = float(np.clip((now[1] - past[1]) / (now[0] - past[0]), 1 / STEEPEST, STEEPEST))
-        past, size = now, min(float(np.exp(now[0] - now[1] / power)), physics.largest)
+        past, size = now, min(_rounded(np.exp(now[0] - now[1] / power)), physics.largest)
     return Calibrated(scaled, left)
+
+
+def _rounded(size: float) -> float:
+    """Return a size of four digits: the same on machines whose last digits differ."""
+    return float(f"{size:.4g}")

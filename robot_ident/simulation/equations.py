@@ -10,8 +10,8 @@ from typing import Any, NamedTuple
 import casadi as ca
 
 from robot_ident.robot.robot import Robot
-from robot_ident.robot.symbolic import dynamics_function
 from robot_ident.simulation.complementarity import StepProblem, solve
+from robot_ident.simulation.links import links_function
 from robot_ident.simulation.physics import Instant, Physics
 from robot_ident.simulation.servo import Servo
 from robot_ident.simulation.state import Layout, Parts
@@ -68,6 +68,10 @@ class Equations:
     def transmissions(self) -> Transmissions:
         """The joints whose transmission gives."""
         return Transmissions.of(self.robot, self.physics)
+
+    @cached_property
+    def _links(self) -> Any:
+        return links_function(self.robot)
 
     def dry_joints(self) -> list[bool]:
         """Return which joints have dry friction."""
@@ -165,7 +169,7 @@ class Equations:
     def _terms(self, given: Sequence[Physics], x: Parts, q: Any, v: Any, tau: Any, h: float) -> Terms:
         """Return the terms at positions and velocities, for phenomena with the states of x and commands tau [n]."""
         n, size, gear = self.robot.n, self.layout.moving, self.transmissions
-        mass, bias = dynamics_function(self.robot)(gear.of_links(q), gear.of_links(v))
+        mass, bias = self._links(gear.of_links(q), gear.of_links(v))
         inertia = gear.spread(mass)
         torque, damping, stiff, level = (ca.SX.zeros(size) for _ in range(4))
         load = ca.mtimes(mass, gear.of_links(x.a)) + bias - ca.DM(self.robot.drives.armature) * gear.of_links(x.a)

@@ -8,7 +8,7 @@ from functools import cached_property
 
 import numpy as np
 
-from robot_ident.motion import Array, Motion
+from robot_ident.motion import Array, Mask, Motion
 from robot_ident.robot.robot import Robot
 from robot_ident.simulation.commands import Commands
 from robot_ident.simulation.equations import start_values
@@ -17,7 +17,7 @@ from robot_ident.simulation.program import Program, program_of
 from robot_ident.simulation.servo import Servo
 from robot_ident.simulation.state import Layout
 
-BLOCKS = (64, 10, 1)
+BLOCKS = (64, 8, 1)
 """How many steps one call into compiled code runs; a run of any length is put together from these."""
 
 
@@ -56,13 +56,9 @@ class Plant:
     def run(self, state: Array, commands: Commands) -> Array:
         """Return the states [N, size] after each of N steps."""
         dry = self._program.dry[: self.robot.n]
-        rows, turns = commands.rows(), np.any(commands.jump[:, dry] != 0, axis=1)
-        out, at = np.empty((commands.steps, self.layout.size)), 0
-        for size in BLOCKS:
-            while commands.steps - at >= size:
-                part = slice(at, at + size)
-                self._block(state, rows[part], turns[part].any(), out[part])
-                state, at = out[at + size - 1], at + size
+        turns = np.any(commands.jump[:, dry] != 0, axis=1)
+        out = np.empty((commands.steps, self.layout.size))
+        self._blocks(state, commands.rows(), turns, out, BLOCKS)
         return out
 
     def accelerations(self, states: Array, torque: Array) -> Array:
@@ -103,15 +99,28 @@ class Plant:
                 q[physics.joint] = shown[physics.joint] - float(physics.misread(q[physics.joint]))
         return q, v, a
 
-    def _block(self, state: Array, commands: Array, turns: bool, out: Array) -> None:
-        """Fill `out` [N, size] with the states after N steps.
+    def _blocks(self, state: Array, commands: Array, turns: Mask, out: Array, sizes: tuple[int, ...]) -> None:
+        """Fill `out` [N, size] with the states after N steps, in blocks of the largest sizes that fit."""
+        at = 0
+        for k, size in enumerate(sizes):
+            while len(commands) - at >= size:
+                part = slice(at, at + size)
+                self._block(state, commands[part], turns[part], out[part], sizes[k + 1 :])
+                state, at = out[at + size - 1], at + size
+
+    def _block(self, state: Array, commands: Array, turns: Mask, out: Array, smaller: tuple[int, ...]) -> None:
+        """Fill `out` [N, size] with the states after the N steps of one block.
 
         Where no joint with dry friction stops or turns the short way is exact, and its result shows whether that is so.
+        Elsewhere smaller blocks tell where in it that happens; those of the last size but one go the long way.
         """
         size, moving, dry = len(commands), self.layout.moving, self._program.dry
         signs = np.sign(state[moving : 2 * moving])[dry]
-        if not turns and signs.all():
+        if not turns.any() and signs.all():
             self._program.fold("slipping", size).run(state, commands, out)
             if np.all(np.sign(out[:, moving : 2 * moving])[:, dry] == signs):
                 return
-        self._program.fold("full", size).run(state, commands, out)
+        if len(smaller) > 1:
+            self._blocks(state, commands, turns, out, smaller)
+        else:
+            self._program.fold("full", size).run(state, commands, out)

@@ -76,11 +76,12 @@ def _feed_forward(robot: Robot) -> Vectorised:
     """
     import casadi as ca
 
-    from robot_ident.robot.symbolic import inverse_dynamics_expression
+    from robot_ident.simulation.links import links_function
 
     n = robot.n
     q, dq, ddq = (ca.SX.sym(name, n) for name in ("q", "dq", "ddq"))
-    tau, level = inverse_dynamics_expression(robot, q, dq, ddq), ca.SX.zeros(n)
+    mass, bias = links_function(robot)(q, dq)
+    tau, level = ca.mtimes(mass, ddq) + bias, ca.SX.zeros(n)
     x = Instant(*(ca.vertsplit(s) for s in (q, dq, ddq, ca.SX(tau))), moved=[ca.SX(0)] * n, command=[ca.SX(0)] * n)
     for physics in nominal_physics(robot):
         if physics.states:

@@ -119,7 +119,9 @@ def test_current_becomes_torque(arm: Any) -> None:
     robot = replace(arm.robot, effort="current")
     np.testing.assert_allclose(in_newton_metres(current, robot).tau, r.tau, rtol=1e-12)
     curve = replace(robot, torque_curves={"joint_1": ((1.0, 20.0), (2.0, 30.0))})
-    turned = in_newton_metres(Recording(r.names, r.t[:3], r.q[:3], np.array([[0.5, 0, 0], [-1.5, 0, 0], [3, 0, 0]])), curve)
+    turned = in_newton_metres(
+        Recording(r.names, r.t[:3], r.q[:3], np.array([[0.5, 0, 0], [-1.5, 0, 0], [3, 0, 0]])), curve
+    )
     np.testing.assert_allclose(turned.tau[:, 0], [10.0, -25.0, 40.0])
     bare = replace(robot, drives=replace(robot.drives, torque_constant=np.array([np.nan, 1.0, 1.0])))
     with pytest.raises(InputError, match="joint_1 has neither torque_constant nor torque_curve"):

@@ -12,7 +12,7 @@ import numpy as np
 from robot_ident.motion import Motion
 from robot_ident.robot.rigid_body import RigidBody
 from robot_ident.robot.robot import Robot
-from robot_ident.robot.symbolic import dynamics_function
+from robot_ident.simulation.links import links_function
 from robot_ident.simulation.physics.physics import Contribution, Instant, Physics, Value, between
 
 
@@ -50,7 +50,7 @@ class BaseTilt(Physics):
             model = self.robot.rigid.model.copy()
             model.gravity.linear = np.eye(3)[k]
             q = ca.SX.sym("q", self.robot.n)
-            _, bias = dynamics_function(replace(self.robot, rigid=RigidBody(model)))(q, ca.SX.zeros(self.robot.n))
+            _, bias = links_function(replace(self.robot, rigid=RigidBody(model)))(q, ca.SX.zeros(self.robot.n))
             out.append(ca.Function("field", [q], [bias]))
         return out
 
