@@ -96,7 +96,9 @@ def staircase(inputs: Inputs, steps: Sequence[Model]) -> str:
         unseen = [np.sqrt(np.mean([errors(model, m)[j] for m in inputs.validation])) for j in range(robot.n)]
         rows.append((label, *train, *(unseen if inputs.validation else ())))
     floor = [model.residual[joint].noise_variance for joint in robot.joints]
-    rows.append(("noise", *(None if v is None else v**0.5 for v in floor), *([None] * robot.n if inputs.validation else ())))
+    rows.append(
+        ("noise", *(None if v is None else v**0.5 for v in floor), *([None] * robot.n if inputs.validation else ()))
+    )
     header = [f"{joint} rms" for joint in robot.joints]
     header += [f"validation {joint}" for joint in robot.joints] if inputs.validation else []
     return table(("model", *header), rows)
@@ -109,7 +111,10 @@ def _to_dict(inputs: Inputs, steps: Sequence[Model]) -> dict[str, Any]:
     def mean(model: Model) -> dict[str, float] | None:
         if not inputs.validation:
             return None
-        return {n: float(sum(errors(model, m)[j] for m in inputs.validation) / len(inputs.validation)) for j, n in enumerate(joints)}
+        return {
+            n: float(sum(errors(model, m)[j] for m in inputs.validation) / len(inputs.validation))
+            for j, n in enumerate(joints)
+        }
 
     return {
         "schema": "robot_ident/add/1",

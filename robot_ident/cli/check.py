@@ -22,8 +22,8 @@ def run(args: argparse.Namespace) -> int:
     from robot_ident.errors import InputError
     from robot_ident.excitation.excitation import Excitation
     from robot_ident.excitation.limits import certify
-    from robot_ident.excitation.point_to_point import load_motion
     from robot_ident.excitation.playback import Playback
+    from robot_ident.excitation.point_to_point import load_motion
     from robot_ident.robot import load_robot
 
     if args.periods < 1:

@@ -17,9 +17,15 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
     """Add the verb's options."""
     from robot_ident.cli.loop import add_common
 
-    parser.add_argument("inputs", nargs="+", metavar="model.yaml BAG", help="a model and recordings, two or more for a firm verdict")
-    parser.add_argument("--add-until-adequate", action="store_true", help="add what is found, and print the falling error")
-    parser.add_argument("-o", "--output", metavar="MODEL", help="with --add-until-adequate: the model with what was found")
+    parser.add_argument(
+        "inputs", nargs="+", metavar="model.yaml BAG", help="a model and recordings, two or more for a firm verdict"
+    )
+    parser.add_argument(
+        "--add-until-adequate", action="store_true", help="add what is found, and print the falling error"
+    )
+    parser.add_argument(
+        "-o", "--output", metavar="MODEL", help="with --add-until-adequate: the model with what was found"
+    )
     parser.add_argument("--force", action="store_true", help="replace what is there")
     add_common(parser)
 

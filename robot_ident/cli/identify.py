@@ -29,7 +29,7 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
         "--effect", action="append", default=[], metavar="NAME@JOINT", help="further effects in the model"
     )
     parser.add_argument(
-        "--physical", action="store_true", help="the nearest parameters that a real arm can have (needs cvxpy)"
+        "--physical", action="store_true", help="the nearest parameters that a real arm can have (needs clarabel)"
     )
     add_processing(parser)
     add_output(parser, "MODEL", "model.yaml to write")
@@ -77,8 +77,8 @@ def run(args: argparse.Namespace) -> int:
         say(f"chi-square per degree of freedom {model.chi_square / model.dof:.4f} ({model.dof:.0f} degrees of freedom)")
     for one in model.per_period:
         say(
-            f"{one['source']}: the {one['periods']} periods alone scatter {one['scatter_over_sigma']:.2f} times what sigma"
-            " says (1: the noise alone makes them differ)"
+            f"{one['source']}: the {one['periods']} periods alone scatter {one['scatter_over_sigma']:.2f} times what"
+            " sigma says (1: the noise alone makes them differ)"
         )
     if args.output:
         say(f"written: {args.output}")

@@ -19,7 +19,9 @@ def add_common(parser: argparse.ArgumentParser) -> None:
     from robot_ident.cli.effects_from import add_effects_from
     from robot_ident.cli.output import add_json
 
-    parser.add_argument("--validation", action="append", default=[], metavar="BAG2", help="recordings that never enter a fit")
+    parser.add_argument(
+        "--validation", action="append", default=[], metavar="BAG2", help="recordings that never enter a fit"
+    )
     parser.add_argument("--topic", metavar="T", help="topic of the joint states")
     add_effects_from(parser)
     add_json(parser)

@@ -86,4 +86,6 @@ def wait_for(what: Callable[[], bool], nodes: list[NodeProcess], limit: float, t
 def _text(value: Any) -> str:
     if isinstance(value, bool):
         return "true" if value else "false"
+    if isinstance(value, list):
+        return "[" + ", ".join(f"'{item}'" if isinstance(item, str) else str(item) for item in value) + "]"
     return str(value)

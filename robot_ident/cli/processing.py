@@ -68,7 +68,8 @@ def processing_of(args: argparse.Namespace, robot: Robot) -> Processing:
     low_pass, wide = args.low_pass, args.derivative_bandwidth
     if low_pass is not None and wide is not None and wide < low_pass:
         raise InputError(
-            f"--derivative-bandwidth {wide:g} contradicts --low-pass {low_pass:g}: acceleration must reach as far as torque"
+            f"--derivative-bandwidth {wide:g} contradicts --low-pass {low_pass:g}: acceleration must reach as far as"
+            " torque"
         )
     return Processing(
         base_frequency=frequency,

@@ -8,7 +8,6 @@ from typing import Any
 
 from robot_ident.cli.output import add_json, add_output, add_robot, print_json, say, tell
 
-
 _SAMPLE_RATE = 150.0  # Hz, for motions that name none
 
 
@@ -49,8 +48,8 @@ def run(args: argparse.Namespace) -> int:
     from robot_ident.bags import write_recording
     from robot_ident.errors import InputError
     from robot_ident.excitation.excitation import Excitation
-    from robot_ident.excitation.point_to_point import load_motion
     from robot_ident.excitation.playback import Playback
+    from robot_ident.excitation.point_to_point import load_motion
     from robot_ident.files import refuse_existing, write_text
     from robot_ident.robot import load_robot
     from robot_ident.simulation.scenario import draw_scenario
@@ -73,7 +72,8 @@ def run(args: argparse.Namespace) -> int:
     scenario = None if args.hidden is None else draw_scenario(args.hidden, robot)
     effects = args.effect if scenario is None else scenario.all_effects
     started = time.perf_counter()
-    options: dict[str, Any] = {"servo": args.servo, "seed": args.seed, "effects": effects, "anti_alias": args.anti_alias}
+    options: dict[str, Any] = {"servo": args.servo, "seed": args.seed, "effects": effects}
+    options["anti_alias"] = args.anti_alias
     if isinstance(motion, Excitation):
         playback = Playback(motion, robot, args.periods)
         steady = (playback.transient, motion.period, args.periods)

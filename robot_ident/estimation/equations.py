@@ -48,7 +48,7 @@ def stack(
     already.
     """
     source = ", ".join(measured.source for measured in measurements)
-    parts: list[list[Array]] = []
+    parts: list[list[np.ndarray]] = []
     for block, measured in enumerate(measurements):
         known = None if rigid is None else rigid[block]
         phi = measured.passed(structure.columns(measured.motion, values, known))

@@ -1,4 +1,4 @@
-"""What the data cannot say: parameters that they leave open, pairs that they can't tell apart, motions that excite too little."""
+"""What the data cannot say: parameters left open, pairs that they can't tell apart, motions that excite too little."""
 
 from __future__ import annotations
 
@@ -28,7 +28,7 @@ class Identifiability:
     """How far the data determine the parameters [p].
 
     relative [p]: sigma over value. influence [p]: rms torque that a sigma is worth on random states within the robot's
-    limits, over the rms torque there, at the joint where it matters most. uncertainty [n]: the same for the whole model.
+    limits, over the rms torque there, at the joint where it matters most. uncertainty [n]: that of the whole model.
     open: parameters that are not known and matter. pairs: nearly collinear estimates (name, name, correlation). weak:
     columns that make the condition number large.
     """
@@ -56,8 +56,8 @@ class Identifiability:
         if np.any(self.uncertainty > _UNCERTAIN):
             worst = int(np.argmax(self.uncertainty))
             out.append(
-                f"badly excited: on other motions within the robot's limits the torque of {self.joints[worst]} is uncertain"
-                f" by {_percent(self.uncertainty[worst])}; {self.remedy}"
+                f"badly excited: on other motions within the robot's limits the torque of {self.joints[worst]} is"
+                f" uncertain by {_percent(self.uncertainty[worst])}; {self.remedy}"
             )
         if self.open:
             out.append(f"the data cannot give {_listed(self.open)}: sigma exceeds half of the value; {self.remedy}")
@@ -69,8 +69,8 @@ class Identifiability:
         for a, b, correlation in self.pairs:
             known = "difference" if correlation > 0 else "sum"
             out.append(
-                f"{a} and {b} can hardly be told apart (correlation {correlation:+.3f}): only their {known}, each over its"
-                f" sigma, is known; {_remedy_of(a, b)}"
+                f"{a} and {b} can hardly be told apart (correlation {correlation:+.3f}): only their {known}, each over"
+                f" its sigma, is known; {_remedy_of(a, b)}"
             )
         return tuple(out)
 
@@ -103,7 +103,7 @@ def identifiability(found: Solution, measurements: Sequence[Measurement]) -> Ide
 
 
 def _states(structure: Structure, measurements: Sequence[Measurement]) -> Motion:
-    """Return random states within the robot's limits, or twice what was recorded where it has none; the same every time."""
+    """Return random states within the robot's limits, or twice what was recorded where it has none; always the same."""
     limits, n = structure.robot.limits, structure.robot.n
     q = np.concatenate([m.motion.q for m in measurements])
     top = [

@@ -104,8 +104,8 @@ def _misfit_notes(residual: Mapping[str, Fit], equations: Equations) -> list[str
     if not joints:
         return []
     return [
-        f"the residual exceeds the noise, in variance: {', '.join(joints)} times; the standard deviations hold for noise"
-        " alone, not for what the model lacks (robot_ident compare shows where it fails)"
+        f"the residual exceeds the noise, in variance: {', '.join(joints)} times; the standard deviations hold for"
+        " noise alone, not for what the model lacks (robot_ident compare shows where it fails)"
     ]
 
 

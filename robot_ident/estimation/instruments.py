@@ -31,15 +31,16 @@ _TELL = 1.0  # sigmas of difference from wls that are worth a word
 
 
 def instrumental_variables(problem: Problem, start: Solution) -> Solution:
-    """Return the instrumental-variables estimate with its heteroscedasticity and autocorrelation consistent covariance.
+    """Return the instrumental-variables estimate, its covariance heteroscedasticity and autocorrelation consistent.
 
-    Periodic measurements are their own instruments: their lines hold no noise worth removing, and `ml` is for those that
-    do. Raises InputError where inner parameters would have to be searched, or the instruments don't follow the motion.
+    Periodic measurements are their own instruments: their lines hold little noise, and `ml` is for those that hold
+    more. Raises InputError where inner parameters would have to be searched, or the instruments don't follow the motion.
     """
     structure = start.structure
     if structure.inner:
         raise InputError(
-            f"{problem.source}: iv estimates linear parameters alone, not {structure.inner[0].name}; use --estimator wls"
+            f"{problem.source}: iv estimates linear parameters alone, not {structure.inner[0].name};"
+            " use --estimator wls"
         )
     equations, p = start.equations, len(structure.parameters)
     reconstructed = [_reconstructed(measured) for measured in problem.measurements]
@@ -60,8 +61,8 @@ def _solved(weighed: Array, equations: Equations, problem: Problem) -> tuple[Arr
     normal = (weighed / rows).T @ (equations.phi / columns)
     if np.linalg.cond(normal) > 1e10:
         raise InputError(
-            f"{problem.source}: the motion is too rough for instruments: what the samples about an instant say of it does"
-            " not excite every parameter; use --estimator wls"
+            f"{problem.source}: the motion is too rough for instruments: what the samples about an instant say of it"
+            " does not excite every parameter; use --estimator wls"
         )
     inverse = np.linalg.inv(normal) / np.outer(columns, rows)
     return inverse @ (weighed.T @ equations.torque), inverse
@@ -116,5 +117,7 @@ def _notes(problem: Problem, start: Solution, values: Array, covariance: Array) 
     ]
     own = [m.source for m in problem.measurements if not isinstance(m.low_pass, ZeroPhaseLowPass)]
     if own:
-        notes.append(f"{', '.join(own)}: periodic, its own instrument; --estimator ml takes noise of its positions into account")
+        notes.append(
+            f"{', '.join(own)}: periodic, its own instrument; --estimator ml takes noise of its positions into account"
+        )
     return notes

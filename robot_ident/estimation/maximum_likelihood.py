@@ -80,7 +80,7 @@ class Trajectory:
         for base, whole in zip(self.basis, (self.motion.q, self.motion.dq, self.motion.ddq), strict=True):
             add = np.column_stack([base @ (delta * (self.joint == j)) for j in range(whole.shape[1])])
             parts.append(whole + add)
-        return Motion(*parts, dt=self.motion.dt, periodic=True)
+        return Motion(parts[0], parts[1], parts[2], dt=self.motion.dt, periodic=True)
 
     def torque_slope(self, structure: Structure, motion: Motion, values: Array) -> tuple[Array, tuple[str, ...]]:
         """Return d tau / d delta [N, n, d], and which effects it neglects."""
@@ -112,7 +112,7 @@ class State:
 
 @dataclass(frozen=True)
 class Step:
-    """A Levenberg-Marquardt step: of theta and free inner parameters [a], of each delta, and the Schur complement [a, a]."""
+    """A Levenberg-Marquardt step: of theta and free inner parameters [a], of each delta, and the Schur complement."""
 
     theta: Array
     delta: tuple[Array, ...]
@@ -122,7 +122,7 @@ class Step:
 
 @dataclass(frozen=True)
 class Normal:
-    """The arrow: F_tt [a, a] and gradient [a]; for each measurement F_td [a, d], F_dd [d, d] (prior included), gradient."""
+    """The arrow: F_tt [a, a], gradient [a]; of each measurement F_td [a, d], F_dd [d, d] with prior, gradient [d]."""
 
     own: Array
     slope: Array
@@ -131,7 +131,7 @@ class Normal:
     inner_slope: tuple[Array, ...]
 
     def step(self, damping: float) -> Step:
-        """Solve with the diagonals enlarged by 1 + damping; InputError never, the prior keeps F_dd regular."""
+        """Solve with the diagonals enlarged by 1 + damping."""
         from scipy.linalg import cho_factor, cho_solve
 
         own, slope = self.own + damping * np.diag(np.diag(self.own)), self.slope.copy()

@@ -54,11 +54,11 @@ class PerPeriod:
 
     @property
     def ratio(self) -> float:
-        """Root mean square of scatter / sqrt(M) over the averaged sigma: 1 where the noise alone makes periods differ."""
+        """Root mean square of scatter / sqrt(M) over the averaged sigma: 1 where noise alone makes periods differ."""
         return float(np.sqrt(np.mean((self.of_mean / self.sigma) ** 2)))
 
     def restless(self) -> list[tuple[int, float]]:
-        """Return the parameters whose scatter exceeds what sigma says by a quarter and by chance (1e-4), and how far."""
+        """Return the parameters whose scatter exceeds what sigma says by a quarter and by chance, and how far."""
         from scipy.stats import chi2
 
         count, p = self.values.shape
@@ -88,7 +88,7 @@ class PerPeriod:
 
 
 def per_period(measurements: Sequence[Measurement], found: Solution, estimator: str) -> tuple[PerPeriod, ...]:
-    """Return the estimates of single periods of every recording that has at least three, at the motion of their mean."""
+    """Return the estimates of single periods of every recording with at least three, at the motion of their mean."""
     out = []
     p = len(found.structure.parameters)
     for measured in measurements:
@@ -122,7 +122,7 @@ def _rows(measured: Measurement, torque: Array, equations: Equations) -> Array:
 
 
 def _drifts(values: Array, found: Solution, recordings: int) -> tuple[Drift, ...]:
-    """Return the joints whose friction has a trend over the periods: regressed on their number, F test of both slopes."""
+    """Return the joints whose friction has a trend: regressed on the period's number, F test of all slopes."""
     from scipy.stats import f as fisher
 
     structure, count = found.structure, len(values)
@@ -166,6 +166,6 @@ def drift_notes(periods: Sequence[PerPeriod], names: Sequence[str]) -> tuple[str
         if loud:
             notes.append(
                 f"{one.source}: the periods alone scatter more than the noise within a period explains, in"
-                f" {', '.join(f'{names[k]} {size:.2g} times' for k, size in loud)}; trust that scatter rather than sigma"
+                f" {', '.join(f'{names[k]} {size:.2g} times' for k, size in loud)}; trust that scatter, not sigma"
             )
     return tuple(notes)

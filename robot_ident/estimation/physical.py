@@ -24,6 +24,7 @@ _PRIOR = 1e-4  # weight, in chi-square, of staying near the URDF's inertias wher
 _LENGTH = 0.3  # m, the size of a link, which scales its moments
 _NEAR = 1e-3  # fall of chi-square, below which parameters count as possible
 _POSITIVE = ("viscous", "coulomb", "rotor_inertia")
+_SECOND = {"x": (("Iyy", "Izz"), "Ixx"), "y": (("Ixx", "Izz"), "Iyy"), "z": (("Ixx", "Iyy"), "Izz")}
 _PLACES = {"Ixx": 4, "Ixy": 5, "Iyy": 6, "Ixz": 7, "Iyz": 8, "Izz": 9}
 
 
@@ -71,6 +72,7 @@ class Consistent:
 def nearest_physical(found: Solution) -> Consistent:
     """Return the physically consistent parameters nearest to an estimate, in the metric of its covariance.
 
+    The covariance is left as it is: it is that of the data, which what is possible can only make smaller.
     Raises InputError where the solver is not installed or doesn't converge.
     """
     structure = found.structure
@@ -93,7 +95,8 @@ def nearest_physical(found: Solution) -> Consistent:
             chi_square=found.chi_square + rise,
         ),
         inertias=x[: 10 * n],
-        rotors=x[10 * n : 11 * n] + _free_rotors(structure, values),
+        rotors=x[10 * n : 11 * n] * structure.base.regrouping[:, 10 * n :].any(axis=0)
+        + _free_rotors(structure, values),
         distance=float(np.sqrt(max(rise, 0.0))),
         residual_rise=float(np.sum(after**2) / np.sum(before**2) - 1.0),
         violated=violated,
@@ -107,9 +110,7 @@ def violations(structure: Structure, values: Array) -> tuple[str, ...]:
     where none of these is broken but no links can give the parameters, the plane that separates them from what can be.
     """
     broken = [
-        f"{name} = {value:.4g} is negative"
-        for name, parameter, value in zip(structure.names, structure.parameters, values, strict=True)
-        if parameter.effect in _POSITIVE and value < 0 and not name.split("@")[0].endswith("_asymmetric")
+        f"{structure.names[k]} = {values[k]:.4g} is negative" for k in _never_negative(structure) if values[k] < 0
     ]
     broken += _broken_moments(structure, values)
     if broken:
@@ -124,12 +125,12 @@ def violations(structure: Structure, values: Array) -> tuple[str, ...]:
 
 
 def _broken_moments(structure: Structure, values: Array) -> list[str]:
-    """Return the links whose second moment along an axis, Iyy + Izz - Ixx >= 0, is negative, where base parameters tell it."""
+    """Return the links whose second moment along an axis is negative, where base parameters alone tell it."""
     base, n = structure.base, structure.robot.n
     own = values[: len(base.columns)]
     out = []
     for link in range(n):
-        for axis, (others, minus) in {"x": (("Iyy", "Izz"), "Ixx"), "y": (("Ixx", "Izz"), "Iyy"), "z": (("Ixx", "Iyy"), "Izz")}.items():
+        for axis, (others, minus) in _SECOND.items():
             moment = np.zeros(11 * n)
             for name in others:
                 moment[10 * link + _PLACES[name]] = 1.0
@@ -142,8 +143,8 @@ def _broken_moments(structure: Structure, values: Array) -> list[str]:
             right = _sum(base.names, np.where(weights < 0, -weights, 0.0))
             sizes = float(np.maximum(weights, 0) @ own), float(np.maximum(-weights, 0) @ own)
             out.append(
-                f"{left} >= {right} does not hold: {sizes[0]:.4g} < {sizes[1]:.4g} (second moment of link {link + 1} along"
-                f" {axis}, {others[0]} + {others[1]} - {minus}, is negative)"
+                f"{left} >= {right} does not hold: {sizes[0]:.4g} < {sizes[1]:.4g} (second moment of link {link + 1}"
+                f" along {axis}, {others[0]} + {others[1]} - {minus}, is negative)"
             )
     return out
 
@@ -159,7 +160,7 @@ def _separating(structure: Structure, values: Array, metric: Array, step: Array)
 
 
 def _sum(names: Any, weights: Array) -> str:
-    words = []
+    words: list[str] = []
     for name, weight in zip(names, weights, strict=True):
         if weight == 0.0:
             continue
@@ -167,6 +168,17 @@ def _sum(names: Any, weights: Array) -> str:
         sign = "- " if weight < 0 else ("+ " if words else "")
         words.append(f"{sign}{factor}{name}")
     return " ".join(words) or "0"
+
+
+def _never_negative(structure: Structure) -> list[int]:
+    """Return which linear parameters have no meaning below zero."""
+    out, place = [], len(structure.base.columns)
+    for effect in structure.effects:
+        for coefficient in effect.coefficients:
+            if coefficient.positive or effect.name in _POSITIVE:
+                out.append(place)
+            place += 1
+    return out
 
 
 def _free_rotors(structure: Structure, values: Array) -> Array:
@@ -180,7 +192,7 @@ def _free_rotors(structure: Structure, values: Array) -> Array:
 def _nearest(structure: Structure, values: Array, covariance: Array) -> tuple[Array, Array]:
     """Return (standard inertias, merged rotors and further parameters [m], linear parameters [p]) of the nearest point."""
     try:
-        import clarabel
+        import clarabel  # type: ignore[import-untyped]
     except ImportError as error:
         raise InputError("physical consistency needs the solver Clarabel: pip install clarabel") from error
     from scipy import sparse
@@ -231,11 +243,7 @@ class _Program:
         unit = np.array([1.0] + [_LENGTH] * 3 + [_LENGTH**2] * 6)
         scale = np.concatenate([np.kron(mass, unit), mass * _LENGTH**2, np.maximum(np.abs(values[b:]), 1.0)])
         start = np.concatenate([robot.rigid.parameters, robot.drives.armature, values[b:]])
-        positive = [
-            11 * n + k
-            for k, parameter in enumerate(structure.parameters[b:])
-            if parameter.effect in _POSITIVE
-        ]
+        positive = [11 * n + k - b for k in _never_negative(structure)]
         size = np.sqrt(np.diag(covariance))
         root = np.linalg.cholesky(covariance / np.outer(size, size))
         whiten = np.linalg.inv(root) / size
@@ -262,7 +270,7 @@ class _Program:
             rows = np.zeros((10, m + p))
             own = slice(10 * link, 10 * link + 10)
             # congruence by the link's size: lengths in units of _LENGTH, masses in units of its own
-            rows[:, own] = -_PSEUDO @ np.diag([1.0] * 4 + [1.0] * 6)
+            rows[:, own] = -_PSEUDO
             blocks.append(rows)
             floor = _LEAST / self.scale[10 * link]
             rights.append(-floor * np.array([1.0, 0, 1.0, 0, 0, 1.0, 0, 0, 0, 1.0]))

@@ -16,7 +16,7 @@ _TORQUE = 0.1  # of the torque's noise variance: more is worth a word
 
 
 def acceleration_noise(measured: Measurement) -> Array:
-    """Return the noise of the acceleration over its rms [n], from the lines that a periodic motion holds; 0 elsewhere."""
+    """Return the noise of the acceleration over its rms [n], from the lines of a periodic motion; 0 elsewhere."""
     lines, variance = measured.position_lines, measured.averaged_position_variance
     if lines is None or variance is None or measured.base_frequency is None:
         return np.zeros(len(measured.joints))
@@ -27,7 +27,7 @@ def acceleration_noise(measured: Measurement) -> Array:
 
 
 def torque_of_position_noise(measured: Measurement, structure: Structure, values: Array) -> Array:
-    """Return the variance [n] (Nm)^2 that the noise of the motion's lines gives the model's torque, averaged over time."""
+    """Return the variance [n] (Nm)^2 that the noise of the motion's lines gives the model's torque, mean over time."""
     from robot_ident.estimation.maximum_likelihood import Trajectory
 
     trajectory = Trajectory.of(measured)

@@ -46,9 +46,9 @@ class Model:
 
     estimator: ls, wls, ml or iv. processing: how the recordings were processed, as a plain mapping. residual: by joint.
     provenance: recordings with their hashes, versions, date. notes: what was said on the way. per_period: estimates of
-    the single periods of each recording, their scatter and drift. chi_square, dof: weighted squared error of the fit and
-    its degrees of freedom, None where the noise is unknown. physical: how a physically consistent set was reached and the
-    standard inertias that give it, None where none was asked for.
+    the single periods of each recording, their scatter and drift. chi_square, dof: weighted squared error of the fit
+    and its degrees of freedom, None where the noise is unknown. physical: how a physically consistent set was reached
+    and the standard inertias that give it, None where none was asked for.
     """
 
     structure: Structure
@@ -92,6 +92,23 @@ class Model:
     def std(self) -> Array:
         """Standard deviation of every parameter [p]: the root of the covariance's diagonal (eq. 9)."""
         return np.sqrt(np.diag(self.covariance))
+
+    @property
+    def physical_inertias(self) -> Array | None:
+        """Standard parameters of the links [10 n] that give this model, in Pinocchio's order; None unless it was made
+        physically consistent.
+        """
+        if self.physical is None:
+            return None
+        links = self.physical["inertias"]
+        return np.array([value for joint in self.robot.joints for value in links[joint].values()])
+
+    @property
+    def physical_rotors(self) -> Array | None:
+        """Rotor inertias [n] kg m^2 that go with `physical_inertias`, None without."""
+        if self.physical is None:
+            return None
+        return np.array([self.physical["rotor_inertia"][joint] for joint in self.robot.joints])
 
     def predict(self, motion: Motion) -> Array:
         """Return the model's torque [N, n] Nm along a motion."""

@@ -123,7 +123,7 @@ def _fit(recording: Recording, clock: Clock, steady: Steady) -> Average:
 
 
 def _placed(rest: Array, t: Array, periods: int, samples: int, frequency: float) -> Array:
-    """Return what is left of a fit [R, n] at times t, on the even grid of phases that is nearest [M, N, n], gaps nan."""
+    """Return what a fit left [R, n] at times t, on the nearest even grid of phases [M, N, n], gaps nan."""
     table = np.full((periods * samples, rest.shape[1]), np.nan)
     table[np.clip(np.rint(t * frequency * samples).astype(int), 0, len(table) - 1)] = rest
     return table.reshape(periods, samples, -1)

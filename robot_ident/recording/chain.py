@@ -49,19 +49,27 @@ class Chain:
         return np.asarray(gain[:, None] * np.exp(-s[:, None] * self.delay))
 
     def undone(self, x: Array, rate: float) -> Array:
-        """Return torque x [N, n] sampled at `rate` [Hz] without the chain, for what a low pass below its bandwidth keeps.
+        """Return torque x [N, n] sampled at `rate` [Hz] without the chain, a low pass below its bandwidth to follow.
 
         Works on the signal continued at both ends by its odd reflection; the first and last moments stay disturbed.
         """
         pad = min(len(x) - 1, int(2.0 * rate))
         long = np.concatenate([2.0 * x[0] - x[pad:0:-1], x, 2.0 * x[-1] - x[-2 : -pad - 2 : -1]])
-        frequency = np.fft.rfftfreq(len(long), 1.0 / rate)
+        frequency = np.asarray(np.fft.rfftfreq(len(long), 1.0 / rate), dtype=float)
         return np.fft.irfft(np.fft.rfft(long, axis=0) / self._bounded(frequency), len(long), axis=0)[pad : pad + len(x)]
 
     def _bounded(self, frequency: Array) -> Response:
         """Return H, its size kept at that of the bandwidth beyond it."""
         h = self.response(frequency)
         return np.asarray(h / np.minimum(1.0, np.abs(h) / LEAST_GAIN))
+
+    def check_low_pass(self, cutoff: float, source: str) -> None:
+        """Raise InputError where a low pass [Hz] keeps more than can be undone."""
+        if cutoff > self.bandwidth:
+            raise InputError(
+                f"{source}: low pass of {cutoff:g} Hz lies above {self.bandwidth:.3g} Hz, up to which the anti-alias"
+                " filter can be undone"
+            )
 
     @property
     def note(self) -> str:

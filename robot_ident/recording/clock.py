@@ -16,6 +16,7 @@ from robot_ident.motion import Array
 from robot_ident.recording.recording import Recording
 
 _EVEN = 2e-3  # jitter below this share of the sample time is of no consequence
+_TWO_RATES = 1.5  # ratio of sample times within one recording that no jitter or loss explains
 _ROUGHNESS = 9  # samples of the local cubic fit that tells roughness from motion
 
 
@@ -40,6 +41,7 @@ def read_clock(recording: Recording) -> Clock:
     t = recording.t
     if len(t) < 20:
         raise InputError(f"{recording.source}: {len(t)} samples are too few to identify anything")
+    _refuse_two_rates(recording)
     index, start, dt = _grid(t)
     jitter = t - (start + dt * index)
     missing = int(index[-1] - index[0] + 1 - len(index))
@@ -59,6 +61,17 @@ def read_clock(recording: Recording) -> Clock:
         return Clock(dt, even, index, missing, (*lost, note))
     note = f"the sampling jitters by {shown} rms as stamped (slope {slope:.2f}, 1 = as stamped); stamps used"
     return Clock(dt, t, None, missing, (*lost, note))
+
+
+def _refuse_two_rates(recording: Recording) -> None:
+    """Raise InputError where the sample rate changes on the way: no grid fits both parts."""
+    pieces = np.array_split(np.diff(recording.t), 8)
+    step = np.array([np.median(piece) for piece in pieces])
+    if step.max() > _TWO_RATES * step.min() and len(recording.t) >= 200:
+        raise InputError(
+            f"{recording.source}: the sample rate changes from {1.0 / step[0]:.4g} Hz to"
+            f" {1.0 / step[np.argmax(np.abs(np.log(step / step[0])))]:.4g} Hz on the way; give each part as a recording"
+        )
 
 
 def fill(values: Array, index: np.ndarray) -> Array:

@@ -4,7 +4,6 @@ from __future__ import annotations
 
 import numpy as np
 
-from robot_ident.errors import InputError
 from robot_ident.motion import Array, Mask, Motion
 from robot_ident.recording.chain import chain_of
 from robot_ident.recording.clock import Clock, fill, roughness
@@ -29,11 +28,7 @@ def low_passed(recording: Recording, clock: Clock, robot: Robot, processing: Pro
     wide = processing.derivative_bandwidth or min(4.0 * cutoff, 0.8 * nyquist)
     chain = chain_of(robot, processing.anti_alias, recording.source, 1.0 / clock.dt)
     if not chain.trivial:
-        if cutoff > chain.bandwidth:
-            raise InputError(
-                f"{recording.source}: low pass of {cutoff:g} Hz lies above {chain.bandwidth:.3g} Hz, up to which the"
-                " anti-alias filter can be undone"
-            )
+        chain.check_low_pass(cutoff, recording.source)
         tau = chain.undone(tau, 1.0 / clock.dt)
     smoother = ZeroPhaseLowPass(wide, clock.dt, len(q))
     motion = Motion(smoother.apply(q), smoother.apply(q, 1), smoother.apply(q, 2), dt=clock.dt)

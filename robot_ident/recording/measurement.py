@@ -37,15 +37,15 @@ class Measurement:
 
     dt: time between rows [s]. motion: q, dq, ddq [N, n]. torque [N, n] Nm, unfiltered. used [N, n]: rows that count.
     torque_variance, position_variance [n]: noise of one raw sample, nan where unknown. periods: M averaged, 1 where
-    none, of samples_per_period samples; averages: how many samples' noise is averaged in a row of `torque`. variance_dof: degrees of freedom of
-    torque_variance. base_frequency: Hz, None where not periodic. low_pass: what torque and columns pass before they
-    are compared, or None. decimate: rows kept after it, one in so many. period_torque [M, N, n]: the periods one by
-    one (gaps nan), or None. standstill [N, n]: rows at rest.
+    none, of samples_per_period samples; averages: how many samples' noise is averaged in a row of `torque`.
+    variance_dof: degrees of freedom of torque_variance. base_frequency: Hz, None where not periodic. low_pass: what
+    torque and columns pass before they are compared, or None. decimate: rows kept after it, one in so many.
+    period_torque [M, N, n]: the periods one by one (gaps nan), or None. standstill [N, n]: rows at rest.
 
-    noise: spectrum of the torque's noise, None where no periods tell it. quantisation [n] (Nm)^2: variance that rounding
-    leaves in a row of `torque` and that no averaging removes. position_lines [K + 1, n]: the Fourier lines that `motion`
-    holds; averaged_position_variance [n] rad^2: of a row of the averaged position, white. left_out: numbers of periods
-    unlike the others, from 1.
+    noise: spectrum of the torque's noise, None where no periods tell it. quantisation [n] (Nm)^2: variance that
+    rounding leaves in a row of `torque` and no averaging removes. position_lines [K + 1, n]: the Fourier lines that
+    `motion` holds; averaged_position_variance [n] rad^2: of a row of the averaged position, white. left_out: numbers
+    of periods unlike the others, from 1.
     """
 
     source: str

@@ -34,6 +34,7 @@ def averaged(recording: Recording, clock: Clock, period: float, robot: Robot, pr
     mean, noise = _undone(mean, chain, frequency, round(period))
     motion, variance, keep = _motion(mean, frequency, robot, recording)
     cutoff = processing.low_pass
+    chain.check_low_pass(cutoff or 0.0, recording.source)
     if mean.lines is not None:
         cutoff = min(cutoff or np.inf, mean.lines * frequency)
     return Measurement(
@@ -102,7 +103,7 @@ def _undone(mean: Average, chain: Chain, frequency: float, samples: int) -> tupl
         if not white:
             return mean, noise
         return replace(mean, tau_variance=noise.variance, dof=noise.variance_dof), noise
-    rates = np.arange(grid // 2 + 1) * frequency
+    rates = np.arange(grid // 2 + 1, dtype=float) * frequency
     lines = mean.lines
     if chain.anti_alias is not None:
         lines = min(int(chain.bandwidth / frequency + 1e-9), (samples - 1) // 2 if lines is None else lines)
@@ -173,7 +174,7 @@ def _speed_noise(keep: Mask, variance: Array, frequency: float, samples: int) ->
 
 
 def _rounding(step: Array, variance: Array) -> Array:
-    """Return the variance [n] that rounding to `step` leaves however often one averages: the same value is rounded alike.
+    """Return the variance [n] that rounding to `step` leaves however often one averages: like values round alike.
 
     step^2 / 12 without noise; noise of `variance` dithers it away: exp(-4 pi^2 variance / step^2), its first harmonic.
     """

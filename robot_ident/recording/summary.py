@@ -9,9 +9,9 @@ import numpy as np
 
 from robot_ident.errors import InputError
 from robot_ident.motion import Array
+from robot_ident.recording.average import Average, average
 from robot_ident.recording.clock import Clock, even_positions, read_clock
 from robot_ident.recording.period import find_period
-from robot_ident.recording.average import Average, average
 from robot_ident.recording.recording import Recording
 
 

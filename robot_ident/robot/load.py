@@ -122,7 +122,9 @@ class RobotFile(Closed):
     springs: dict[str, SpringFile] = Field({}, description="gravity springs by joint")
     effects: list[str] = Field([], description="effects known to be there, as name@joint; @* means every joint")
     base_parameters: dict[str, str] = Field({}, description="shown name: standard parameter, e.g. p1: Izz1")
-    anti_alias: AntiAliasFile | None = Field(None, description="low pass in the torque channel, undone when identifying")
+    anti_alias: AntiAliasFile | None = Field(
+        None, description="low pass in the torque channel, undone when identifying"
+    )
     effort: Literal["torque", "current"] = Field("torque", description="what the drives report as effort: Nm or A")
     simulation: dict[str, dict[str, float | dict[str, float]]] = Field(
         {}, description="true values in the simulated robot: effect: {joint: value or {parameter: value}}"

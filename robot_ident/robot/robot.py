@@ -80,7 +80,7 @@ class Robot:
     `known_effects` are part of every model of this robot, as `name@joint`. `base_parameters` gives names to base
     parameters: shown name -> standard parameter. `minimum_speed` [n] rad/s: slower samples aren't used to identify.
     Measuring chain of the torque: `anti_alias` (the filter in it, None: none), `effort` (what is reported: torque or
-    current), `torque_delay` [n] s by which torque lags position, `torque_curves` (A, Nm) by joint in place of a constant.
+    current), `torque_delay` [n] s by which torque lags position, `torque_curves` (A, Nm) by joint for a constant.
     `definition` is what it was read from, None for a robot that comes with the package.
     """
 

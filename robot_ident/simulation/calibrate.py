@@ -19,6 +19,9 @@ EVERY = 3
 """Samples a row: a smooth model needs no more to be fitted."""
 
 TRIES = 6
+TOLERANCE = 0.12
+"""How near the visible residual comes to what was wanted."""
+
 STEEPEST = 3.0
 """Bound on how fast the residual is taken to rise with size, as a power."""
 
@@ -53,7 +56,8 @@ def standard_motions(robot: Robot, count: int = 2, seed: int = 361) -> list[Four
 def pooled(motions: Sequence[FourierSeries], samples: int = 500) -> Motion:
     """Return periods of several motions one after the other."""
     parts = [m.motion(np.linspace(0, m.period, samples, endpoint=False)) for m in motions]
-    return Motion(*(np.concatenate([getattr(p, name) for p in parts]) for name in ("q", "dq", "ddq")))
+    q, dq, ddq = (np.concatenate([getattr(p, name) for p in parts]) for name in ("q", "dq", "ddq"))
+    return Motion(q, dq, ddq)
 
 
 def visible(structure: Structure, plays: Sequence[Play]) -> Array:
@@ -63,9 +67,9 @@ def visible(structure: Structure, plays: Sequence[Play]) -> Array:
     """
     robot = structure.robot
     made = [readings for play in plays for readings in (play.period, *(end for _, end in play.ends))]
-    motion = Motion(
-        *(np.concatenate([getattr(r, name)[::EVERY] for r in made]) for name in ("shown_q", "shown_dq", "shown_ddq"))
-    )
+    shown = ("shown_q", "shown_dq", "shown_ddq")
+    q, dq, ddq = (np.concatenate([getattr(r, name)[::EVERY] for r in made]) for name in shown)
+    motion = Motion(q, dq, ddq)
     torque = np.concatenate([r.recorded[::EVERY] for r in made])
     noise = np.sqrt(robot.noise.torque_variance)
     weight = 1 / np.where(np.isfinite(noise) & (noise > 0), noise, [strength(robot, j) for j in range(robot.n)])
@@ -81,7 +85,7 @@ def calibrate(
     play: Callable[[Physics], Sequence[Play]],
     structure: Structure,
     *,
-    tolerance: float = 0.12,
+    tolerance: float = TOLERANCE,
 ) -> Calibrated:
     """Return a phenomenon scaled so that the joint that shows it best has `target` Nm rms left, within a tolerance.
 

@@ -229,16 +229,18 @@ class Equations:
 
     def _after(self, x: Parts, step: Step, v: Any) -> Any:
         """Return the state after a step from the velocity after it."""
-        h, n, gear = self.step, self.robot.n, self.transmissions
+        h, gear = self.step, self.transmissions
         q = x.q + h / 2 * (x.v + v)
         a = ca.if_else(v == 0, 0, (v - x.v) / h)  # a joint that has just stopped isn't predicted to turn
         own: list[Any] = []
         for physics, z in zip(step.physics, self._own(ca.vertsplit(x.own) if self.layout.own else []), strict=True):
             if physics.states:
-                pick = gear.of_links if physics.side == "link" else (lambda part: part[:n])
-                before = [ca.vertsplit(pick(part)) for part in (x.q, x.v, x.a)]
-                after = [ca.vertsplit(pick(part)) for part in (q, v, a)]
-                own += physics.advance(Instant(*before, step.terms.load, z), Instant(*after, step.terms.load, z), h)
+                rows = gear.rows[physics.side]
+                before, after = (
+                    Instant(*([part[k] for k in rows] for part in motion), load=step.terms.load, state=z)
+                    for motion in ((x.q, x.v, x.a), (q, v, a))
+                )
+                own += physics.advance(before, after, h)
         return ca.vertcat(q, v, a, *own, x.values)
 
 

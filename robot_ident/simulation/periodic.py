@@ -40,7 +40,7 @@ class Endless:
     @property
     def start_pose(self) -> Array:
         """Position at time 0 [n]."""
-        return self.reference(np.zeros(1)).q[0]
+        return np.asarray(self.reference(np.zeros(1)).q[0])
 
     def reference(self, t: Array) -> Motion:
         """Return the motion at instants t [N] s."""
@@ -119,5 +119,3 @@ def _steady(plant: Plant, series: FourierSeries, per_sample: int, sample_rate: f
             break
         state = after
     return read(plant, reference, Trace(states, np.arange(steps)), per_sample, samples, periodic=True)
-
-

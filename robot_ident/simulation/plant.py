@@ -78,7 +78,8 @@ class Plant:
         if not self._misread:
             parts = self.layout.joints(states)
             return Motion(parts.q, parts.v, ddq)
-        return Motion(*self._program.shown(states, ddq))
+        q, dq, ddq = self._program.shown(states, ddq)
+        return Motion(q, dq, ddq)
 
     @cached_property
     def _program(self) -> Program:

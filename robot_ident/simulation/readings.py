@@ -93,7 +93,8 @@ def read(
         every = _shifted(whole, course.rows, late / plant.step, periodic)[: samples * per_sample]
         recorded = every[::per_sample]
     values = (parts.q, parts.v, ddq, shown.q, shown.dq, shown.ddq, torque)
-    return Readings(*(value[which] for value in values), recorded, every if fine else None)
+    at_samples = dict(zip(FIELDS, (value[which] for value in values), strict=False))
+    return Readings(**{**at_samples, "recorded": recorded}, fine=every if fine else None)
 
 
 def _drives(plant: Plant, reference: Reference, states: Array, steps: Steps) -> Array:

@@ -15,7 +15,7 @@ from robot_ident.model.structure import Structure
 from robot_ident.motion import Array, Motion
 from robot_ident.recording.recording import Recording
 from robot_ident.robot.robot import Robot
-from robot_ident.simulation.calibrate import Calibrated, calibrate, pooled, standard_motions, visible
+from robot_ident.simulation.calibrate import TOLERANCE, Calibrated, calibrate, pooled, standard_motions, visible
 from robot_ident.simulation.periodic import Play
 from robot_ident.simulation.physics import PHYSICS, Physics, nominal_physics, plant_physics
 from robot_ident.simulation.physics.physics import between, strength
@@ -42,7 +42,11 @@ INDUSTRIAL = 200.0
 BACKGROUND = 0.3
 """Part of the main effect's residual that three other ones leave together."""
 
-DRAWS = 60
+DRAWS = 30
+"""How many effects are drawn before it is given up to find one that is possible and large enough."""
+
+ROUGHLY = 0.3
+"""Tolerance of the size of what stands in the background."""
 
 
 @dataclass(frozen=True)
@@ -199,7 +203,8 @@ class _Drawer:
             if drawn is None or clash or self._excluded(drawn):
                 continue
             wanted = between(self.rng, *self.sizes) if target is None else target
-            made = calibrate(drawn, wanted, self._plays, self.structure)
+            tolerance = TOLERANCE if target is None else ROUGHLY
+            made = calibrate(drawn, wanted, self._plays, self.structure, tolerance=tolerance)
             if float(made.visible.max()) < (self.sizes[0] * 0.9 if target is None else 0.5 * target):
                 continue
             done.append(made.physics)

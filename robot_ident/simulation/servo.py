@@ -82,7 +82,8 @@ def _feed_forward(robot: Robot) -> Vectorised:
     q, dq, ddq = (ca.SX.sym(name, n) for name in ("q", "dq", "ddq"))
     mass, bias = links_function(robot)(q, dq)
     tau, level = ca.mtimes(mass, ddq) + bias, ca.SX.zeros(n)
-    x = Instant(*(ca.vertsplit(s) for s in (q, dq, ddq, ca.SX(tau))), moved=[ca.SX(0)] * n, command=[ca.SX(0)] * n)
+    signals, nothing = [ca.vertsplit(s) for s in (q, dq, ddq, ca.SX(tau))], [ca.SX(0)] * n
+    x = Instant(signals[0], signals[1], signals[2], signals[3], command=nothing, moved=nothing)
     for physics in nominal_physics(robot):
         if physics.states:
             continue

@@ -117,7 +117,7 @@ class SimulatedRobot:
     def torque(self) -> Array:
         """The servos' torque [n] Nm at this instant, without noise."""
         seen = self.shown
-        return self._servo.torque(self._reference, seen.q, seen.dq)[0]
+        return np.asarray(self._servo.torque(self._reference, seen.q, seen.dq)[0])
 
     def measure(self, rng: np.random.Generator) -> Reading:
         """Return what the robot reports at this instant: noisy and quantised."""

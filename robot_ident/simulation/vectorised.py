@@ -82,7 +82,8 @@ class Vectorised:
 
     @cached_property
     def _program(self) -> list[tuple[Any, ...]]:
-        f, out = self.function, []
+        f = self.function
+        out: list[tuple[Any, ...]] = []
         for k in range(f.n_instructions()):
             op, to, of = f.instruction_id(k), f.instruction_output(k), f.instruction_input(k)
             if op == ca.OP_CONST:

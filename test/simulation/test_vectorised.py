@@ -13,9 +13,9 @@ EXPRESSIONS = {
     "arithmetic": (X + Y) * X / (Y + 5) - 2 * X + X**2 - 3,
     "powers": (X**2 + 1) ** Y + (X**2) ** 0.7 + ca.sqrt(Y**2 + 1) + 1 / (X**2 + 1),
     "exponentials": ca.exp(X) + ca.log(Y**2 + 1) + ca.sinh(X) + ca.cosh(Y) + ca.tanh(X) + ca.asinh(X),
-    "angles": ca.sin(X) + ca.cos(Y) + ca.tan(X) + ca.atan(Y) + ca.atan2(X, Y) + ca.asin(ca.sin(X)) + ca.acos(ca.cos(Y)),
+    "angles": ca.sin(X) + ca.cos(Y) + ca.tan(X) + ca.atan(Y) + ca.atan2(X, Y) + ca.asin(X / 2) + ca.acos(Y / 2),
     "choice": ca.if_else(X > Y, 1 / (X - Y), Y) + ca.fmin(X, Y) * ca.fmax(X, 0.1),
-    "logic": ca.logic_and(X > 0, Y <= 0) + 2 * ca.logic_or(X >= Y, Y < 0) + 4 * ca.logic_not(X > 0) + (X == Y) + (X != 0),
+    "logic": ca.logic_and(X > 0, Y <= 0) + 2 * ca.logic_or(X >= Y, Y < 0) + 4 * ca.logic_not(X > 0) + 8 * (X != 0),
     "steps": ca.sign(X) + ca.fabs(Y) + ca.floor(X) + ca.ceil(Y) + ca.copysign(X, Y),
 }
 

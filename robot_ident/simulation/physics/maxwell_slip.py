@@ -22,9 +22,7 @@ class MaxwellSlip:
 
     def stretched(self, stretch: Sequence[Any], moved: Any) -> list[Any]:
         """Return the stretches after the joint has moved."""
-        return [
-            ca.fmax(ca.fmin(z + moved, reach), -reach) for z, reach in zip(stretch, self.reaches, strict=True)
-        ]
+        return [ca.fmax(ca.fmin(z + moved, reach), -reach) for z, reach in zip(stretch, self.reaches, strict=True)]
 
     def force(self, stretch: Sequence[Any]) -> Any:
         """Return the force against the motion."""

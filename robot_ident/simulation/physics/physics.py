@@ -146,7 +146,7 @@ class Physics(ABC):
 
     def scaled(self, factor: float) -> Self:
         """Return it with its size multiplied by a factor."""
-        return type(self)(self.robot, self.place, self.values | {k: factor * self.values[k] for k in self.sizes})
+        return type(self)(self.robot, self.place, {**self.values, **{k: factor * self.values[k] for k in self.sizes}})
 
     @classmethod
     @abstractmethod

@@ -34,6 +34,4 @@ class ViscousAsymmetric(Physics):
     def contribution(self, x: Instant) -> Contribution:
         """Return the torque, even in velocity."""
         v = x.v[self.joint]
-        return Contribution(
-            torque={self.joint: self.values["viscous_asymmetric"] * (ca.sqrt(v**2 + EDGE**2) - EDGE)}
-        )
+        return Contribution(torque={self.joint: self.values["viscous_asymmetric"] * (ca.sqrt(v**2 + EDGE**2) - EDGE)})

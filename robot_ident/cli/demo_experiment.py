@@ -1,0 +1,131 @@
+"""The demo's experiment: excitations designed, then played and recorded by real nodes over real DDS."""
+
+from __future__ import annotations
+
+import importlib.util
+import os
+import time
+from collections.abc import Sequence
+from dataclasses import dataclass
+from functools import partial
+from pathlib import Path
+from typing import TYPE_CHECKING
+
+from robot_ident.cli.output import Progress, tell
+from robot_ident.errors import InputError
+
+if TYPE_CHECKING:
+    from robot_ident.cli.node_processes import NodeProcess
+    from robot_ident.excitation.design import Progress as DesignProgress
+    from robot_ident.robot import Robot
+
+TRAJECTORIES = 2
+_SPEED = 2.0  # times real time, at most
+_SLACK = 300.0  # s beyond the motion that discovery, approach and a loaded machine may take
+
+
+@dataclass(frozen=True)
+class Run:
+    """A motion that is played and recorded."""
+
+    name: str
+    file: Path
+    duration: float
+    periods: int
+
+    @property
+    def bag(self) -> Path:
+        """The recording."""
+        return self.file.parent / self.name
+
+
+def design_motions(robot: Robot, folder: Path, *, periods: int, seconds: float, seed: int) -> list[Run]:
+    """Design two excitations and draw a validation motion."""
+    from robot_ident.excitation.design import design
+    from robot_ident.excitation.playback import Playback
+    from robot_ident.excitation.validation import validation_motion
+
+    runs = []
+    for k in range(1, TRAJECTORIES + 1):
+        limit = seconds / TRAJECTORIES
+        tell(f"[1/5] Designing excitation {k} of {TRAJECTORIES} (d-optimality, {limit:.0f} s)")
+        with Progress("design", limit) as bar:
+            found = design(
+                robot,
+                seed=seed + k - 1,
+                time_limit=limit,
+                progress=partial(_show, bar, limit),
+            )
+        file = folder / f"excitation_{k}.yaml"
+        found.excitation.write(file)
+        tell(
+            f"      det of the covariance 10^{found.log10_det_covariance:.2f}, condition number"
+            f" {found.condition_number:.2f}; the paper's: 10^-48.63, 5.94; all limits certified"
+        )
+        runs.append(Run(f"run_{k}", file, Playback(found.excitation, robot, periods).duration, periods))
+    motion = validation_motion(robot, seed=seed)
+    motion.write(folder / "validation.yaml")
+    runs.append(Run("validation", folder / "validation.yaml", motion.duration, 1))
+    return runs
+
+
+def _show(bar: Progress, limit: float, state: DesignProgress) -> None:
+    bar.reach(min(limit, state.seconds), f"det 10^{state.log10_det_covariance:.2f}")
+
+
+def record(runs: list[Run], folder: Path, *, seed: int, hidden: Sequence[str]) -> None:
+    """Play every motion on a simulated robot of its own, all at the same time, each in its own DDS domain."""
+    if importlib.util.find_spec("rclpy") is None:
+        raise InputError("the demo needs ROS 2; pip install 'robot_ident[ros]'")
+    from robot_ident.cli.node_processes import wait_for
+
+    longest = max(run.duration for run in runs)
+    tell(
+        f"[2/5] Playing {len(runs)} motions of up to {longest:.0f} s on {len(runs)} simulated robots side by side,"
+        f" {4 * len(runs)} node processes over DDS, in simulated time:"
+        f" up to {_SPEED:g} times real time, as fast as this machine can"
+    )
+    crews: list[list[NodeProcess]] = []
+    try:
+        for k, motion in enumerate(runs):
+            crews.append(_crew(motion, k, folder, seed, hidden))
+        publishers = [crew[-1] for crew in crews]
+        others = [node for crew in crews for node in crew[:-1]]
+        begun = time.monotonic()
+        with Progress("playing", longest) as bar:
+            wait_for(
+                lambda: not any(node.running for node in publishers),
+                others,
+                longest + _SLACK,
+                lambda: bar.reach(min(longest, time.monotonic() - begun)),
+            )
+        for crew in crews:
+            for node in reversed(crew):
+                node.end()
+    finally:
+        for crew in crews:
+            for node in crew:
+                node.kill()
+
+
+def _crew(motion: Run, index: int, folder: Path, seed: int, hidden: Sequence[str]) -> list[NodeProcess]:
+    """Start robot, recorder and publisher for one motion; the publisher is the last."""
+    from robot_ident.cli.node_processes import NodeProcess
+
+    domain = 1 + (3 * os.getpid() + index) % 100
+    logs = folder / "logs" / motion.name
+    logs.mkdir(parents=True)
+    simulated = {"use_sim_time": True}  # time that waits for the nodes: a loaded machine slows it and disturbs nothing
+    crew = [
+        NodeProcess("simulated_clock", {"speed": _SPEED}, domain, logs),
+        NodeProcess(
+            "simulated_kuka",
+            {"seed": seed + index, "delay": 0.6, "effects": list(hidden) or [""], **simulated},
+            domain,
+            logs,
+        ),
+        NodeProcess("recorder", {"output": motion.bag.absolute(), **simulated}, domain, logs),
+    ]
+    play = {"trajectory": motion.file.absolute(), "periods": motion.periods, "autostart": True, "exit_when_done": True}
+    play |= {"tracking_error": [10.0], "state_wait": 60.0, "state_timeout": 2.0, **simulated}
+    return [*crew, NodeProcess("trajectory_publisher", play, domain, logs)]

@@ -1,0 +1,78 @@
+"""What can't be estimated is refused in one line that says why and what to do."""
+
+from __future__ import annotations
+
+from typing import Any
+
+import numpy as np
+import pytest
+
+from robot_ident.errors import InputError
+from robot_ident.estimation.identify import identify
+from robot_ident.estimation.solve import solve
+from robot_ident.recording import Processing, Recording, process
+
+
+def refused(arm: Any, recording: Recording, words: str, **options: Any) -> None:
+    with pytest.raises(InputError, match=words) as caught:
+        identify([recording], arm.robot, **options)
+    assert "\n" not in str(caught.value)
+
+
+def test_sample_rate_that_changes(arm: Any) -> None:
+    slow = arm.record(0, periods=2, lead=0.0)
+    fast = arm.record(0, periods=2, lead=0.0, rate=300.0)
+    t = np.concatenate([slow.t, slow.t[-1] + 1 / 300 + fast.t - fast.t[0]])
+    both = Recording(slow.names, t, np.vstack([slow.q, fast.q]), np.vstack([slow.tau, fast.tau]), source="mixed")
+    refused(arm, both, "mixed: the sample rate changes from 150 Hz to 300 Hz")
+
+
+def test_joints_of_another_robot(arm: Any) -> None:
+    r = arm.record(0, periods=2)
+    refused(arm, Recording(("a1", "a2", "a3"), r.t, r.q, r.tau, source="other"), "'joint_1' is missing")
+
+
+@pytest.mark.parametrize(
+    ("processing", "words"),
+    [
+        (Processing(low_pass=80.0), "low pass of 80 Hz; it must lie below half the sample rate, 75 Hz"),
+        (Processing(anti_alias=(8, 40.0), low_pass=60.0), "lies above 42.8 Hz"),
+        (Processing(anti_alias=(8, 40.0), low_pass=60.0, periodic=False), "lies above 42.8 Hz"),
+        (Processing(anti_alias=(4, 75.0)), "cutoff of 75 Hz is not below half the sample rate"),
+    ],
+)
+def test_filters_beyond_what_was_sampled(arm: Any, processing: Processing, words: str) -> None:
+    refused(arm, arm.record(0, periods=2), words, processing=processing)
+
+
+def test_iv_with_parameters_inside_columns(arm: Any) -> None:
+    refused(
+        arm,
+        arm.record(0, periods=2),
+        "iv estimates linear parameters alone",
+        estimator="iv",
+        effects=["stribeck@joint_1"],
+        processing=Processing(periodic=False),
+    )
+
+
+def test_columns_that_depend_on_each_other_are_named(arm: Any) -> None:
+    """With joint 2 and 3 held, nothing tells gravity's terms from an offset."""
+    t = np.arange(3000) / 150.0
+    q = np.column_stack([np.sin(0.2 * np.pi * t), np.full(3000, 0.3), np.full(3000, -0.2)])
+    tau = np.random.default_rng(0).normal(size=q.shape)
+    refused(arm, Recording(arm.robot.joints, t, q, tau, source="held"), "held: joint_2 has no usable sample")
+
+
+def test_periodic_and_other_recordings_make_one_estimate(arm: Any) -> None:
+    """Two recordings of which one repeats: each is weighted by what it knows of its noise."""
+    truth = arm.structure.true_values()
+    distance = []
+    for seed in range(6):
+        periodic = process(arm.record(seed, periods=3, lead=0.0), arm.robot)
+        once = process(arm.record(100 + seed, periods=2, lead=0.0), arm.robot, Processing(periodic=False))
+        both, alone = solve([periodic, once], arm.structure, "wls"), solve([periodic], arm.structure, "wls")
+        error = both.values - truth
+        distance.append(error @ np.linalg.solve(both.covariance, error) / 21)
+        assert np.all(np.diag(both.covariance) < 1.02 * np.diag(alone.covariance))
+    assert 0.6 < np.mean(distance) < 1.6

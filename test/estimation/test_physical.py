@@ -1,0 +1,112 @@
+"""Physical consistency: Table I is recognised, the nearest set is near, the links give the model's torque."""
+
+from __future__ import annotations
+
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import pinocchio
+import pytest
+
+from robot_ident.estimation.identify import identify
+from robot_ident.estimation.physical import nearest_physical, violations
+from robot_ident.estimation.solve import solve
+from robot_ident.model.model_file import read_model, write_model
+from robot_ident.model.structure import Structure
+from robot_ident.motion import Motion
+from robot_ident.recording import Recording, process
+from robot_ident.robot import load_robot
+
+TABLE_1 = np.array(
+    [45.38, -0.31, -2.22, -28.69, 0.3, -0.2, 3.36, 41.74, 0.07, 2.6, 8.21, 0.07, -0.21, 0.69, 7.63]
+    + [17.76, 33.48, 23.11, 35.12, 6.35, 14.51]
+)
+
+
+def pseudo_inertias(standard: np.ndarray) -> list[np.ndarray]:
+    out = []
+    for m, mx, my, mz, xx, xy, yy, xz, yz, zz in standard.reshape(-1, 10):
+        inertia = np.array([[xx, xy, xz], [xy, yy, yz], [xz, yz, zz]])
+        h = np.array([[mx], [my], [mz]])
+        out.append(np.block([[0.5 * np.trace(inertia) * np.eye(3) - inertia, h], [h.T, np.array([[m]])]]))
+    return out
+
+
+def test_table_1_is_recognised_and_the_inequality_named(arm: Any) -> None:
+    (line,) = violations(arm.structure, TABLE_1)
+    assert line.startswith("p15 >= p11 does not hold: 7.63 < 8.21")
+    assert "link 3" in line
+
+
+def test_the_robot_itself_is_possible(arm: Any) -> None:
+    assert violations(arm.structure, arm.structure.true_values()) == ()
+    spring = load_robot("kuka_ir361_spring")
+    structure = Structure.build(spring)
+    assert violations(structure, structure.true_values()) == ()
+
+
+def test_negative_friction_is_named(arm: Any) -> None:
+    values = arm.structure.true_values()
+    values[arm.structure.names.index("viscous@joint_2")] = -1.5
+    assert violations(arm.structure, values) == ("viscous@joint_2 = -1.5 is negative",)
+
+
+def test_what_no_simple_inequality_shows_is_found_too(arm: Any) -> None:
+    """A product of inertia larger than the moments allow."""
+    values = arm.structure.true_values()
+    values[arm.structure.names.index("p12")] = 2.0
+    (line,) = violations(arm.structure, values)
+    assert "no links can give" in line
+    assert "p12" in line
+
+
+def test_nearest_set_of_a_recording_of_table_1(arm: Any) -> None:
+    """The sum of squares that the data pay is that of the distance, and no random feasible set is nearer."""
+    t = np.arange(24000) / 150.0
+    motion = arm.series.motion(t)
+    rng = np.random.default_rng(0)
+    tau = arm.structure.columns(motion) @ TABLE_1 + rng.normal(size=motion.q.shape) * [2.0, 2.0, 1.0]
+    found = solve([process(Recording(arm.robot.joints, t, motion.q, tau), arm.robot)], arm.structure, "wls")
+    nearest = nearest_physical(found)
+    assert any("p15 >= p11" in note for note in nearest.notes)
+    assert violations(arm.structure, nearest.solution.values) == ()
+    for matrix in pseudo_inertias(nearest.inertias):
+        assert np.linalg.eigvalsh(matrix).min() > 0
+    metric = np.linalg.inv(found.covariance)
+    step = nearest.solution.values - found.values
+    assert nearest.distance**2 == pytest.approx(step @ metric @ step, rel=1e-6)
+    assert nearest.distance > 3.0
+    # the possible sets are convex: towards any of them the cost can only rise
+    rise = metric @ step
+    for _ in range(20):
+        scale = rng.uniform(0.9, 1.1, 33) * np.concatenate([arm.robot.rigid.parameters, arm.robot.drives.armature])
+        if min(np.linalg.eigvalsh(one).min() for one in pseudo_inertias(scale[:30])) > 0:
+            other = np.concatenate([arm.structure.base.regrouping @ scale, nearest.solution.values[15:]])
+            assert rise @ (other - nearest.solution.values) > -1e-3 * nearest.distance**2
+
+
+def test_links_give_the_models_torque_and_survive_the_file(arm: Any, tmp_path: Path) -> None:
+    model = identify([arm.record(3)], arm.robot, physical=True)
+    write_model(model, tmp_path / "model.yaml")
+    again = read_model(tmp_path / "model.yaml")
+    inertias, rotors = again.physical_inertias, again.physical_rotors
+    assert inertias is not None
+    assert rotors is not None
+    assert rotors[2] == 0.0
+    body = pinocchio.Model(arm.robot.rigid.model)
+    for link in range(3):
+        body.inertias[1 + link] = pinocchio.Inertia.FromDynamicParameters(inertias[10 * link : 10 * link + 10])
+    body.armature = rotors
+    data = body.createData()
+    state = np.random.default_rng(0).normal(size=(3, 50, 3))
+    tau = np.array([pinocchio.rnea(body, data, *(x[k] for x in state)) for k in range(50)])
+    columns = model.structure.columns(Motion(*state))[:, :, :15]
+    np.testing.assert_allclose(tau, columns @ model.values[:15], atol=1e-8)
+
+
+def test_possible_parameters_stay_as_they_are(arm: Any) -> None:
+    plain, physical = (identify([arm.record(0)], arm.robot, physical=word) for word in (False, True))
+    assert any("physically possible as estimated" in note for note in physical.notes)
+    np.testing.assert_allclose(physical.values, plain.values, atol=1e-4 * plain.std.max())
+    assert plain.physical_inertias is None
