@@ -137,7 +137,7 @@ def _report(models: list[Model], found: Diagnosis, validations: list[Validation]
     ]
     names = ["the paper's model", *(f"the model with {', '.join(s.label for s in found.missing)}" for _ in models[1:])]
     lines = [
-        "The paper's model on the recordings it was fitted to, beside the noise that the periods tell without any model:"
+        "The paper's model on the recordings it was fitted to, beside the noise told by the periods alone:"
     ]
     lines += [fit_table(models[0].robot, models[0].residual), "", f"Verdict: {sentence(found)}"]
     for suspect in found.missing:

@@ -22,9 +22,11 @@ VERBS: dict[str, str] = {
     "info": "what is in a bag: topics, joints, rate, periods, noise",
     "identify": "estimate the parameters with their uncertainty",
     "validate": "predict an independent recording",
+    "compare": "model beside measurement: where it fails, against the noise floor",
     "diagnose": "which physical effect is missing, with evidence",
     "add": "add effects to a model and print the error before and after",
     "effects": "the catalogue of physical effects",
+    "trial": "hide effects in the simulated robot, and count how often they are named",
     "montecarlo": "bias and efficiency of the estimator over repeated noise",
 }
 

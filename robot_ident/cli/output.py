@@ -85,7 +85,7 @@ def number(value: float, digits: int = 4) -> str:
 
 
 class Progress:
-    """A progress bar on standard error when that is a terminal; silent otherwise, and for what is over in two seconds."""
+    """A progress bar on standard error where that is a terminal, shown for what takes over two seconds."""
 
     def __init__(self, label: str, total: float) -> None:
         """Name the bar; `total` is what `reach` counts up to."""

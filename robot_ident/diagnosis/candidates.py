@@ -55,11 +55,23 @@ def enumerate_candidates(evidence: Evidence, leave_out: Sequence[str] = ()) -> l
         if effect.label in present:
             continue
         settings = effect.settings(longest) or [{}]
-        columns = [columns_of(effect.at(setting), evidence, torques) for setting in settings]
+        columns = [remembered(effect.at(setting), evidence, torques) for setting in settings]
         columns = [c for c in columns if c.joints]
         if columns:
             out.append(Candidate(effect.label, tuple(columns), tuple(c.positive for c in effect.coefficients)))
     return out
+
+
+def remembered(effect: Effect, evidence: Evidence, torques: Sequence[object]) -> Columns:
+    """Return the columns of an effect, computed once where they don't depend on the model's torque."""
+    if effect.uses_torque:
+        return columns_of(effect, evidence, torques)
+    key = (effect.label, effect.parameter_names(), tuple(sorted(effect.setting.items())))
+    if key not in evidence.memory:
+        evidence.memory[key] = columns_of(effect, evidence, torques)
+    found = evidence.memory[key]
+    assert isinstance(found, Columns)
+    return found
 
 
 @dataclass(frozen=True)

@@ -107,7 +107,7 @@ def _stage(evidence: Evidence) -> _Stage:
 def _with(evidence: Evidence, effects: Sequence[Effect]) -> Evidence:
     """Return the evidence on the model with further effects."""
     structure = Structure.build(evidence.structure.robot, [*_extra(evidence.structure), *effects])
-    return fitted(structure, evidence.trajectories, evidence.rigid)
+    return fitted(structure, evidence.trajectories, evidence.rigid, evidence.memory)
 
 
 def _extra(structure: Structure) -> list[Effect]:

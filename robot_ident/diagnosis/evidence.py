@@ -2,8 +2,8 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
-from dataclasses import dataclass
+from collections.abc import Hashable, Sequence
+from dataclasses import dataclass, field
 
 import numpy as np
 
@@ -34,13 +34,17 @@ class Trajectory:
 
 @dataclass(frozen=True)
 class Evidence:
-    """Trajectories with the columns of a model on them; `phi` [N, n, p] and `rigid` for each trajectory."""
+    """Trajectories with the columns of a model on them; `phi` [N, n, p] and `rigid` for each trajectory.
+
+    memory: what was computed on these trajectories and does not depend on the model, shared by all evidence on them.
+    """
 
     structure: Structure
     trajectories: tuple[Trajectory, ...]
     rigid: tuple[Array, ...]
     phi: tuple[Array, ...]
     values: Array
+    memory: dict[Hashable, object] = field(default_factory=dict, compare=False, repr=False)
 
     @property
     def residual(self) -> tuple[Array, ...]:
@@ -71,10 +75,13 @@ def gather(measurements: Sequence[Measurement], structure: Structure) -> Evidenc
 
 
 def fitted(
-    structure: Structure, trajectories: tuple[Trajectory, ...], rigid: tuple[Array, ...], start: Array | None = None
+    structure: Structure,
+    trajectories: tuple[Trajectory, ...],
+    rigid: tuple[Array, ...],
+    memory: dict[Hashable, object] | None = None,
 ) -> Evidence:
     """Return the evidence with the linear parameters fitted; columns that depend on torque are iterated."""
-    values = np.zeros(len(structure.names)) if start is None else start
+    values = np.zeros(len(structure.names))
     for _ in range(3 if structure.uses_torque else 1):
         phi = tuple(t.weighed(structure.columns(t.motion, values, r)) for t, r in zip(trajectories, rigid, strict=True))
         stacked = np.concatenate([p.reshape(-1, p.shape[2]) for p in phi])
@@ -82,4 +89,4 @@ def fitted(
         scale = np.linalg.norm(stacked, axis=0)
         scale[scale == 0.0] = 1.0
         values = np.linalg.lstsq(stacked / scale, y, rcond=1e-10)[0] / scale
-    return Evidence(structure, trajectories, rigid, phi, values)
+    return Evidence(structure, trajectories, rigid, phi, values, {} if memory is None else memory)

@@ -59,11 +59,11 @@ class PerPeriod:
 
     def restless(self) -> list[tuple[int, float]]:
         """Return the parameters whose scatter exceeds what sigma says by a quarter and by chance, and how far."""
-        from scipy.stats import chi2
+        from scipy.special import chdtri
 
         count, p = self.values.shape
         ratio = self.of_mean / self.sigma
-        bound = max(1.25, float(np.sqrt(chi2.isf(1e-4 / p, count - 1) / (count - 1))))
+        bound = max(1.25, float(np.sqrt(chdtri(count - 1, 1e-4 / p) / (count - 1))))
         return [(int(k), float(ratio[k])) for k in np.argsort(-ratio) if ratio[k] > bound]
 
     def to_dict(self, names: Sequence[str]) -> dict[str, Any]:
@@ -123,7 +123,7 @@ def _rows(measured: Measurement, torque: Array, equations: Equations) -> Array:
 
 def _drifts(values: Array, found: Solution, recordings: int) -> tuple[Drift, ...]:
     """Return the joints whose friction has a trend: regressed on the period's number, F test of all slopes."""
-    from scipy.stats import f as fisher
+    from scipy.special import fdtrc
 
     structure, count = found.structure, len(values)
     mean = values.mean(axis=0)
@@ -139,7 +139,7 @@ def _drifts(values: Array, found: Solution, recordings: int) -> tuple[Drift, ...
         statistic = float(slope[own] @ np.linalg.solve(covariance, slope[own]) * np.sum(number**2))
         freedom = count - 1 - len(own)
         # Hotelling's T^2 of a slope whose covariance has M - 2 degrees of freedom
-        p_value = float(fisher.sf(statistic * freedom / (len(own) * (count - 2)), len(own), freedom))
+        p_value = float(fdtrc(len(own), freedom, statistic * freedom / (len(own) * (count - 2))))
         if p_value < _ALPHA / (structure.robot.n * recordings):
             out.append(Drift(name, p_value, _change(found, own, joint, slope * (count - 1), mean)))
     return tuple(out)

@@ -190,7 +190,7 @@ def _free_rotors(structure: Structure, values: Array) -> Array:
 
 
 def _nearest(structure: Structure, values: Array, covariance: Array) -> tuple[Array, Array]:
-    """Return (standard inertias, merged rotors and further parameters [m], linear parameters [p]) of the nearest point."""
+    """Return (standard inertias, rotors and further parameters [m], linear parameters [p]) of the nearest point."""
     try:
         import clarabel  # type: ignore[import-untyped]
     except ImportError as error:
@@ -278,7 +278,7 @@ class _Program:
 
 
 def _pseudo_inertia() -> Array:
-    """Return the matrix [10, 10] from standard parameters to the upper triangle of the pseudo-inertia, column by column,
+    """Return the matrix [10, 10] from standard parameters to the upper triangle of the pseudo-inertia, by columns,
     off-diagonal entries times sqrt 2.
     """
     root = np.sqrt(2.0)

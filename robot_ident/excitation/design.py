@@ -117,6 +117,7 @@ def _setting(structure: Structure, variances: Array, plan: dict[str, Any]) -> An
     robot = structure.robot
     widths = SIGN_WIDTH * reachable_speed(robot, plan["base_frequency"])
     torque = TorqueModel(robot)
+    limited = torque.limited_joints()
     return Setting(
         robot=robot,
         smooth=smooth_regressor(structure, widths),
@@ -124,7 +125,8 @@ def _setting(structure: Structure, variances: Array, plan: dict[str, Any]) -> An
         variances=variances,
         criterion="d-optimal",
         poses=allowed_poses(robot),
-        torque=torque.function(smooth_sign(widths)) if torque.known and torque.reachable() else None,
+        torque=torque.function(smooth_sign(widths)) if limited else None,
+        torque_joints=limited,
         **plan,
     )
 

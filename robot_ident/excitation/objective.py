@@ -45,19 +45,20 @@ def information_matrix(phi: Any, motion: tuple[Any, Any, Any], weights: Array, s
     return ca.mtimes(stacked.T, stacked)
 
 
-def cholesky_functions(p: int) -> tuple[Any, Any]:
-    """Return the CasADi functions M -> log det M and M -> M^-1 of positive definite matrices [p, p], by Cholesky.
+def log_det_function(p: int) -> Any:
+    """Return the CasADi function M -> log det M of positive definite matrices [p, p], by Cholesky.
 
     The square root of a pivot that is not positive gives nan, which makes the optimiser shorten its step.
     """
     m = ca.SX.sym("m", p, p)
     factor = _cholesky(m, p)
-    log_det = 2 * sum(ca.log(factor[j][j]) for j in range(p))
-    inverse = _inverse_of_factor(factor, p)
-    return (
-        ca.Function("log_det", [m], [log_det]),
-        ca.Function("inverse_factor", [m], [inverse]),
-    )
+    return ca.Function("log_det", [m], [2 * sum(ca.log(factor[j][j]) for j in range(p))])
+
+
+def inverse_factor_function(p: int) -> Any:
+    """Return the CasADi function M -> L^-1 with M = L L', for positive definite matrices [p, p]."""
+    m = ca.SX.sym("m", p, p)
+    return ca.Function("inverse_factor", [m], [_inverse_of_factor(_cholesky(m, p), p)])
 
 
 def _cholesky(m: Any, p: int) -> list[list[Any]]:
@@ -73,14 +74,12 @@ def _cholesky(m: Any, p: int) -> list[list[Any]]:
 
 def _inverse_of_factor(factor: list[list[Any]], p: int) -> Any:
     """Return L^-1 by forward substitution."""
-    inverse = ca.SX(p, p)
+    rows: list[list[Any]] = [[ca.SX(0)] * p for _ in range(p)]
     for j in range(p):
-        column: dict[int, Any] = {}
         for i in range(j, p):
-            right = ca.SX(1.0 if i == j else 0.0) - sum((factor[i][k] * column[k] for k in range(j, i)), ca.SX(0))
-            column[i] = right / factor[i][i]
-            inverse[i, j] = column[i]
-    return inverse
+            right = ca.SX(1.0 if i == j else 0.0) - sum((factor[i][k] * rows[k][j] for k in range(j, i)), ca.SX(0))
+            rows[i][j] = right / factor[i][i]
+    return ca.vertcat(*(ca.horzcat(*row) for row in rows))
 
 
 def smooth_log_condition(information: Any, inverse_factor: Any, doublings: int) -> Any:

@@ -9,11 +9,16 @@ from typing import Any
 import casadi as ca
 import numpy as np
 
-from robot_ident.excitation.criteria import condition_number, log10_det_covariance
+from robot_ident.excitation.batch import Batch
 from robot_ident.excitation.excitation import Excitation
 from robot_ident.excitation.fourier import FourierSeries
 from robot_ident.excitation.limits import Certifier
-from robot_ident.excitation.objective import cholesky_functions, information_matrix, smooth_log_condition
+from robot_ident.excitation.objective import (
+    information_matrix,
+    inverse_factor_function,
+    log_det_function,
+    smooth_log_condition,
+)
 from robot_ident.excitation.workspace_margin import FrameKinematics
 from robot_ident.motion import Array
 from robot_ident.robot.robot import Robot
@@ -22,6 +27,7 @@ from robot_ident.robot.workspace import Clause
 
 SIGN_WIDTH = 0.035  # width of the smooth sign as a share of the speed that a joint can reach
 _SHARPNESS = 60.0  # of the smooth maximum over a rule's alternatives, per reach of the arm
+_SINGULAR = 1e-13  # share of the largest eigenvalue below which one is rounding
 _EXACT_SAMPLES = 1500  # of a period in the exact criterion of an iterate
 
 
@@ -44,6 +50,7 @@ class Setting:
     criterion: str
     poses: Array
     torque: Any = None
+    torque_joints: tuple[int, ...] = ()
     floor: float | None = None
 
     @property
@@ -79,7 +86,7 @@ class Problem:
         self.scale = np.vstack([0.5 * (limits.upper - limits.lower), np.tile(speed, (2 * order, 1))])
         self.certifier = Certifier(setting.robot)
         self._points = min(setting.samples, _EXACT_SAMPLES)
-        self._exact = setting.exact.map(self._points)
+        self._exact = Batch(setting.exact, self._points)
 
     def coefficients(self, x: Array) -> Array:
         """Return the coefficients [1 + 2 L, n] of variables x."""
@@ -102,14 +109,24 @@ class Problem:
         return Excitation(robot.name, robot.joints, self.series(coefficients), self.setting.sample_rate)
 
     def evaluate(self, coefficients: Array) -> tuple[float, float]:
-        """Return log10 det of the covariance and the condition number, with the exact sign function."""
+        """Return log10 det of the covariance and the condition number, with the exact sign function.
+
+        From the eigenvalues of the normalised information matrix: for iterates; the verdict uses singular values.
+        """
         setting, points = self.setting, self._points
         t: Array = np.arange(float(points)) / points / setting.base_frequency
         motion = self.series(coefficients).motion(t)
-        flat = np.array(self._exact(motion.q.T, motion.dq.T, motion.ddq.T))
-        columns = flat.reshape(setting.robot.n, points, setting.parameters).transpose(1, 0, 2)
-        variances = setting.variances * (points / setting.samples)
-        return log10_det_covariance(columns, variances), condition_number(columns, variances)
+        columns = self._exact(motion) / np.sqrt(setting.variances * (points / setting.samples))[:, None]
+        stacked = columns.reshape(-1, setting.parameters)
+        gram = stacked.T @ stacked
+        length = np.sqrt(np.diag(gram))
+        if not np.all(length > 0):
+            return float("inf"), float("inf")
+        values = np.linalg.eigvalsh(gram / np.outer(length, length))
+        if values[0] <= _SINGULAR * values[-1]:
+            return float("inf"), float("inf")
+        log10_det = -np.log10(values).sum() - 2.0 * np.log10(length).sum()
+        return float(log10_det), float(np.sqrt(values[-1] / values[0]))
 
     def cost(self, log10_det: float, condition: float) -> float:
         """Return what is minimised, of exact values; inf where the determinant is above its floor."""
@@ -201,10 +218,11 @@ class Program:
         setting = self.problem.setting
         scale = _column_scale(self.problem)
         matrix = information_matrix(setting.smooth, states, 1.0 / setting.variances, scale, setting.samples)
-        log_det, inverse_factor = cholesky_functions(setting.parameters)
-        log10_det = (2.0 * np.log(scale).sum() - log_det(matrix)) / np.log(10.0)
+        log_det = log_det_function(setting.parameters)(matrix)
+        log10_det = (2.0 * np.log(scale).sum() - log_det) / np.log(10.0)
         if setting.criterion == "d-optimal":
             return log10_det, log10_det
+        inverse_factor = inverse_factor_function(setting.parameters)
         return smooth_log_condition(matrix, inverse_factor, doublings), log10_det
 
     def _joint_rows(self, states: tuple[Any, Any, Any]) -> list[Any]:
@@ -225,8 +243,8 @@ class Program:
             return []
         robot = self.problem.setting.robot
         torque = self.problem.setting.torque.map(states[0].shape[1])(*states)
-        limited = np.flatnonzero(np.isfinite(robot.limits.torque))
-        return [torque[int(joint), :].T / robot.limits.torque[joint] for joint in limited]
+        limited = self.problem.setting.torque_joints
+        return [torque[joint, :].T / robot.limits.torque[joint] for joint in limited]
 
     def _workspace_rows(self, q: Any) -> list[Any]:
         """Return the distance from each rule's clause [m]."""

@@ -57,11 +57,14 @@ class TorqueModel:
         """Return the torque [N, n] Nm along a motion."""
         return np.array(self._numeric(motion.q.T, motion.dq.T, motion.ddq.T)).T
 
-    def reachable(self, samples: int = 4000) -> bool:
-        """Return whether states within the other limits come near a torque limit, from random corners and states."""
+    def limited_joints(self, samples: int = 4000) -> tuple[int, ...]:
+        """Return the joints whose torque comes near its limit in states within the other limits, by random states."""
+        if not self.known:
+            return ()
         limits, rng = self._robot.limits, np.random.default_rng(0)
         draw = rng.uniform(-1.0, 1.0, (3, samples, self._robot.n))
         draw[1:] = np.where(rng.uniform(size=draw[1:].shape) < 0.5, np.sign(draw[1:]), draw[1:])
         middle, half = 0.5 * (limits.upper + limits.lower), 0.5 * (limits.upper - limits.lower)
         motion = Motion(middle + half * draw[0], limits.velocity * draw[1], limits.acceleration * draw[2])
-        return bool(np.any(np.abs(self.torque(motion)) > 0.9 * limits.torque))
+        near = np.any(np.abs(self.torque(motion)) > 0.9 * limits.torque, axis=0)
+        return tuple(int(joint) for joint in np.flatnonzero(near))

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Mapping
 from dataclasses import asdict, dataclass, field
+from pathlib import Path
 from typing import Any
 
 import numpy as np
@@ -72,6 +73,19 @@ class Model:
         p = len(self.parameters)
         object.__setattr__(self, "values", frozen_array(self.values, p))
         object.__setattr__(self, "covariance", frozen_array(self.covariance, p, p))
+
+    @classmethod
+    def read(cls, path: Path | str) -> Model:
+        """Read a `model.yaml`."""
+        from robot_ident.model.model_file import read_model
+
+        return read_model(path)
+
+    def write(self, path: Path | str, *, force: bool = False) -> None:
+        """Write `model.yaml`, whole or not at all."""
+        from robot_ident.model.model_file import write_model
+
+        write_model(self, path, force=force)
 
     @property
     def robot(self) -> Robot:

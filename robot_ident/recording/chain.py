@@ -93,7 +93,7 @@ def chain_of(robot: Robot, anti_alias: tuple[float, float] | None, source: str, 
     kind = robot.anti_alias
     if anti_alias is not None:
         kind = AntiAlias(int(anti_alias[0]), float(anti_alias[1])) if anti_alias[0] else None
-    if kind is not None and kind.cutoff >= 0.5 * rate:
+    if kind is not None and kind.cutoff > 0.4999 * rate:
         raise InputError(
             f"{source}: the anti-alias filter's cutoff of {kind.cutoff:g} Hz is not below half the sample rate,"
             f" {0.5 * rate:g} Hz; give the filter that was in the chain (--anti-alias ORDER:HZ, or none)"

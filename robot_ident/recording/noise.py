@@ -176,7 +176,7 @@ def _bands(lines: int) -> list[np.ndarray]:
 
 def _is_coloured(power: Array, repeats: int) -> bool:
     """Bartlett's test: do bands of lines [K] have one variance?"""
-    from scipy.stats import chi2
+    from scipy.special import chdtrc
 
     bands = _bands(len(power))
     if len(bands) < 2 or not np.all(power > 0):
@@ -188,7 +188,7 @@ def _is_coloured(power: Array, repeats: int) -> bool:
         return False
     statistic = float(dof.sum() * np.log(total) - np.sum(dof * np.log(mean)))
     correction = 1.0 + (np.sum(1.0 / dof) - 1.0 / dof.sum()) / (3.0 * (len(bands) - 1))
-    return bool(chi2.sf(statistic / correction, len(bands) - 1) < _ALPHA)
+    return bool(chdtrc(len(bands) - 1, statistic / correction) < _ALPHA)
 
 
 def _is_correlated(cross: Density, repeats: int) -> bool:

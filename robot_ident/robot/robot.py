@@ -5,6 +5,7 @@ from __future__ import annotations
 from collections.abc import Mapping
 from dataclasses import dataclass, field
 from functools import cached_property
+from pathlib import Path
 from typing import Any
 
 import numpy as np
@@ -103,6 +104,13 @@ class Robot:
     effort: str = "torque"
     torque_delay: Array = field(default_factory=lambda: np.zeros(1))
     torque_curves: Mapping[str, tuple[tuple[float, float], ...]] = field(default_factory=dict)
+
+    @classmethod
+    def load(cls, name: str | Path = "kuka_ir361") -> Robot:
+        """Read a robot by name, from a robot YAML or from a URDF."""
+        from robot_ident.robot.load import load_robot
+
+        return load_robot(name)
 
     @property
     def n(self) -> int:

@@ -22,6 +22,9 @@ TRIES = 6
 TOLERANCE = 0.12
 """How near the visible residual comes to what was wanted."""
 
+FASTEST = 1.5
+"""Power of size with which the residual is taken to rise at most, where it is judged whether a size can be reached."""
+
 STEEPEST = 3.0
 """Bound on how fast the residual is taken to rise with size, as a power."""
 
@@ -86,11 +89,13 @@ def calibrate(
     structure: Structure,
     *,
     tolerance: float = TOLERANCE,
+    least: float = 0.0,
 ) -> Calibrated:
     """Return a phenomenon scaled so that the joint that shows it best has `target` Nm rms left, within a tolerance.
 
     `play` simulates the robot with it. The size is found by secants of the logarithms, and never exceeds `largest`
-    times that of `physics`: what is visible then may be less than wanted.
+    times that of `physics`: what is visible then may be less than wanted. The search ends early where `least` [Nm rms]
+    is out of reach.
     """
     size, past = 1.0, (0.0, 0.0)
     for attempt in range(TRIES):
@@ -98,6 +103,8 @@ def calibrate(
         left = visible(structure, play(scaled))
         ratio = float(left.max()) / target
         if abs(ratio - 1) < tolerance or (size >= physics.largest and ratio < 1) or ratio == 0.0:
+            break
+        if attempt == 0 and ratio * target * physics.largest**FASTEST < least:
             break
         now = (float(np.log(size)), float(np.log(ratio)))
         power = 1.0

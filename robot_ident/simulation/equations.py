@@ -235,11 +235,9 @@ class Equations:
         own: list[Any] = []
         for physics, z in zip(step.physics, self._own(ca.vertsplit(x.own) if self.layout.own else []), strict=True):
             if physics.states:
-                rows = gear.rows[physics.side]
-                before, after = (
-                    Instant(*([part[k] for k in rows] for part in motion), load=step.terms.load, state=z)
-                    for motion in ((x.q, x.v, x.a), (q, v, a))
-                )
+                load, rows = step.terms.load, gear.rows[physics.side]
+                before = Instant(_picked(x.q, rows), _picked(x.v, rows), _picked(x.a, rows), load, z)
+                after = Instant(_picked(q, rows), _picked(v, rows), _picked(a, rows), load, z)
                 own += physics.advance(before, after, h)
         return ca.vertcat(q, v, a, *own, x.values)
 
@@ -247,6 +245,10 @@ class Equations:
 def _not_negative(level: Any) -> Any:
     """Return levels of dry friction, those that phenomena lower no further than to zero; structural zeros stay."""
     return ca.vertcat(*(x if x.is_zero() else ca.fmax(x, 0) for x in ca.vertsplit(level)))
+
+
+def _picked(part: Any, rows: Sequence[int]) -> list[Any]:
+    return [part[k] for k in rows]
 
 
 def start_values(physics: Sequence[Physics]) -> list[float]:

@@ -204,8 +204,9 @@ class _Drawer:
                 continue
             wanted = between(self.rng, *self.sizes) if target is None else target
             tolerance = TOLERANCE if target is None else ROUGHLY
-            made = calibrate(drawn, wanted, self._plays, self.structure, tolerance=tolerance)
-            if float(made.visible.max()) < (self.sizes[0] * 0.9 if target is None else 0.5 * target):
+            least = self.sizes[0] * 0.9 if target is None else 0.5 * target
+            made = calibrate(drawn, wanted, self._plays, self.structure, tolerance=tolerance, least=least)
+            if float(made.visible.max()) < least:
                 continue
             done.append(made.physics)
             self.taken |= {(name, made.physics.place) for name in (made.physics.name, *made.physics.replaces)}

@@ -111,7 +111,7 @@ def test_ctrl_c_keeps_the_best(kuka: Robot) -> None:
 def test_a_six_axis_arm_from_its_urdf(tmp_path: Path, robots_folder: Path) -> None:
     urdf = robots_folder / "ur_description/urdf/ur10_robot.urdf"
     robot = load_robot(write_ur10(tmp_path, urdf))
-    found = design(robot, starts=1, workers=1)
+    found = design(robot, harmonics=3, starts=1, workers=1)
     assert found.margins.kept
     assert found.log10_det_covariance < found.history[0][1] - 5, "less than five decades better than random"
 

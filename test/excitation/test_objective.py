@@ -9,11 +9,20 @@ import casadi as ca
 import numpy as np
 import pytest
 
+from robot_ident.excitation.batch import Batch
+from robot_ident.excitation.criteria import evaluate
 from robot_ident.excitation.feasibility import allowed_poses
-from robot_ident.excitation.objective import cholesky_functions, smooth_log_condition, smooth_regressor, smooth_sign
+from robot_ident.excitation.objective import (
+    inverse_factor_function,
+    log_det_function,
+    smooth_log_condition,
+    smooth_regressor,
+    smooth_sign,
+)
 from robot_ident.excitation.problem import SIGN_WIDTH, Problem, Setting, reachable_speed
 from robot_ident.excitation.search import random_start
 from robot_ident.model.structure import Structure
+from robot_ident.motion import Motion
 from robot_ident.robot import Robot
 
 
@@ -63,7 +72,7 @@ def test_smooth_condition_of_a_given_matrix() -> None:
     rng = np.random.default_rng(3)
     f = rng.normal(size=(60, 6)) * [1.0, 5.0, 0.2, 1.0, 3.0, 1.0]
     m = ca.MX.sym("m", 6, 6)
-    log_det, inverse_factor = cholesky_functions(6)
+    log_det, inverse_factor = log_det_function(6), inverse_factor_function(6)
     smooth = ca.Function("smooth", [m], [smooth_log_condition(m, inverse_factor, doublings=5)])
     exact = np.log(np.linalg.cond(f / np.linalg.norm(f, axis=0)))
     value = float(smooth(f.T @ f))
@@ -77,6 +86,25 @@ def test_the_smooth_sign_takes_the_width_of_its_joint() -> None:
     f = ca.Function("f", [dq], [sign(dq[0]), sign(dq[1]), sign(dq[0] + dq[1])])
     values = [float(v) for v in f([0.02, 0.5])]
     np.testing.assert_allclose(values, [np.tanh(2.0), np.tanh(0.5), np.tanh(0.52)])
+
+
+def test_the_criteria_of_iterates_are_the_exact_ones(setting: Setting) -> None:
+    problem = Problem(setting)
+    coefficients = problem.coefficients(random_start(problem, np.random.default_rng(2), draws=3))
+    expected = evaluate(Structure.build(setting.robot), problem.excitation(coefficients))
+    log10_det, condition = problem.evaluate(coefficients)
+    assert log10_det == pytest.approx(expected.log10_det_covariance, abs=1e-9)
+    assert condition == pytest.approx(expected.condition_number, rel=1e-9)
+
+
+def test_a_batch_gives_what_the_function_gives(setting: Setting) -> None:
+    rng = np.random.default_rng(0)
+    motion = Motion(*rng.normal(size=(3, 7, 3)))
+    batch = Batch(setting.exact, 7)(motion)
+    assert batch.shape == (7, 3, 21)
+    for k in range(7):
+        single = np.array(setting.exact(motion.q[k], motion.dq[k], motion.ddq[k]))
+        np.testing.assert_allclose(batch[k], single, atol=1e-12)
 
 
 def test_variables_and_coefficients_are_inverse(setting: Setting) -> None:

@@ -1,0 +1,168 @@
+"""Estimation by brute force: intervals, bias, efficiency and the noise estimate, over hundreds of recordings.
+
+Run by `make acceptance`; about six minutes on two cores. ROBOT_IDENT_RUNS changes the number of runs.
+"""
+
+from __future__ import annotations
+
+import os
+from concurrent.futures import ProcessPoolExecutor
+from dataclasses import dataclass, replace
+from functools import cache
+
+import numpy as np
+import pytest
+from scipy.linalg import cho_factor, cho_solve, toeplitz
+from scipy.signal import lfilter
+
+from robot_ident.estimation.solve import solve
+from robot_ident.excitation.fourier import FourierSeries
+from robot_ident.model.structure import Structure
+from robot_ident.recording import Measurement, Processing, Recording, process
+from robot_ident.robot import load_robot
+
+RUNS = int(os.environ.get("ROBOT_IDENT_RUNS", "500"))
+WORKERS = max(1, min(4, os.cpu_count() or 1))
+RATE, BASE, SAMPLES = 150.0, 0.1, 1500
+POLE = 0.8  # of the coloured noise
+
+
+@dataclass(frozen=True)
+class Case:
+    """One column of the table."""
+
+    periods: int
+    coloured: bool
+
+    @property
+    def name(self) -> str:
+        return f"{self.periods} period{'s' if self.periods > 1 else ''}, {'coloured' if self.coloured else 'white'}"
+
+
+@cache
+def plant() -> tuple[Structure, FourierSeries, np.ndarray]:
+    """Return the robot's structure, the motion, and the exact torque of one period."""
+    structure = Structure.build(load_robot())
+    rng = np.random.default_rng(1)
+    a, b = 0.25 * rng.normal(size=(2, 3, 5))
+    series = FourierSeries(BASE, np.array([0.0, 0.2, -0.3]), a, b)
+    t = np.arange(SAMPLES) / RATE
+    return structure, series, structure.columns(series.motion(t)) @ structure.true_values()
+
+
+def record(case: Case, seed: int) -> Recording:
+    """Record steady periods: torque noise, position noise, the encoder's steps."""
+    structure, series, exact = plant()
+    robot = structure.robot
+    rng = np.random.default_rng(seed)
+    count = SAMPLES * case.periods
+    noise = rng.normal(size=(count + 200, 3))
+    if case.coloured:
+        noise = lfilter([np.sqrt(1 - POLE**2)], [1.0, -POLE], noise, axis=0)
+    # a single period has the noise of an averaged one, as in the paper
+    size = np.sqrt(robot.noise.torque_variance / (16 if case.periods == 1 else 1))
+    tau = np.tile(exact, (case.periods, 1)) + noise[200:] * size
+    t = np.arange(count) / RATE
+    q = np.tile(series.motion(t[:SAMPLES]).q, (case.periods, 1))
+    q = q + rng.normal(size=q.shape) * np.sqrt(robot.noise.position_variance)
+    q = np.round(q / robot.drives.encoder_step) * robot.drives.encoder_step
+    return Recording(robot.joints, t, q, tau, source="run")
+
+
+def measure(case: Case, seed: int) -> Measurement:
+    """Return a processed recording; of a single period the noise is known beforehand, as in the paper's section IV."""
+    structure = plant()[0]
+    recording = record(case, seed)
+    options = Processing(base_frequency=BASE, periodic=True)
+    if case.periods > 1:
+        return process(recording, structure.robot, options)
+    twice = Recording(
+        recording.names,
+        np.arange(2 * SAMPLES) / RATE,
+        np.tile(recording.q, (2, 1)),
+        np.tile(recording.tau, (2, 1)),
+        source="run",
+    )
+    made = process(twice, structure.robot, options)
+    step = structure.robot.drives.encoder_step
+    known = structure.robot.noise.torque_variance / 16
+    return replace(
+        made,
+        torque_variance=known,
+        averages=1.0,
+        noise=None,
+        quantisation=None,
+        averaged_position_variance=structure.robot.noise.position_variance + step**2 / 12,
+        period_torque=None,
+    )
+
+
+def one_run(job: tuple[Case, int]) -> dict[str, tuple[np.ndarray, np.ndarray, float]]:
+    """Return error, covariance and chi-square per degree of freedom of both estimators."""
+    case, seed = job
+    structure = plant()[0]
+    measured = measure(case, seed)
+    out = {}
+    for estimator in ("wls", "ml"):
+        found = solve([measured], structure, estimator)
+        out[estimator] = (found.values - structure.true_values(), found.covariance, found.chi_square / found.dof)
+    return out
+
+
+def bound(case: Case) -> np.ndarray:
+    """Return the Cramer-Rao bound [p, p] for the true noise, joint angles exact."""
+    structure, series, _ = plant()
+    columns = structure.columns(series.motion(np.arange(SAMPLES) / RATE))
+    information = np.zeros((columns.shape[2],) * 2)
+    for joint, variance in enumerate(structure.robot.noise.torque_variance / 16):
+        phi = columns[:, joint]
+        if case.coloured:
+            lag = np.arange(SAMPLES)
+            factor = cho_factor(variance * toeplitz(POLE**lag + POLE ** (SAMPLES - lag) * (lag > 0)))
+            information += phi.T @ cho_solve(factor, phi)
+        else:
+            information += phi.T @ phi / variance
+    return np.linalg.inv(information)
+
+
+CASES = [Case(1, False), Case(16, False), Case(16, True)]
+
+
+@pytest.fixture(scope="module")
+def results() -> dict[Case, list[dict[str, tuple[np.ndarray, np.ndarray, float]]]]:
+    print(f"\nestimation: {RUNS} runs of {len(CASES)} cases by wls and ml, about six minutes on two cores at 500 runs")
+    with ProcessPoolExecutor(WORKERS) as pool:
+        return {
+            case: list(pool.map(one_run, [(case, seed) for seed in range(RUNS)], chunksize=5)) for case in CASES
+        }
+
+
+@pytest.mark.parametrize("case", CASES, ids=lambda case: case.name)
+@pytest.mark.parametrize("estimator", ["wls", "ml"])
+def test_intervals_hold(results: dict, case: Case, estimator: str) -> None:
+    runs = [result[estimator] for result in results[case]]
+    error = np.array([run[0] for run in runs])
+    sigma = np.sqrt([np.diag(run[1]) for run in runs])
+    p = error.shape[1]
+    coverage = float(np.mean(np.abs(error) < 1.959964 * sigma))
+    distance = float(np.mean([e @ np.linalg.solve(c, e) / p for e, c, _ in runs]))
+    best = bound(case)
+    efficiency = float(np.mean(np.diag(best) / np.mean(error**2, axis=0)))
+    bias = error.mean(axis=0)
+    statistic = float(len(runs) * bias @ np.linalg.solve(best, bias))
+    print(
+        f"\n{case.name:20s} {estimator:4s} coverage of 95 % intervals {100 * coverage:6.2f} %   mean normalised error"
+        f" {distance:.3f}   efficiency {efficiency:.3f}   bias statistic {statistic:.1f} ({p} expected)"
+    )
+    tolerance = np.sqrt(500 / len(runs)) if len(runs) < 500 else 1.0
+    assert abs(coverage - 0.95) < 0.015 * tolerance
+    assert abs(distance - 1.0) < 0.03 * tolerance
+    assert efficiency > 1.0 - 0.03 * tolerance
+
+
+@pytest.mark.parametrize("case", [case for case in CASES if case.periods > 1], ids=lambda case: case.name)
+def test_noise_estimate_is_unbiased(results: dict, case: Case) -> None:
+    """Chi-square per degree of freedom of a correct model."""
+    ratio = np.array([result["wls"][2] for result in results[case][:200]])
+    print(f"\n{case.name:20s} chi-square per degree of freedom {ratio.mean():.4f} +- {ratio.std() / len(ratio)**0.5:.4f}")
+    assert abs(ratio.mean() - 1.0) < 0.01 * (1.0 if len(ratio) >= 200 else np.sqrt(200 / len(ratio)))

@@ -1,0 +1,235 @@
+"""`robot_ident compare`."""
+
+from __future__ import annotations
+
+import argparse
+from collections.abc import Sequence
+from typing import TYPE_CHECKING, Any
+
+from robot_ident.cli.output import add_json, print_json, say, table, tell
+from robot_ident.errors import CheckFailed, InputError
+
+if TYPE_CHECKING:
+    from robot_ident.cli.loop import Inputs
+    from robot_ident.diagnosis.comparison import Comparison, JointComparison
+    from robot_ident.diagnosis.regions import Region
+    from robot_ident.robot.robot import Robot
+
+_BAR = 20  # characters of a whole bar
+_BARS = 8  # variables shown for a joint
+_SENTENCES = 4
+
+
+def add_arguments(parser: argparse.ArgumentParser) -> None:
+    """Add the verb's options."""
+    from robot_ident.cli.effects_from import add_effects_from
+
+    parser.add_argument("inputs", nargs="+", metavar="model.yaml BAG", help="models and recordings, in any order")
+    parser.add_argument("--topic", metavar="T", help="topic of the joint states")
+    parser.add_argument(
+        "--mcap",
+        metavar="OUT",
+        help="write measured, predicted, residual and each effect's share along the recordings (.mcap, or a folder)",
+    )
+    parser.add_argument(
+        "--fail-on-misfit", action="store_true", help="exit with 3 when the first model does not fit at some joint"
+    )
+    parser.add_argument("--force", action="store_true", help="replace what is there")
+    add_effects_from(parser)
+    add_json(parser)
+
+
+def run(args: argparse.Namespace) -> int:
+    """Show models beside measurements."""
+    from robot_ident.cli.effects_from import register_effects
+    from robot_ident.cli.loop import read_inputs
+    from robot_ident.diagnosis.comparison import compare
+    from robot_ident.files import refuse_existing
+
+    if args.mcap:
+        refuse_existing(args.mcap, force=args.force)
+    register_effects(args)
+    inputs = read_inputs(args.inputs, [], args.topic)
+    if not inputs.measurements:
+        raise InputError(f"{', '.join(args.inputs)}: models only; compare takes at least one recording")
+    _same_joints(inputs)
+    found = [compare(model, inputs.measurements) for model in inputs.models]
+    if args.mcap:
+        _write_mcap(args, inputs)
+    if args.json:
+        print_json(_to_dict(inputs, found, args.mcap))
+    else:
+        _print(inputs, found)
+        if args.mcap:
+            say(f"\nwritten: {args.mcap}")
+    if args.fail_on_misfit:
+        _check(found[0])
+    return 0
+
+
+def _same_joints(inputs: Inputs) -> None:
+    first = inputs.models[0].robot
+    for path, model in zip(inputs.paths, inputs.models, strict=True):
+        if model.robot.joints != first.joints:
+            raise InputError(
+                f"{path}: model of another robot: joints {', '.join(model.robot.joints)};"
+                f" {inputs.paths[0]} has {', '.join(first.joints)}"
+            )
+
+
+def _check(found: Comparison) -> None:
+    """Raise CheckFailed where the model fails, InputError where no recording tells."""
+    if all(joint.misfit is None for joint in found.joints):
+        raise InputError(
+            "--fail-on-misfit: the recordings don't tell their noise; record 2 periods or more of a motion"
+        )
+    failing = [joint for joint in found.joints if joint.fails]
+    if failing:
+        listed = ", ".join(f"{joint.name} ({joint.excess:.3g} rms beyond the noise)" for joint in failing)
+        raise CheckFailed(f"the model does not fit: {listed}")
+
+
+def _to_dict(inputs: Inputs, found: Sequence[Comparison], mcap: str | None) -> dict[str, Any]:
+    models = [
+        {"path": path, "effects": list(model.structure.labels), "joints": [joint.to_dict() for joint in one.joints]}
+        for path, model, one in zip(inputs.paths, inputs.models, found, strict=True)
+    ]
+    return {
+        "schema": "robot_ident/comparison/1",
+        "joints": models[0]["joints"],
+        "models": models,
+        "recordings": list(inputs.bags),
+        "mcap": mcap,
+        "notes": list(found[0].notes),
+    }
+
+
+def _print(inputs: Inputs, found: Sequence[Comparison]) -> None:
+    robot = inputs.models[0].robot
+    for note in found[0].notes:
+        tell(note)
+    rows = [
+        _row(path if len(found) > 1 else "", joint)
+        for number in range(robot.n)
+        for path, one in zip(inputs.paths, found, strict=True)
+        for joint in (one.joints[number],)
+    ]
+    header = ("joint", "model", "residual rms", "noise rms", "beyond noise", "chi2/dof", "p", "")
+    keep = [k for k in range(len(header)) if k != 1 or len(found) > 1]
+    say(table([header[k] for k in keep], [[row[k] for k in keep] for row in rows]))
+    for path, one in zip(inputs.paths, found, strict=True):
+        for number, joint in enumerate(one.joints):
+            if joint.explained_by:
+                _print_joint(joint, robot, number, f" ({path})" if len(found) > 1 else "")
+
+
+def _row(path: str, joint: JointComparison) -> tuple[object, ...]:
+    fit = joint.misfit
+    word = "not judged" if fit is None else "does not fit" if fit.fails else "fits"
+    return (
+        joint.name,
+        path,
+        joint.residual_mse**0.5,
+        None if joint.noise_variance is None else joint.noise_variance**0.5,
+        joint.excess,
+        None if fit is None else fit.statistic,
+        None if fit is None else f"{fit.p_value:.2g}",
+        word,
+    )
+
+
+def _print_joint(joint: JointComparison, robot: Robot, number: int, model: str) -> None:
+    unit = robot.torque_unit(number)
+    say(f"\n{joint.name}{model}: {joint.excess:.3g} {unit} rms beyond the noise")
+    for region in joint.worst[:_SENTENCES]:
+        say(f"  {sentence(region, joint.name, robot, number)}")
+    ranked = sorted(joint.explained_by.items(), key=lambda item: -item[1])[:_BARS]
+    say("  a curve over each variable explains, on motion it has not seen:")
+    say(_indented(_bars([(name.replace("_", " "), share) for name, share in ranked])))
+    if joint.by_frequency:
+        say("  by frequency:")
+        named = [(f"{low:g} to {high:g} Hz", share) for low, high, share in joint.by_frequency]
+        say(_indented(_bars(named)))
+    if joint.odd is not None and joint.even is not None:
+        odd, even = 100 * joint.odd, 100 * joint.even
+        say(f"  under time reversal: {odd:.0f} % odd (friction), {even:.0f} % even (forces, inertia)")
+
+
+def _bars(rows: Sequence[tuple[str, float]]) -> str:
+    width = max(len(name) for name, _ in rows)
+    filled = [(name, ("█" * round(_BAR * share)).ljust(_BAR, "·"), share) for name, share in rows]
+    return "\n".join(f"{name.ljust(width)}  {bar} {100 * share:3.0f} %" for name, bar, share in filled)
+
+
+def _indented(text: str) -> str:
+    return "\n".join(f"    {line}" for line in text.splitlines())
+
+
+def sentence(region: Region, joint: str, robot: Robot, number: int) -> str:
+    """Return a region in words: `joint_3, |dq| < 0.05 rad/s: 61 % of the excess`."""
+    length = "m" if robot.prismatic[number] else "rad"
+    symbols = {
+        "position": ("q", length),
+        "velocity": ("dq", f"{length}/s"),
+        "speed": ("|dq|", f"{length}/s"),
+        "acceleration": ("ddq", f"{length}/s^2"),
+        "load": ("load torque", robot.torque_unit(number)),
+        "time_since_reversal": ("time since reversal", "s"),
+        "time": ("t", "s"),
+    }
+    if " of " in region.what:
+        kind, _, other = region.what.partition(" of ")
+        place = robot.joint_index(other)
+        length = "m" if robot.prismatic[place] else "rad"
+        symbol, unit = (f"q of {other}", length) if kind == "position" else (f"dq of {other}", f"{length}/s")
+    else:
+        symbol, unit = symbols[region.what]
+    if region.lower <= 0.0 and region.what in ("speed", "time_since_reversal"):
+        where = f"{symbol} < {region.upper:.3g} {unit}"
+    else:
+        where = f"{region.lower:.3g} < {symbol} < {region.upper:.3g} {unit}"
+    source = f" of {region.recording}" if region.recording else ""
+    share, time = 100 * region.share, 100 * region.of_time
+    return f"{joint}, {where}{source}: {share:.0f} % of the excess in {time:.0f} % of the time"
+
+
+def _write_mcap(args: argparse.Namespace, inputs: Inputs) -> None:
+    """Write what belongs beside the recordings in a viewer, with their own stamps."""
+    from pathlib import Path
+
+    from robot_ident.bags import BagWriter, read_recording
+    from robot_ident.diagnosis.along import along
+    from robot_ident.files import whole
+
+    path = Path(args.mcap)
+    with whole(path, force=args.force) as draft:
+        folder = draft.with_name(path.stem) if path.suffix == ".mcap" else draft
+        with BagWriter(folder, chunked=True, shown_as=path) as bag:
+            for number, (name, measured) in enumerate(zip(inputs.bags, inputs.measurements, strict=True), 1):
+                recording = read_recording(name, topic=args.topic)
+                prefix = f"/bag_{number}" if len(inputs.bags) > 1 else ""
+                _write_along(bag, prefix, along(inputs.models[0], recording, measured))
+        if path.suffix == ".mcap":
+            (folder / f"{folder.name}_0.mcap").rename(draft)
+
+
+def _write_along(bag: Any, prefix: str, found: Any) -> None:
+    import re
+    import time
+
+    import numpy as np
+
+    from robot_ident.bags.storage import JOINT_STATE, Topic
+
+    rows = found.rows
+    start = rows.start_ns or (0 if rows.t[0] > 0 else time.time_ns())
+    stamps = start + np.rint(rows.t * 1e9).astype(np.int64)
+    efforts = {"measured": found.measured, "predicted": found.predicted, "residual": found.residual}
+    efforts |= {f"effect/{re.sub('[^A-Za-z0-9_]', '_', name)}": share for name, share in found.shares.items()}
+    for name, effort in efforts.items():
+        topic = f"{prefix}/{name}"
+        bag.add_topic(Topic(topic, JOINT_STATE))
+        whole_state = name == "measured"
+        bag.write_joint_states(
+            topic, rows.names, stamps, rows.q if whole_state else None, rows.dq if whole_state else None, effort
+        )

@@ -1,0 +1,283 @@
+"""`robot_ident trial`."""
+
+from __future__ import annotations
+
+import argparse
+import hashlib
+import json
+import tempfile
+from collections.abc import Callable, Sequence
+from functools import partial
+from pathlib import Path
+from typing import TYPE_CHECKING, Any
+
+from robot_ident.cli.output import Progress, add_json, add_robot, print_json, say, table, tell
+from robot_ident.errors import InputError, did_you_mean
+
+if TYPE_CHECKING:
+    from robot_ident.diagnosis.trial import Case, Outcome, Setting
+    from robot_ident.excitation.excitation import Excitation
+    from robot_ident.robot.robot import Robot
+
+_TRAINING = 3  # motions that are identified and diagnosed; one more is kept unseen
+_SCHEMA = "robot_ident/trial_cases/1"
+_STOPPED = 130
+_ROWS = {
+    "named_right": "named right, effect and joint",
+    "truth_in_tie_group": "truth in the tie group",
+    "wrong_name_outside_tie": "wrong name outside the tie",
+    "false_name_on_null": "name given where nothing is hidden",
+    "unknown_named": "name given to what no effect is",
+    "pair_found_nothing_else": "pairs: both found, nothing else",
+    "named_right_with_background": "named right beside three others of 30 %",
+}
+
+
+def add_arguments(parser: argparse.ArgumentParser) -> None:
+    """Add the verb's options."""
+    add_robot(parser)
+    parser.add_argument("--seeds", default="0:20", metavar="A:B", help="seeds A to B - 1 (default %(default)s)")
+    parser.add_argument(
+        "--kind",
+        action="append",
+        default=[],
+        help="single, pair_other_joints, null, unknown or single_with_background, each with all seeds; default: drawn",
+    )
+    parser.add_argument(
+        "--noise", type=float, default=1.0, help="factor on the robot's noise variances (default %(default)s)"
+    )
+    parser.add_argument("--periods", type=int, default=16, help="steady periods of each motion (default %(default)s)")
+    parser.add_argument(
+        "--excitation",
+        nargs="+",
+        default=[],
+        metavar="FILE",
+        help="motions to use, the last one unseen by any fit; default: four are designed",
+    )
+    parser.add_argument("--folder", metavar="DIR", help="where designed motions are kept for the next trial")
+    parser.add_argument(
+        "--cases-file", metavar="F", help="keeps every finished case; a trial that was stopped goes on from it"
+    )
+    parser.add_argument("--workers", type=int, metavar="N", help="processes (default: one a processor)")
+    parser.add_argument("--open", metavar="BAG.sealed", help="show what simulate --hidden has hidden, and do no more")
+    add_json(parser)
+
+
+def run(args: argparse.Namespace) -> int:
+    """Hide effects, diagnose them, and print how often they were named."""
+    if args.open:
+        return _open(args)
+    from robot_ident.diagnosis.trial import Setting
+    from robot_ident.robot import load_robot
+    from robot_ident.simulation.scenario import usual_sizes
+
+    cases = _cases(args)
+    if args.periods < 4:
+        raise InputError(f"--periods {args.periods}: at least 4, so that they tell the noise")
+    if not 0 < args.noise < float("inf"):
+        raise InputError(f"--noise {args.noise:g}: must be above 0 and finite")
+    if args.workers is not None and args.workers < 1:
+        raise InputError(f"--workers {args.workers}: at least 1")
+    robot = load_robot(args.robot)
+    motions = _motions(args, robot)
+    series = tuple(motion.series for motion in motions)
+    setting = Setting(robot, series[:-1], series[-1], args.periods, args.noise)
+    done = _Journal.open(args.cases_file, _settings(args, motions))
+    try:
+        _run_cases(cases, setting, done, args.workers)
+    except KeyboardInterrupt:
+        kept = f"are kept in {args.cases_file}; the same command goes on" if args.cases_file else "are lost"
+        tell(f"robot_ident trial: stopped; {len(done.outcomes)} finished cases {kept}")
+        return _STOPPED
+    _report(args, [done.outcomes[case] for case in cases], usual_sizes(robot)[0])
+    return 0
+
+
+def _open(args: argparse.Namespace) -> int:
+    from robot_ident.simulation.scenario import Scenario
+    from robot_ident.simulation.sealed import open_sealed
+
+    scenario = Scenario.of_answer(open_sealed(args.open))
+    if args.json:
+        print_json({"schema": "robot_ident/answer/1", **scenario.answer()})
+        return 0
+    say(f"{scenario.kind} in {scenario.robot} (seed {scenario.seed})")
+    for effect in scenario.effects:
+        say(f"  {effect}")
+    for effect in scenario.background:
+        say(f"  in the background: {effect}")
+    if not scenario.all_effects:
+        say("  nothing is hidden")
+    return 0
+
+
+def _cases(args: argparse.Namespace) -> list[Case]:
+    """Return the cases of `--seeds` and `--kind`."""
+    from robot_ident.diagnosis.trial import Case
+    from robot_ident.simulation.scenario import KINDS
+
+    for kind in args.kind:
+        if kind not in KINDS:
+            raise InputError(f"--kind {kind!r} is not known{did_you_mean(kind, KINDS)}")
+    first, colon, last = args.seeds.partition(":")
+    if not (colon and first.isdigit() and last.isdigit() and int(first) < int(last)):
+        raise InputError(f"--seeds {args.seeds!r}: A:B with 0 <= A < B was expected, like 0:20")
+    kinds = list(dict.fromkeys(args.kind)) or [None]
+    return [Case(seed, kind) for kind in kinds for seed in range(int(first), int(last))]
+
+
+def _motions(args: argparse.Namespace, robot: Robot) -> list[Excitation]:
+    """Return the motions: those of `--excitation`, those kept in `--folder`, or new ones."""
+    from robot_ident.excitation.excitation import Excitation
+
+    if args.excitation:
+        if len(args.excitation) < 2:
+            raise InputError("--excitation: two files or more, the last one unseen by any fit")
+        files = [Path(file) for file in args.excitation]
+    else:
+        folder = Path(args.folder) if args.folder else Path(tempfile.mkdtemp(prefix="robot_ident_trial_"))
+        folder.mkdir(parents=True, exist_ok=True)
+        files = [folder / f"{robot.name}_{k}.yaml" for k in range(1, _TRAINING + 2)]
+        _design_missing(files, robot)
+    motions = [Excitation.read(file) for file in files]
+    for motion in motions:
+        motion.check_robot(robot)
+    return motions
+
+
+def _design_missing(files: Sequence[Path], robot: Robot) -> None:
+    """Design the motions that are not there yet; their number is their seed."""
+    from robot_ident.excitation.design import design
+
+    if all(file.exists() for file in files):
+        return
+    tell(f"designing {len(files)} motions in {files[0].parent}")
+    with Progress("design", len(files)) as bar:
+        for number, file in enumerate(files, 1):
+            if not file.exists():
+                design(robot, starts=1, seed=number).excitation.write(file)
+            bar.reach(number)
+
+
+def _settings(args: argparse.Namespace, motions: Sequence[Excitation]) -> dict[str, Any]:
+    """Return what has to agree for two cases to belong to one trial."""
+    content = json.dumps([motion.to_dict() for motion in motions], sort_keys=True)
+    digest = hashlib.sha256(content.encode()).hexdigest()[:16]
+    return {
+        "schema": _SCHEMA,
+        "robot": motions[0].robot,
+        "noise": args.noise,
+        "periods": args.periods,
+        "motions": digest,
+    }
+
+
+class _Journal:
+    """Finished cases, on disk a line each as soon as they are finished."""
+
+    def __init__(self, path: Path | None) -> None:
+        self.path = path
+        self.outcomes: dict[Case, Outcome] = {}
+
+    @classmethod
+    def open(cls, path: str | None, settings: dict[str, Any]) -> _Journal:
+        """Return what is finished; InputError where the file belongs to another trial."""
+        from robot_ident.diagnosis.trial import Case, Outcome
+
+        journal = cls(Path(path) if path else None)
+        if journal.path is None:
+            return journal
+        try:
+            lines = journal.path.read_text(encoding="utf-8").split("\n") if journal.path.exists() else []
+            if not lines:
+                journal.path.write_text(json.dumps(settings) + "\n", encoding="utf-8")
+        except (OSError, UnicodeDecodeError) as error:
+            raise InputError(f"{path}: can't be used as a file of cases ({error})") from error
+        for number, line in enumerate(lines[:-1]):  # what follows the last line's end was torn off when it was written
+            try:
+                data = json.loads(line)
+            except json.JSONDecodeError as error:
+                raise InputError(f"{path}: line {number + 1} is no case ({error})") from error
+            if number == 0:
+                _same(data, settings, path)
+            else:
+                case = Case(data["seed"], data.pop("asked"))
+                journal.outcomes[case] = Outcome.of_dict(data)
+        if lines and lines[-1]:
+            journal.path.write_text("\n".join([*lines[:-1], ""]), encoding="utf-8")
+        return journal
+
+    def add(self, case: Case, outcome: Outcome) -> None:
+        """Keep an outcome."""
+        self.outcomes[case] = outcome
+        if self.path is not None:
+            with self.path.open("a", encoding="utf-8") as file:
+                file.write(json.dumps({**outcome.to_dict(), "asked": case.kind}) + "\n")
+
+
+def _same(found: Any, settings: dict[str, Any], path: str | None) -> None:
+    if not isinstance(found, dict) or found.get("schema") != _SCHEMA:
+        raise InputError(f"{path}: is no file of cases ({_SCHEMA!r})")
+    for key, value in settings.items():
+        if found.get(key) != value:
+            raise InputError(f"{path}: holds cases of {key} {found.get(key)!r}, not {value!r}; give another file")
+
+
+def _run_cases(cases: Sequence[Case], setting: Setting, done: _Journal, workers: int | None) -> None:
+    from contextlib import closing
+
+    from robot_ident.diagnosis.trial import run_case
+    from robot_ident.parallel import completed
+
+    left = [case for case in cases if case not in done.outcomes]
+    work: Callable[[Case], Outcome] = partial(run_case, setting=setting)
+    with Progress("trial", len(cases)) as bar, closing(completed(work, left, workers)) as results:
+        for index, outcome in results:
+            done.add(left[index], outcome)
+            bar.reach(len(cases) - len(left) + sum(case in done.outcomes for case in left))
+
+
+def _report(args: argparse.Namespace, outcomes: Sequence[Outcome], least: float) -> None:
+    from robot_ident.diagnosis.score import summary
+
+    result = summary(outcomes, least)
+    if args.json:
+        more = {"robot": args.robot, "noise": args.noise, "periods": args.periods, "least_visible_rms": least}
+        cases = [outcome.to_dict() for outcome in outcomes]
+        print_json({"schema": "robot_ident/trial/1", **more, **result, "cases": cases})
+        return
+    rows = [
+        (
+            _ROWS[r["name"]],
+            f"{100 * r['share']:.1f} %",
+            f"{100 * r['lower']:.1f} - {100 * r['upper']:.1f} %",
+            r["cases"],
+        )
+        for r in result["rates"]
+    ]
+    say(table(("", "share", "95 % interval", "cases"), rows))
+    if result["error_removed"]:
+        removed = result["error_removed"]
+        say(
+            f"\nexcess error on an unseen motion removed by adding what was named:"
+            f" median {_percent(removed['median'])}, 10th percentile {_percent(removed['tenth_percentile'])}"
+        )
+    if result["not_added"]:
+        say(f"{result['not_added']} times what was named could not be added")
+    say(f"one diagnosis: median {result['diagnosis_seconds']['median']:.1f} s")
+    say()
+    say(table(("hidden", "cases", "was named"), list(_confusion_rows(result["confusion"]))))
+    failures = sorted({seed for r in result["rates"] for seed in r["exceptions"]})
+    if failures:
+        say(f"\nseeds that did not go as hoped: {', '.join(map(str, failures))}")
+
+
+def _percent(share: float) -> str:
+    return f"{100 * share:.1f} %"
+
+
+def _confusion_rows(confusion: dict[str, dict[str, int]]) -> list[tuple[str, int, str]]:
+    return [
+        (name, sum(row.values()), ", ".join(f"{said} {count}" for said, count in row.items()))
+        for name, row in confusion.items()
+    ]

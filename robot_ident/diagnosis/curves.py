@@ -1,0 +1,111 @@
+"""What a residual depends on: smooth curves over one variable, judged on motion that they were not fitted to."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass
+
+import numpy as np
+
+from robot_ident.model.structure import Structure
+from robot_ident.motion import Array, Mask, Motion
+
+_KNOTS = 12  # of a curve: quantiles of its variable
+_BLOCKS = 8  # of time, even ones against odd ones, where there is one recording only
+
+
+@dataclass(frozen=True)
+class Variable:
+    """Values [N] of a variable along a motion; side [N]: -1 or 1 where either direction of motion has its own curve."""
+
+    values: Array
+    side: Array | None = None
+
+    def __getitem__(self, rows: slice) -> Variable:
+        """Return some of the rows."""
+        return Variable(self.values[rows], None if self.side is None else self.side[rows])
+
+
+def variables(structure: Structure, values: Array, motion: Motion, joint: int) -> dict[str, Variable]:
+    """Return the variables over which the residual of a joint is looked at.
+
+    Its own position, velocity, speed, acceleration, the load that its gear carries, and the time since it last reversed
+    [s]; position and load with a curve for either direction, as friction has; position and velocity of other joints.
+    """
+    q, dq, ddq = motion.q, motion.dq, motion.ddq
+    load = structure.torques(motion, values).load[:, joint]
+    side = np.where(dq[:, joint] < 0.0, -1.0, 1.0)
+    out = {
+        "position": Variable(q[:, joint]),
+        "velocity": Variable(np.abs(dq[:, joint]), side),
+        "speed": Variable(np.abs(dq[:, joint])),
+        "acceleration": Variable(ddq[:, joint]),
+        "load": Variable(load),
+        "position_and_direction": Variable(q[:, joint], side),
+        "load_and_direction": Variable(load, side),
+    }
+    if motion.dt is not None:
+        since = since_reversal(dq[:, joint], motion.dt, periodic=motion.periodic)
+        out["time_since_reversal"] = Variable(since, side)
+    for other, name in enumerate(structure.robot.joints):
+        if other != joint:
+            direction = np.where(dq[:, other] < 0.0, -1.0, 1.0)
+            out[f"position of {name}"] = Variable(q[:, other])
+            out[f"velocity of {name}"] = Variable(np.abs(dq[:, other]), direction)
+    return out
+
+
+def since_reversal(velocity: Array, dt: float, *, periodic: bool) -> Array:
+    """Return the time [s] since the velocity [N] last changed its sign; from the start where it hasn't yet.
+
+    periodic: the time before the first change is counted from the last one of the period before.
+    """
+    turns = np.flatnonzero(np.sign(velocity[1:]) != np.sign(velocity[:-1])) + 1
+    rows = np.arange(len(velocity))
+    last = np.concatenate([[0], turns])[np.searchsorted(turns, rows, side="right")]
+    if periodic and len(turns):
+        last = np.where(rows < turns[0], turns[-1] - len(velocity), last)
+    return np.asarray((rows - last) * dt)
+
+
+def held_out_share(along: Sequence[Variable], residual: Sequence[Array], used: Sequence[Mask], excess: float) -> float:
+    """Return the share [0, 1] of the excess squared error that a curve over a variable explains on unseen motion.
+
+    The variable, residual [N] and used of every recording. Each recording is predicted by a curve fitted to the others;
+    one alone is cut into blocks of time, even ones predicting odd ones and the other way round.
+    """
+    knots = _knots(along, used)
+    if len(knots) < 3 or excess <= 0.0:
+        return 0.0
+    hats = [hat_functions(one, knots)[u] for one, u in zip(along, used, strict=True)]
+    r = [one[u] for one, u in zip(residual, used, strict=True)]
+    if len(hats) == 1:
+        odd = np.arange(len(r[0])) * _BLOCKS // max(1, len(r[0])) % 2 == 1
+        hats, r = [hats[0][odd], hats[0][~odd]], [r[0][odd], r[0][~odd]]
+    grams = [h.T @ h for h in hats]
+    rights = [h.T @ one for h, one in zip(hats, r, strict=True)]
+    fall = 0.0
+    for left in range(len(hats)):
+        gram, right = sum(grams) - grams[left], sum(rights) - rights[left]
+        curve = np.linalg.lstsq(gram, right, rcond=1e-8)[0]
+        fall += float(2.0 * curve @ rights[left] - curve @ grams[left] @ curve)
+    return float(np.clip(fall / excess, 0.0, 1.0))
+
+
+def _knots(along: Sequence[Variable], used: Sequence[Mask]) -> Array:
+    joined = np.concatenate([one.values[u] for one, u in zip(along, used, strict=True)])
+    return np.unique(np.quantile(joined, np.linspace(0.0, 1.0, _KNOTS)))
+
+
+def hat_functions(variable: Variable, knots: Array) -> Array:
+    """Return piecewise linear basis functions [N, knots]; [N, 2 knots], either direction apart, where it has a side."""
+    hats = np.column_stack([np.interp(variable.values, knots, row) for row in np.eye(len(knots))])
+    if variable.side is None:
+        return hats
+    forward = (variable.side > 0.0)[:, None]
+    return np.hstack([hats * forward, hats * ~forward])
+
+
+def own(shares: Mapping[str, float], least: float) -> dict[str, float]:
+    """Return the shares of a joint's own variables, and those of other joints that reach `least`."""
+    return {name: share for name, share in shares.items() if " of " not in name or share >= least}

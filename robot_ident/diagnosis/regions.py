@@ -1,0 +1,64 @@
+"""Where along a variable the excess error is packed most densely."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+
+import numpy as np
+
+from robot_ident.motion import Array, Mask
+
+_BINS = 20  # of equal time
+
+
+@dataclass(frozen=True)
+class Region:
+    """A stretch of a variable: the share of the excess error in it, and the share of the time spent there."""
+
+    what: str
+    lower: float
+    upper: float
+    share: float
+    of_time: float
+    recording: str | None = None
+
+    @property
+    def density(self) -> float:
+        """How much more of the error than of the time it holds."""
+        return self.share - self.of_time
+
+
+def densest(
+    what: str, values: Sequence[Array], squared: Sequence[Array], used: Sequence[Mask], noise: Sequence[float]
+) -> Region | None:
+    """Return the stretch [lower, upper] that holds most error beyond its share of the time.
+
+    squared [N]: squared residual in units of the noise; noise: what a used row of each recording has of it. The stretch
+    maximises the sum over bins of (share of the excess - share of the time). None where there is no excess.
+    """
+    x = np.concatenate([v[u] for v, u in zip(values, used, strict=True)])
+    e = np.concatenate([s[u] - level for s, u, level in zip(squared, used, noise, strict=True)])
+    total = float(e.sum())
+    edges = np.unique(np.quantile(x, np.linspace(0.0, 1.0, _BINS + 1)))
+    if total <= 0.0 or len(edges) < 3:
+        return None
+    place = np.clip(np.searchsorted(edges, x, side="right") - 1, 0, len(edges) - 2)
+    share = np.bincount(place, e, len(edges) - 1) / total
+    time = np.bincount(place, minlength=len(edges) - 1) / len(x)
+    first, last = _best_run(share - time)
+    run = slice(first, last + 1)
+    held = float(np.clip(share[run].sum(), 0.0, 1.0))
+    return Region(what, float(edges[first]), float(edges[last + 1]), held, float(time[run].sum()))
+
+
+def _best_run(score: Array) -> tuple[int, int]:
+    """Return the first and last index of the run of largest sum."""
+    best, place, total, start = -np.inf, (0, 0), 0.0, 0
+    for index, value in enumerate(score):
+        if total <= 0.0:
+            total, start = 0.0, index
+        total += value
+        if total > best:
+            best, place = total, (start, index)
+    return place

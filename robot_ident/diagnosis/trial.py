@@ -1,0 +1,165 @@
+"""Hides effects in the simulated robot and diagnoses them: how often is the truth named?
+
+Each case draws what is hidden, simulates its recordings with the plant's own physics, identifies, diagnoses, adds what
+was found, and looks at a motion that no fit has seen.
+"""
+
+from __future__ import annotations
+
+import time
+from collections.abc import Mapping
+from dataclasses import asdict, dataclass
+from typing import Any
+
+import numpy as np
+
+from robot_ident.diagnosis.diagnose import diagnose
+from robot_ident.diagnosis.diagnosis import Diagnosis
+from robot_ident.errors import InputError
+from robot_ident.estimation.identify import estimate
+from robot_ident.excitation.fourier import FourierSeries
+from robot_ident.model.structure import Structure
+from robot_ident.recording.measurement import Measurement
+from robot_ident.recording.process import process
+from robot_ident.robot.robot import Robot
+from robot_ident.simulation.scenario import Scenario, draw_scenario
+
+_UNSEEN_PERIODS = 2  # of the motion on which errors are judged: without noise one would do, were it periodic
+
+
+@dataclass(frozen=True)
+class Setting:
+    """What all cases of a trial share.
+
+    training: motions that are identified and diagnosed; unseen: one that no fit sees. periods of each; noise: factor on
+    the variances of the robot's noise.
+    """
+
+    robot: Robot
+    training: tuple[FourierSeries, ...]
+    unseen: FourierSeries
+    periods: int = 16
+    noise: float = 1.0
+
+
+@dataclass(frozen=True)
+class Case:
+    """One case: its seed, and the kind of scenario (None: drawn as well)."""
+
+    seed: int
+    kind: str | None = None
+
+
+@dataclass(frozen=True)
+class Outcome:
+    """What was hidden, and what was said of it.
+
+    hidden: with their values; truth, background: `name@joint` of what was to be found and of what else there was.
+    visible [Nm rms]: what a model without it leaves, by joint. named: members of `missing`; tied: their tie groups.
+    error_before, error_after: mean square error on an unseen motion without noise, by joint [(Nm)^2], before and after
+    what was named was added; None where nothing was. seconds: of the diagnosis alone. trouble: the message where `add`
+    was refused.
+    """
+
+    seed: int
+    kind: str
+    hidden: tuple[str, ...]
+    truth: tuple[str, ...]
+    background: tuple[str, ...]
+    visible: Mapping[str, float]
+    verdict: str
+    named: tuple[str, ...]
+    tied: tuple[tuple[str, ...], ...]
+    explained: tuple[float, ...]
+    others: tuple[str, ...]
+    remaining_rms: Mapping[str, float]
+    error_before: Mapping[str, float] | None
+    error_after: Mapping[str, float] | None
+    seconds: float
+    trouble: str = ""
+
+    def to_dict(self) -> dict[str, Any]:
+        """Return it as data."""
+        return asdict(self)
+
+    @classmethod
+    def of_dict(cls, data: Mapping[str, Any]) -> Outcome:
+        """Return an outcome from its data."""
+        lists = {key: tuple(data[key]) for key in ("hidden", "truth", "background", "named", "explained", "others")}
+        return cls(**{**data, **lists, "tied": tuple(tuple(group) for group in data["tied"])})
+
+    @property
+    def removed(self) -> float | None:
+        """Share of the error on the unseen motion that adding what was named has removed; None where nothing was."""
+        if self.error_before is None or self.error_after is None:
+            return None
+        return 1.0 - sum(self.error_after.values()) / max(sum(self.error_before.values()), 1e-300)
+
+
+def run_case(case: Case, setting: Setting) -> Outcome:
+    """Hide, simulate, identify, diagnose, add."""
+    robot = setting.robot
+    kinds = () if case.kind is None else (case.kind,)
+    scenario = draw_scenario(case.seed, robot, kinds=kinds, references=setting.training)
+    plays = scenario.plays(robot, [*setting.training, setting.unseen])
+    seeds = np.random.SeedSequence([case.seed, 1]).generate_state(len(plays))
+    recordings = [
+        play.record(setting.periods, noise=setting.noise, seed=int(seed))
+        for play, seed in zip(plays[:-1], seeds, strict=False)
+    ]
+    measurements = [process(recording, robot) for recording in recordings]
+    structure = Structure.build(robot)
+    started = time.perf_counter()
+    found = diagnose(measurements, structure)
+    seconds = time.perf_counter() - started
+    unseen = process(plays[-1].record(_UNSEEN_PERIODS, noise=0.0), robot)
+    before, after, trouble = _errors(measurements, structure, found, unseen)
+    return _outcome(scenario, robot, found, before, after, seconds, trouble)
+
+
+def _errors(
+    measurements: list[Measurement], structure: Structure, found: Diagnosis, unseen: Measurement
+) -> tuple[dict[str, float] | None, dict[str, float] | None, str]:
+    """Return the errors on the unseen motion before and after what was named is added, or why it couldn't be."""
+    if not found.missing:
+        return None, None, ""
+    try:
+        longer = Structure.build(structure.robot, [suspect.effect for suspect in found.missing])
+        models = [estimate(measurements, s) for s in (structure, longer)]
+    except InputError as error:
+        return None, None, str(error)
+    before, after = (
+        np.mean((unseen.torque - model.predict(unseen.motion))[unseen.used.all(axis=1)] ** 2, axis=0)
+        for model in models
+    )
+    joints = structure.robot.joints
+    return dict(zip(joints, before.tolist(), strict=True)), dict(zip(joints, after.tolist(), strict=True)), ""
+
+
+def _outcome(
+    scenario: Scenario,
+    robot: Robot,
+    found: Diagnosis,
+    before: dict[str, float] | None,
+    after: dict[str, float] | None,
+    seconds: float,
+    trouble: str,
+) -> Outcome:
+    return Outcome(
+        seed=scenario.seed,
+        kind=scenario.kind,
+        hidden=scenario.all_effects,
+        truth=scenario.labels,
+        background=tuple(effect.partition(":")[0] for effect in scenario.background),
+        visible=dict(zip(robot.joints, scenario.visible, strict=True)),
+        verdict=found.verdict,
+        named=tuple(s.label for s in found.missing),
+        tied=tuple(s.tied_with for s in found.missing),
+        explained=tuple(s.explained for s in found.missing),
+        others=tuple(s.label for s in found.others),
+        remaining_rms=dict(found.remaining_rms),
+        error_before=before,
+        error_after=after,
+        seconds=seconds,
+        trouble=trouble,
+    )
