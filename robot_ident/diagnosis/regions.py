@@ -10,6 +10,7 @@ import numpy as np
 from robot_ident.motion import Array, Mask
 
 _BINS = 20  # of equal time
+_CHANCE = 2.5  # standard deviations of the squared noise that an excess must have to be looked into
 
 
 @dataclass(frozen=True)
@@ -35,13 +36,15 @@ def densest(
     """Return the stretch [lower, upper] that holds most error beyond its share of the time.
 
     squared [N]: squared residual in units of the noise; noise: what a used row of each recording has of it. The stretch
-    maximises the sum over bins of (share of the excess - share of the time). None where there is no excess.
+    maximises the sum over bins of (share of the excess - share of the time). None where the excess is no more than
+    chance leaves.
     """
     x = np.concatenate([v[u] for v, u in zip(values, used, strict=True)])
     e = np.concatenate([s[u] - level for s, u, level in zip(squared, used, noise, strict=True)])
     total = float(e.sum())
     edges = np.unique(np.quantile(x, np.linspace(0.0, 1.0, _BINS + 1)))
-    if total <= 0.0 or len(edges) < 3:
+    chance = _CHANCE * np.sqrt(2.0 * sum(level**2 * u.sum() for level, u in zip(noise, used, strict=True)))
+    if total <= chance or len(edges) < 3:
         return None
     place = np.clip(np.searchsorted(edges, x, side="right") - 1, 0, len(edges) - 2)
     share = np.bincount(place, e, len(edges) - 1) / total

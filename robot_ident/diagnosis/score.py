@@ -25,7 +25,8 @@ def wilson(successes: int, cases: int, z: float = _Z) -> tuple[float, float]:
         return 0.0, 1.0
     p, share = successes / cases, z * z / cases
     middle, half = p + share / 2, z * np.sqrt(p * (1 - p) / cases + share / (4 * cases))
-    return max(0.0, float((middle - half) / (1 + share))), min(1.0, float((middle + half) / (1 + share)))
+    lower, upper = float((middle - half) / (1 + share)), float((middle + half) / (1 + share))
+    return (0.0 if successes == 0 else lower), (1.0 if successes == cases else upper)
 
 
 @dataclass(frozen=True)

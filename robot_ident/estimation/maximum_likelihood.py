@@ -21,11 +21,12 @@ from robot_ident.estimation.equations import Equations
 from robot_ident.estimation.solve import Problem, Solution, solution, with_inner
 from robot_ident.model.derivatives import torque_derivatives
 from robot_ident.model.structure import Structure
-from robot_ident.motion import Array, Motion
+from robot_ident.motion import Array, Mask, Motion
 from robot_ident.recording.measurement import Measurement
 
 _ITERATIONS = 30
 _TOLERANCE = 1e-6  # of the predicted fall of chi-square: no parameter then moves by more than a thousandth of its sigma
+_TOLD = 1e-4  # of what the positions say of a line, below which the torque does not count
 _TELL = 0.3  # sigmas of difference from wls that are worth a word
 
 
@@ -42,8 +43,8 @@ class Trajectory:
     motion: Motion
 
     @classmethod
-    def of(cls, measured: Measurement) -> Trajectory:
-        """Return the lines that a measurement's motion holds; InputError where it isn't periodic."""
+    def of(cls, measured: Measurement, structure: Structure, values: Array) -> Trajectory:
+        """Return the lines of a measurement's motion that its torque could move; InputError where it isn't periodic."""
         lines, noise = measured.position_lines, measured.averaged_position_variance
         if lines is None or noise is None or measured.base_frequency is None:
             raise InputError(
@@ -51,13 +52,13 @@ class Trajectory:
                 " use --estimator wls or iv"
             )
         samples = measured.motion.samples
+        lines = lines & _movable(measured, noise, structure, values)
         t = np.arange(samples)[:, None] * measured.dt
         parts: list[tuple[Array, Array, Array]] = []
         joint: list[np.ndarray] = []
         variance: list[Array] = []
         for index in range(lines.shape[1]):
-            k = np.flatnonzero(lines[:, index])
-            k = k[(k > 0) & (2 * k < samples)]
+            k = np.flatnonzero(lines[1:, index]) + 1
             w = 2.0 * np.pi * measured.base_frequency * k
             c, s = np.cos(w * t), np.sin(w * t)
             one, zero = np.ones((samples, 1)), np.zeros((samples, 1))
@@ -151,13 +152,34 @@ class Normal:
         return Step(theta, delta, own, gain)
 
 
+def _movable(measured: Measurement, noise: Array, structure: Structure, values: Array) -> Mask:
+    """Return the lines [K + 1, n] of which the torque says more than a ten-thousandth of what the positions say.
+
+    The others stay as measured; a noise-free simulation has hundreds of them. var sum_i mean(g_i^2) N / s_i^2, g the
+    slope of the torque of joint i: d tau / d q, times w and w^2 for velocity and acceleration.
+    """
+    slopes = torque_derivatives(structure, measured.motion, values)
+    samples = measured.motion.samples
+    frequency = np.arange(samples // 2 + 1) * (measured.base_frequency or 0.0)
+    weight = 1.0 / measured.averaged_variance[:, None]
+    out = np.zeros((len(frequency), measured.motion.joints), dtype=bool)
+    parts = (slopes.position, slopes.velocity, slopes.acceleration)
+    size = [np.sum(weight * np.mean(part**2, axis=0), axis=0) for part in parts]
+    for joint, variance in enumerate(noise):
+        told = sum(power[joint] * (2.0 * np.pi * frequency) ** (2 * order) for order, power in enumerate(size))
+        out[:, joint] = max(float(variance), 1e-24) * told > _TOLD
+    out[0] = True
+    out[2 * np.arange(len(out)) >= samples] = False
+    return out
+
+
 def maximum_likelihood(problem: Problem, start: Solution) -> Solution:
     """Return the maximum-likelihood estimate with its Cramer-Rao bound, searched from a weighted least-squares one.
 
     Raises InputError where a measurement isn't periodic.
     """
-    trajectories = [Trajectory.of(measured) for measured in problem.measurements]
     p = len(start.structure.parameters)
+    trajectories = [Trajectory.of(measured, start.structure, start.values[:p]) for measured in problem.measurements]
     state = _at(
         problem, trajectories, start.structure, start.values[:p], [np.zeros(len(t.joint)) for t in trajectories]
     )

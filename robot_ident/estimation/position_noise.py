@@ -30,7 +30,7 @@ def torque_of_position_noise(measured: Measurement, structure: Structure, values
     """Return the variance [n] (Nm)^2 that the noise of the motion's lines gives the model's torque, mean over time."""
     from robot_ident.estimation.maximum_likelihood import Trajectory
 
-    trajectory = Trajectory.of(measured)
+    trajectory = Trajectory.of(measured, structure, values)
     slope, _ = trajectory.torque_slope(structure, measured.motion, values)
     return np.asarray(np.einsum("kjd,d->j", slope**2, trajectory.variance) / len(slope))
 

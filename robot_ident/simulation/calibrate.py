@@ -93,16 +93,17 @@ def calibrate(
 ) -> Calibrated:
     """Return a phenomenon scaled so that the joint that shows it best has `target` Nm rms left, within a tolerance.
 
-    `play` simulates the robot with it. The size is found by secants of the logarithms, and never exceeds `largest`
-    times that of `physics`: what is visible then may be less than wanted. The search ends early where `least` [Nm rms]
-    is out of reach.
+    `play` simulates the robot with it. The size is found by secants of the logarithms, and stays between `smallest`
+    and `largest` times that of `physics`: what is visible then may be another than wanted. The search ends early
+    where `least` [Nm rms] is out of reach.
     """
     size, past = 1.0, (0.0, 0.0)
     for attempt in range(TRIES):
         scaled = physics.scaled(size)
         left = visible(structure, play(scaled))
         ratio = float(left.max()) / target
-        if abs(ratio - 1) < tolerance or (size >= physics.largest and ratio < 1) or ratio == 0.0:
+        edge = physics.largest if ratio < 1 else physics.smallest
+        if abs(ratio - 1) < tolerance or size == edge or ratio == 0.0:
             break
         if attempt == 0 and ratio * target * physics.largest**FASTEST < least:
             break
@@ -110,7 +111,8 @@ def calibrate(
         power = 1.0
         if attempt and now[0] != past[0]:
             power = float(np.clip((now[1] - past[1]) / (now[0] - past[0]), 1 / STEEPEST, STEEPEST))
-        past, size = now, min(_rounded(np.exp(now[0] - now[1] / power)), physics.largest)
+        past, size = now, _rounded(np.exp(now[0] - now[1] / power))
+        size = min(max(size, physics.smallest), physics.largest)
     return Calibrated(scaled, left)
 
 

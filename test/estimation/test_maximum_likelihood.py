@@ -75,7 +75,7 @@ def test_the_bound_is_that_of_the_joint_information(arm: Any) -> None:
     measured = process(coarse(arm, 3), arm.robot, PROCESSING)
     model = estimate([measured], arm.structure, estimator="ml")
     problem = Problem([measured], arm.structure, "ml")
-    trajectory = Trajectory.of(measured)
+    trajectory = Trajectory.of(measured, arm.structure, model.values)
     state = _at(problem, [trajectory], arm.structure, model.values, [np.zeros(len(trajectory.joint))])
     columns = [state.equations.phi]
     for k, sigma in enumerate(np.sqrt(trajectory.variance)):

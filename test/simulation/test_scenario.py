@@ -63,7 +63,7 @@ def test_visible_is_what_refitting_leaves(kuka: Robot, label: str) -> None:
 
 @pytest.mark.parametrize(
     ("label", "target"),
-    [("stribeck@joint_2", 3.0), ("presliding@joint_1", 2.0), ("viscous_nonlinear@joint_3", 1.5), ("cable@joint_1", 4)],
+    [("stribeck@joint_2", 3.0), ("presliding@joint_3", 2.0), ("viscous_nonlinear@joint_3", 1.5), ("cable@joint_1", 4)],
 )
 def test_calibration_hits_the_target(kuka: Robot, label: str, target: float) -> None:
     structure = Structure.build(kuka)

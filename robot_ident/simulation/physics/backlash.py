@@ -27,6 +27,7 @@ class Backlash(Physics):
     )
     sizes = ("gap",)
     largest = 3.0
+    smallest = 0.6
     shaft = True
     step_rate = 4500.0
 

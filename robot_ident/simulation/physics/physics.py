@@ -76,9 +76,9 @@ class Physics(ABC):
 
     scope: where it may be; `either` means one joint or all. side: whether it acts on the motor or on the link, which
     differ where a transmission gives. sizes: the parameters that its torque is in proportion to, at least nearly.
-    largest: how much larger than typical it may be drawn. replaces: phenomena of the same joint whose place it takes.
-    loads_gear: the gear carries its torque. shaft: it lies between motor and link. slow: it changes over many periods.
-    reads: it changes what the encoder shows. step_rate [Hz]: how many steps a second it needs.
+    largest, smallest: factors of a usual size between which it is drawn. replaces: phenomena of the same joint whose
+    place it takes. loads_gear: the gear carries its torque. shaft: it lies between motor and link. slow: it changes
+    over many periods. reads: it changes what the encoder shows. step_rate [Hz]: how many steps a second it needs.
     """
 
     name: ClassVar[str]
@@ -88,6 +88,7 @@ class Physics(ABC):
     side: ClassVar[Literal["motor", "link"]] = "motor"
     sizes: ClassVar[tuple[str, ...]] = ()
     largest: ClassVar[float] = 8.0
+    smallest: ClassVar[float] = 0.0
     replaces: ClassVar[tuple[str, ...]] = ()
     loads_gear: ClassVar[bool] = False
     shaft: ClassVar[bool] = False

@@ -26,6 +26,7 @@ class Presliding(Physics):
     states = len(SPREAD)
     sizes = ("reach",)
     largest = 4.0
+    smallest = 0.1
     replaces = ("coulomb",)
 
     @classmethod

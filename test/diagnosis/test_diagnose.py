@@ -1,0 +1,106 @@
+"""Is the truth named? The plant hides effects by formulas and a discretisation that are not the catalogue's."""
+
+from __future__ import annotations
+
+from typing import Any
+
+import numpy as np
+import pytest
+
+from robot_ident.diagnosis.diagnose import diagnose
+from robot_ident.errors import InputError
+from robot_ident.estimation.identify import estimate
+from robot_ident.model.structure import Structure
+from robot_ident.recording import Processing, process
+
+STRIBECK = "stribeck@joint_2:stribeck=20,speed=0.08"
+LOAD = "load_friction@joint_2:load_friction=0.1"
+OFFSET = "torque_offset@joint_3:torque_offset=5"
+HIDDEN = (
+    (STRIBECK,),
+    (LOAD,),
+    (OFFSET,),
+    ("rotor_inertia@joint_3:rotor_inertia=5",),
+    ("viscous_asymmetric@joint_1:viscous_asymmetric=6",),
+    ("base_tilt:tilt_x=0.04,tilt_y=0.05",),
+    ("backlash@joint_3",),
+    (STRIBECK, OFFSET),
+)
+BUMP = ("unknown_bump@joint_2:bump=25,position=0.1,width=0.08",)
+
+
+def labels(effects: tuple[str, ...]) -> set[str]:
+    return {effect.partition(":")[0] for effect in effects}
+
+
+@pytest.mark.parametrize("seed", [11, 12, 13])
+def test_nothing_hidden_is_adequate(bench: Any, seed: int) -> None:
+    found = diagnose(bench.measure((), noise=1.0, seed=seed), bench.structure)
+    assert found.verdict == "adequate"
+    assert not found.missing
+    assert found.unexplained is None
+
+
+@pytest.mark.parametrize("effects", HIDDEN, ids=lambda effects: "+".join(sorted(labels(effects))))
+def test_what_is_hidden_is_named(bench: Any, effects: tuple[str, ...]) -> None:
+    found = bench.diagnose(effects)
+    assert found.verdict == "missing"
+    assert {suspect.label for suspect in found.missing} == labels(effects)
+
+
+def test_an_unknown_phenomenon_gets_no_name_but_a_place(bench: Any) -> None:
+    found = bench.diagnose(BUMP)
+    assert found.verdict == "unexplained"
+    assert not found.missing
+    assert found.unexplained is not None
+    assert found.unexplained.joint == "joint_2"
+    depends = found.unexplained.depends_on
+    assert max(depends, key=lambda name: depends[name]) == "position"
+    assert depends["position"] > 0.5
+    assert "position of joint_2" in found.unexplained.where
+    assert found.remaining_rms["joint_2"] > 2.0
+
+
+def test_adding_lowers_the_error_on_motion_that_no_fit_has_seen(bench: Any) -> None:
+    (suspect,) = bench.diagnose((STRIBECK,)).missing
+    assert suspect.validation_after["joint_2"] < 0.7 * suspect.validation_before["joint_2"]
+    assert suspect.mse_after["joint_2"] < 0.7 * suspect.mse_before["joint_2"]
+    assert suspect.explained > 0.8
+    measured, (unseen,) = bench.measure((STRIBECK,)), bench.measure((STRIBECK,), [3], noise=1e-3)
+    errors = []
+    for structure in (bench.structure, Structure.build(bench.robot, [suspect.effect])):
+        model = estimate(measured, structure)
+        errors.append(np.mean((unseen.torque - model.predict(unseen.motion))[unseen.used[:, 1], 1] ** 2))
+    assert errors[1] < 0.1 * errors[0]
+
+
+def test_size_is_that_of_the_truth(bench: Any) -> None:
+    (suspect,) = bench.diagnose((OFFSET,)).missing
+    (parameter,) = suspect.parameters
+    assert parameter.value == pytest.approx(5.0, abs=max(0.2, 5 * parameter.std))
+
+
+def test_one_recording_works_and_is_said_to_be_weaker(bench: Any) -> None:
+    found = diagnose(bench.measure((OFFSET,), [0]), bench.structure)
+    assert [suspect.label for suspect in found.missing] == ["torque_offset@joint_3"]
+    assert any("one trajectory only" in note for note in found.notes)
+
+
+def test_without_periods_nothing_is_judged(bench: Any) -> None:
+    recording = bench.record((OFFSET,), 0)
+    measured = process(recording, bench.robot, Processing(periodic=False))
+    with pytest.raises(InputError, match="periods"):
+        diagnose([measured], bench.structure)
+
+
+def test_contract_of_the_result(bench: Any) -> None:
+    found = bench.diagnose((STRIBECK, OFFSET)).to_dict()
+    listed = found["candidates"]
+    assert [c["rank"] for c in listed] == list(range(1, len(listed) + 1))
+    first = [(c["effect"], c["joint"]) for c in listed[: len(found["missing"])]]
+    assert first == [(m["effect"], m["joint"]) for m in found["missing"]]
+    for candidate in listed:
+        assert 0.0 <= candidate["explained"] <= 1.0
+        assert 0.0 <= candidate["p_value"] <= 1.0
+        assert all("@" in label or label in ("base_tilt", "payload", "time_delay") for label in candidate["tied_with"])
+    assert set(found["remaining_rms"]) == set(bench.robot.joints)

@@ -1,0 +1,145 @@
+"""compare, diagnose and add as scripts use them: keys, exit codes, one line on bad input."""
+
+from __future__ import annotations
+
+import json
+from collections.abc import Callable
+from dataclasses import replace
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import pytest
+
+from robot_ident.bags import read_recording, write_recording
+
+Verb = Callable[..., tuple[int, str, str]]
+
+
+def test_compare_keeps_the_contract(verb: Verb, files: Any, tmp_path: Path) -> None:
+    code, out, err = verb("compare", files.model, *files.bags, "--json", "--fail-on-misfit")
+    assert code == 3
+    assert "joint_2" in err
+    assert len(err.splitlines()) == 1
+    data = json.loads(out)
+    assert data["schema"] == "robot_ident/comparison/1"
+    assert [joint["name"] for joint in data["joints"]] == ["joint_1", "joint_2", "joint_3"]
+    two = data["joints"][1]
+    assert two["fails"] is True
+    assert set(two["lack_of_fit"]) == {"statistic", "p_value"}
+    assert {"velocity", "position", "load", "acceleration", "time_since_reversal"} <= set(two["explained_by"])
+    assert {"what", "from", "to", "share"} <= set(two["worst"][0])
+    assert data["models"][0]["joints"] == data["joints"]
+
+
+def test_compare_says_where_in_words(verb: Verb, files: Any) -> None:
+    code, out, _ = verb("compare", files.bags[0], files.model, *files.bags[1:])
+    assert code == 0
+    assert "does not fit" in out
+    assert "% of the excess" in out
+    assert "joint_2, " in out
+
+
+def test_compare_sets_models_side_by_side(verb: Verb, files: Any, tmp_path: Path) -> None:
+    better = tmp_path / "better.yaml"
+    code, out, err = verb(
+        "add",
+        files.model,
+        "stribeck@joint_2",
+        "--bag",
+        *files.bags,
+        "--validation",
+        files.unseen,
+        "-o",
+        better,
+        "--json",
+    )
+    assert code == 0, err
+    added = json.loads(out)
+    assert added["schema"] == "robot_ident/add/1"
+    assert added["added"] == ["stribeck@joint_2"]
+    for kind in ("residual", "validation"):
+        assert added[f"{kind}_mse_after"]["joint_2"] < 0.8 * added[f"{kind}_mse_before"]["joint_2"]
+    code, out, err = verb("compare", files.model, better, *files.bags, "--json")
+    assert code == 0, err
+    data = json.loads(out)
+    assert [one["path"] for one in data["models"]] == [str(files.model), str(better)]
+    first, second = (one["joints"][1] for one in data["models"])
+    assert second["residual_mse"] < 0.8 * first["residual_mse"]
+    assert data["joints"][1] == first
+
+
+def test_compare_writes_what_a_viewer_shows(verb: Verb, files: Any, tmp_path: Path) -> None:
+    out = tmp_path / "beside.mcap"
+    code, _, err = verb("compare", files.model, files.bags[0], "--mcap", out)
+    assert code == 0, err
+    original = read_recording(files.bags[0])
+    from mcap.reader import make_reader
+
+    with out.open("rb") as stream:
+        summary = make_reader(stream).get_summary()
+    assert summary is not None
+    topics = {channel.topic for channel in summary.channels.values()}
+    names = {"/measured", "/predicted", "/residual", "/effect/rigid_body", "/effect/viscous", "/effect/coulomb"}
+    assert topics == names
+    state = read_recording(out, topic="/measured")
+    np.testing.assert_allclose(state.tau, original.tau)
+    np.testing.assert_allclose(np.diff(state.t), np.diff(original.t), atol=1e-8)
+    assert verb("compare", files.model, files.bags[0], "--mcap", out)[0] == 2
+
+
+def test_diagnose_keeps_the_contract(verb: Verb, files: Any) -> None:
+    code, out, err = verb("diagnose", files.model, *files.bags, "--validation", files.unseen, "--json")
+    assert code == 0, err
+    data = json.loads(out)
+    assert data["schema"] == "robot_ident/diagnosis/1"
+    assert data["verdict"] == "missing"
+    assert data["missing"] == [{"effect": "stribeck", "joint": "joint_2"}]
+    keys = {"effect", "joint", "rank", "p_value", "explained", "parameters", "tied_with", "experiment"}
+    keys |= {f"{kind}_mse_{when}" for kind in ("residual", "validation") for when in ("before", "after")}
+    assert set(data["candidates"][0]) >= keys
+    assert set(data["candidates"][0]["parameters"][0]) >= {"name", "value", "std", "unit"}
+
+
+def other_robot(path: Path, recording: Any) -> Path:
+    write_recording(path, replace(recording, names=("a1", "a2", "a3")))
+    return path
+
+
+def test_bad_input_is_one_line(verb: Verb, files: Any, bench: Any, tmp_path: Path) -> None:
+    recording = bench.record((), 0)
+    strange = other_robot(tmp_path / "other.npz", recording)
+    short = tmp_path / "short.npz"
+    write_recording(short, recording[slice(0, 1400)])
+    model, bag = files.model, files.bags[0]
+    cases = [
+        (["add", model, "stribek@joint_2", "--bag", bag], "did you mean 'stribeck'"),
+        (["add", model, "stribeck@joint_22", "--bag", bag], "did you mean 'joint_2'"),
+        (["add", model, "viscous@joint_1", "--bag", bag], "in the model already"),
+        (["add", bag, "stribeck@joint_2", "--bag", bag], "not a model"),
+        (["diagnose", model, strange], "joint 'joint_1' is missing"),
+        (["diagnose", model, bag, "--validation", strange], "joint 'joint_1' is missing"),
+        (["diagnose", model, short], "short.npz"),
+        (["diagnose", bag], "is a model"),
+        (["compare", model, strange], "joint 'joint_1' is missing"),
+        (["compare", model], "at least one recording"),
+        (["compare", bag], "is a model"),
+        (["compare", model, short, "--fail-on-misfit", "--json"], "2 periods or more"),
+        (["compare", model, tmp_path / "nothing.npz"], "nothing.npz"),
+    ]
+    before = sorted(tmp_path.iterdir())
+    for words, said in cases:
+        code, _, err = verb(*words)
+        lines = [line for line in err.splitlines() if line.startswith("robot_ident ")]
+        assert code == 2, (words, err)
+        assert len(lines) == 1, (words, err)
+        assert said in lines[0], (words, err)
+        assert "Traceback" not in err
+    assert sorted(tmp_path.iterdir()) == before
+
+
+@pytest.mark.parametrize("name", ["compare", "trial"])
+def test_verbs_are_registered(name: str) -> None:
+    from robot_ident.cli.main import VERBS
+
+    assert name in VERBS
