@@ -128,20 +128,21 @@ def removed_quantiles(outcomes: Sequence[Outcome]) -> tuple[float, float] | None
 
 
 def confusion(outcomes: Sequence[Outcome]) -> dict[str, dict[str, int]]:
-    """Return, by the name of what was hidden, how often which names were given to it.
+    """Return, by the name of what was hidden, how often it was named how.
 
-    Singles, cases without anything hidden and unknown ones; a name at another joint counts as `name elsewhere`.
+    Singles, cases without anything hidden and unknown ones. Several names are joined by ` + `; a name at another joint
+    reads `name elsewhere`.
     """
     table: dict[str, Counter[str]] = {}
     for o in outcomes:
         if len(o.truth) > 1:
             continue
-        truth = o.truth[0] if o.truth else NOTHING
-        name, _, joint = truth.partition("@")
-        row = table.setdefault(name, Counter())
-        for label in o.named or (NOTHING,):
-            said, _, place = label.partition("@")
-            row[said if place == joint or label == NOTHING else f"{said} elsewhere"] += 1
+        name, _, joint = (o.truth[0] if o.truth else NOTHING).partition("@")
+        said = []
+        for label in o.named:
+            what, _, place = label.partition("@")
+            said.append(what if place == joint else f"{what} elsewhere")
+        table.setdefault(name, Counter())[" + ".join(sorted(said)) or NOTHING] += 1
     return {name: dict(row.most_common()) for name, row in sorted(table.items())}
 
 

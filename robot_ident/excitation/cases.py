@@ -87,6 +87,14 @@ def fallback(packed: bytes, seed: int) -> Any:
     return recorder.best
 
 
+def random_determinant(packed: bytes, draws: int) -> float:
+    """Return log10 det of the covariance (smooth sign) of the best of random motions as large as the joints allow."""
+    from robot_ident.excitation import search
+
+    problem = _problem(packed)
+    return float(problem.coarse.value(search.random_start(problem, np.random.default_rng(0), draws)))
+
+
 def excitation_of(coefficients: Array, robot: Robot, options: dict[str, Any]) -> Excitation:
     """Return the excitation of coefficients [1 + 2 L, n] (rows q0, a_1.., b_1..)."""
     order = options["harmonics"]

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import pickle
 import time
 from collections.abc import Callable, Iterator, Sequence
 from contextlib import contextmanager
@@ -11,7 +12,7 @@ from typing import Any
 import numpy as np
 
 from robot_ident.errors import InputError, did_you_mean
-from robot_ident.excitation.cases import excitation_of
+from robot_ident.excitation.cases import excitation_of, random_determinant
 from robot_ident.excitation.criteria import PERIODS, evaluate, noise_variances
 from robot_ident.excitation.excitation import Excitation, check_sampling
 from robot_ident.excitation.feasibility import allowed_poses, require_limits
@@ -26,7 +27,8 @@ __all__ = ["CRITERIA", "DesignResult", "Progress", "design"]
 CRITERIA = ("d-optimal", "condition")
 STARTS = 12  # cold starts
 COLD_PER_ROUND = 3  # as many rounds of hops as a third of the cold starts, where no time limit rules
-FLOOR_PER_PARAMETER = 0.31  # decades of the determinant that the condition number may cost, a parameter
+FLOOR_DRAWS = 400  # without a floor given, the determinant may be a third of the best among as many random motions
+FLOOR_OFFSET = -0.5
 _FINISH = 1.2  # s for the exact verdict at the end
 
 
@@ -67,8 +69,8 @@ def design(
     """Return the best certified excitation that a multi-start search finds (Swevers et al. 1997, section III and IV-B).
 
     criterion: `d-optimal` (determinant of the covariance) or `condition` (condition number; with log10 of the
-    determinant no larger than `determinant_floor`, by default 0.31 decades a parameter above what a short d-optimal
-    search reaches). effects: `name@joint`, beyond the robot's known ones. time_limit [s] from now, or deadline on
+    determinant no larger than `determinant_floor`, by default half a decade below that of the best of 400 random
+    motions, the same for every seed). effects: `name@joint`, beyond the robot's known ones. time_limit [s] from now, or deadline on
     time.monotonic(); what is found before it is kept. starts: cold starts (12); with a time limit and no number of
     them the search goes on until it gains nothing more. Without a time limit the result depends on the seed alone.
     Ctrl-C ends the search and keeps the best so far. Raises InputError when limits are missing or can't be met
@@ -138,13 +140,12 @@ def _search(run: Run, setting: Any, criterion: str, floor: float | None, starts:
         search_from_starts(run, setting, "d-optimal", cold, rounds, seed, run.deadline, [])
         return
     left = run.deadline - time.monotonic()
-    share = run.deadline if np.isinf(left) else time.monotonic() + 0.3 * left
-    first_starts, first_rounds = (max(1, cold // 2), 1) if floor is None else (1, 0)
-    pool = search_from_starts(run, setting, "determinant first", first_starts, first_rounds, seed, share, [])
+    share = run.deadline if np.isinf(left) else time.monotonic() + 0.2 * left
+    pool = search_from_starts(run, setting, "determinant first", 1, 0, seed, share, [])
     if run.best is None:
         return
     if floor is None:
-        floor = run.best.log10_det + FLOOR_PER_PARAMETER * setting.parameters
+        floor = random_determinant(pickle.dumps(setting), FLOOR_DRAWS) + FLOOR_OFFSET
     first = run.best
     run.best, run.history = None, []
     if first.log10_det <= floor:

@@ -166,6 +166,17 @@ class Equations:
                 shown[physics.joint] += physics.misread(q[physics.joint])
         return shown
 
+    def _misread(self, given: Sequence[Physics], q: Any, v: Any) -> tuple[Any, Any]:
+        """Return what the encoders show too much of positions and velocities [n]: the servo knows both from them."""
+        off, slip = ca.SX.zeros(q.numel()), ca.SX.zeros(q.numel())
+        for physics in given:
+            if physics.reads:
+                angle, j = ca.SX.sym("angle"), physics.joint
+                error = physics.misread(angle)
+                off[j] += ca.substitute(error, angle, q[j])
+                slip[j] += ca.substitute(ca.gradient(error, angle), angle, q[j]) * v[j]
+        return off, slip
+
     def _terms(self, given: Sequence[Physics], x: Parts, q: Any, v: Any, tau: Any, h: float) -> Terms:
         """Return the terms at positions and velocities, for phenomena with the states of x and commands tau [n]."""
         n, size, gear = self.robot.n, self.layout.moving, self.transmissions
@@ -207,12 +218,12 @@ class Equations:
         q_ref, v_ref, ahead, jump, fraction = ca.vertsplit(command, n)
         q_mid, v_mid = x.q + h / 2 * x.v + h**2 / 8 * x.a, x.v + h / 2 * x.a
         kp, kd, limit = ca.DM(servo.kp), ca.DM(servo.kd), ca.DM(servo.limit)
-        off = self._seen(given, q_mid[:n]) - q_mid[:n]  # taken as constant over the step
-        wanted = ahead + kp * (q_ref - q_mid[:n] - off) + kd * (v_ref - v_mid[:n])
+        off, slip = self._misread(given, q_mid[:n], v_mid[:n])  # taken as constant over the step
+        wanted = ahead + kp * (q_ref - q_mid[:n] - off) + kd * (v_ref - v_mid[:n] - slip)
         free = ca.fabs(wanted) < limit  # a drive at its torque limit answers to nothing
         clipped = ca.fmax(ca.fmin(wanted, limit), -limit)
         terms = self._terms(given, x, q_mid, v_mid, clipped, h)
-        trapezoidal = ahead + kp * (q_ref - x.q[:n] - off - h / 2 * x.v[:n]) + kd * (v_ref - x.v[:n])
+        trapezoidal = ahead + kp * (q_ref - x.q[:n] - off - h / 2 * x.v[:n]) + kd * (v_ref - x.v[:n] - slip)
         drive = ca.if_else(free, trapezoidal, clipped)
         held = self._driven(ca.if_else(free, h / 2 * kd + h**2 / 4 * kp, 0))
         implicit = h / 2 * terms.damping + h**2 / 4 * terms.stiff + held
