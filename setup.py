@@ -40,6 +40,7 @@ setup(
     ],
     install_requires=[
         "casadi>=3.6.7,<4",
+        "clarabel>=0.9",
         "joblib>=1.3",
         "lz4>=4.3",
         "mcap>=1.1",
@@ -69,6 +70,7 @@ setup(
             "robot_ident = robot_ident.cli.main:main",
             "robot_ident_trajectory_publisher = robot_ident.nodes.trajectory_publisher:main",
             "robot_ident_simulated_kuka = robot_ident.nodes.simulated_kuka:main",
+            "robot_ident_simulated_clock = robot_ident.nodes.simulated_clock:main",
             "robot_ident_recorder = robot_ident.nodes.recorder:main",
             "robot_ident_estimator = robot_ident.nodes.estimator:main",
         ]

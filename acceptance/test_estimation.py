@@ -5,6 +5,7 @@ Run by `make acceptance`; about six minutes on two cores. ROBOT_IDENT_RUNS chang
 
 from __future__ import annotations
 
+import faulthandler
 import os
 from concurrent.futures import ProcessPoolExecutor
 from dataclasses import dataclass, replace
@@ -78,7 +79,9 @@ def measure(case: Case, seed: int) -> Measurement:
         return process(recording, structure.robot, options)
     # two passes of the positions, so that their noise shows; their average has that of one pass
     exact = plant()[1].motion(recording.t).q
-    q = np.tile(exact, (2, 1)) + np.sqrt(2.0) * (np.vstack([recording.q, record(case, seed + 1_000_000).q]) - np.tile(exact, (2, 1)))
+    q = np.tile(exact, (2, 1)) + np.sqrt(2.0) * (
+        np.vstack([recording.q, record(case, seed + 1_000_000).q]) - np.tile(exact, (2, 1))
+    )
     tau = np.tile(recording.tau, (2, 1))
     made = process(Recording(recording.names, np.arange(2 * SAMPLES) / RATE, q, tau), structure.robot, options)
     known = structure.robot.noise.torque_variance / 16
@@ -116,19 +119,19 @@ def bound(case: Case) -> np.ndarray:
 CASES = [Case(1, False), Case(16, False), Case(16, True)]
 
 
-@pytest.fixture(scope="module")
-def results() -> dict[Case, list[dict[str, tuple[np.ndarray, np.ndarray, float]]]]:
-    print(f"\nestimation: {RUNS} runs of {len(CASES)} cases by wls and ml, about six minutes on two cores at 500 runs")
+@cache
+def results(case: Case) -> list[dict[str, tuple[np.ndarray, np.ndarray, float]]]:
+    """Return what every run of a case gave."""
+    faulthandler.cancel_dump_traceback_later()  # pytest's time limit for a hanging test, not for 500 runs
+    print(f"\nestimation, {case.name}: {RUNS} runs by wls and ml, about two minutes on two cores at 500 runs")
     with ProcessPoolExecutor(WORKERS) as pool:
-        return {
-            case: list(pool.map(one_run, [(case, seed) for seed in range(RUNS)], chunksize=5)) for case in CASES
-        }
+        return list(pool.map(one_run, [(case, seed) for seed in range(RUNS)], chunksize=5))
 
 
 @pytest.mark.parametrize("case", CASES, ids=lambda case: case.name)
 @pytest.mark.parametrize("estimator", ["wls", "ml"])
-def test_intervals_hold(results: dict, case: Case, estimator: str) -> None:
-    runs = [result[estimator] for result in results[case]]
+def test_intervals_hold(case: Case, estimator: str) -> None:
+    runs = [result[estimator] for result in results(case)]
     error = np.array([run[0] for run in runs])
     sigma = np.sqrt([np.diag(run[1]) for run in runs])
     p = error.shape[1]
@@ -149,8 +152,10 @@ def test_intervals_hold(results: dict, case: Case, estimator: str) -> None:
 
 
 @pytest.mark.parametrize("case", [case for case in CASES if case.periods > 1], ids=lambda case: case.name)
-def test_noise_estimate_is_unbiased(results: dict, case: Case) -> None:
+def test_noise_estimate_is_unbiased(case: Case) -> None:
     """Chi-square per degree of freedom of a correct model."""
-    ratio = np.array([result["wls"][2] for result in results[case][:200]])
-    print(f"\n{case.name:20s} chi-square per degree of freedom {ratio.mean():.4f} +- {ratio.std() / len(ratio)**0.5:.4f}")
+    ratio = np.array([result["wls"][2] for result in results(case)[:200]])
+    print(
+        f"\n{case.name:20s} chi-square per degree of freedom {ratio.mean():.4f} +- {ratio.std() / len(ratio) ** 0.5:.4f}"
+    )
     assert abs(ratio.mean() - 1.0) < 0.01 * (1.0 if len(ratio) >= 200 else np.sqrt(200 / len(ratio)))

@@ -19,7 +19,7 @@ import pytest
 
 import robot_ident
 
-NODES = ("trajectory_publisher", "simulated_kuka", "recorder", "estimator")
+NODES = ("trajectory_publisher", "simulated_kuka", "recorder", "estimator", "simulated_clock")
 PROGRAMS = {"robot_ident": "robot_ident.cli.main:main"} | {
     f"robot_ident_{node}": f"robot_ident.nodes.{node}:main" for node in NODES
 }

@@ -52,6 +52,11 @@ def run(args: argparse.Namespace) -> int:
         print_json(_to_dict(inputs, steps))
         return 0
     say(staircase(inputs, steps))
+    say()
+    names = {e.label for e in effects}
+    for p, value, std in zip(steps[-1].parameters, steps[-1].values, steps[-1].std, strict=True):
+        if f"{p.effect}@{p.joint}" in names or (p.joint is None and p.effect in names):
+            say(f"{p.name} = {value:.4g} +- {std:.2g} {p.unit}".rstrip())
     if args.output:
         say(f"written: {args.output}")
     return 0
@@ -93,8 +98,10 @@ def staircase(inputs: Inputs, steps: Sequence[Model]) -> str:
     for number, model in enumerate(steps):
         label = "as it was" if number == 0 else f"+ {model.structure.labels[-1]}"
         train = [model.residual[joint].rms for joint in robot.joints]
-        unseen = [np.sqrt(np.mean([errors(model, m)[j] for m in inputs.validation])) for j in range(robot.n)]
-        rows.append((label, *train, *(unseen if inputs.validation else ())))
+        unseen: list[float] = []
+        if inputs.validation:
+            unseen = list(np.sqrt(np.mean([errors(model, m) for m in inputs.validation], axis=0)))
+        rows.append((label, *train, *unseen))
     floor = [model.residual[joint].noise_variance for joint in robot.joints]
     rows.append(
         ("noise", *(None if v is None else v**0.5 for v in floor), *([None] * robot.n if inputs.validation else ()))

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import argparse
+import importlib.util
 import time
 from collections.abc import Sequence
 from dataclasses import replace
@@ -52,6 +53,8 @@ def run(args: argparse.Namespace) -> int:
     started = time.monotonic()
     if args.periods < 2:
         raise InputError(f"--periods {args.periods}: at least 2 are needed to tell the noise")
+    if importlib.util.find_spec("rclpy") is None:
+        raise InputError("the demo needs ROS 2; install it with pip install '.[ros]' in the checkout")
     folder = _folder(Path(args.folder), args.force)
     robot = load_robot()
     tell(f"A simulated {robot.name} is excited, recorded, identified and doubted; everything is kept in {folder}/")
@@ -136,9 +139,7 @@ def _report(models: list[Model], found: Diagnosis, validations: list[Validation]
         for p, t, v, s in zip(model.structure.parameters, truth, model.linear, model.std, strict=False)
     ]
     names = ["the paper's model", *(f"the model with {', '.join(s.label for s in found.missing)}" for _ in models[1:])]
-    lines = [
-        "The paper's model on the recordings it was fitted to, beside the noise told by the periods alone:"
-    ]
+    lines = ["The paper's model on the recordings it was fitted to, beside the noise told by the periods alone:"]
     lines += [fit_table(models[0].robot, models[0].residual), "", f"Verdict: {sentence(found)}"]
     for suspect in found.missing:
         share = f"{100 * suspect.explained:.0f} % of the excess on trajectories left out of the fit"

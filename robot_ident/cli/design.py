@@ -87,6 +87,8 @@ def run(args: argparse.Namespace) -> int:
         return 0
     for note in found.notes:
         tell(note)
+    if args.time_limit is not None and found.excitation.reproduce.get("searches", 0) < 3:
+        tell("hardly a search ended within the time limit: more time would give a far better motion")
     if found.interrupted:
         tell("stopped early; this is the best so far")
     say(

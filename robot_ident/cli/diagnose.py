@@ -70,23 +70,26 @@ def _print(found: Diagnosis, inputs: Inputs) -> None:
         tell(note)
     say(sentence(found))
     if found.missing or found.others:
-        rows = [_row(rank, s, "missing") for rank, s in enumerate(found.missing, 1)]
-        rows += [_row(rank, s, "") for rank, s in enumerate(found.others, len(found.missing) + 1)]
+        rows = [_row(rank, s, True) for rank, s in enumerate(found.missing, 1)]
+        rows += [_row(rank, s, False) for rank, s in enumerate(found.others, len(found.missing) + 1)]
         say()
-        say(table(("rank", "effect", "", "explains", "mse before", "after", "size", "tied with"), rows))
-    say()
-    noise = [(name, rms) for name, rms in found.remaining_rms.items()]
-    say(table(("joint", "remains, Nm rms beyond noise"), noise))
+        say(table(("rank", "effect", "named", "explains", "mse before", "mse after"), rows))
     for suspect in found.missing:
+        say(f"\n{suspect.label}: {suspect.effect.meaning}")
+        for p in suspect.parameters:
+            say(f"  {p.name} = {p.value:.4g}{f' +- {p.std:.2g}' if p.std else ''} {p.unit}".rstrip())
+        if suspect.tied_with:
+            say(f"  these recordings can't tell it from {', '.join(suspect.tied_with)}")
         if suspect.tied_with and suspect.experiment:
-            say(f"\nto tell {suspect.label} from {', '.join(suspect.tied_with)}: {suspect.experiment}")
+            say(f"  what would tell: {suspect.experiment}")
+    say()
+    say(table(("joint", "remains, Nm rms beyond noise"), list(found.remaining_rms.items())))
 
 
-def _row(rank: int, s: Suspect, word: str) -> tuple[object, ...]:
+def _row(rank: int, s: Suspect, named: bool) -> tuple[object, ...]:
     joint = s.effect.place or max(s.mse_before, key=lambda name: s.mse_before[name] - s.mse_after[name])
-    size = ", ".join(f"{p.value:.3g} {p.unit}".strip() for p in s.parameters)
     share = f"{100 * s.explained:.0f} %"
-    return (rank, s.label, word, share, s.mse_before[joint], s.mse_after[joint], size, ", ".join(s.tied_with) or "-")
+    return (rank, s.label, "missing" if named else "-", share, s.mse_before[joint], s.mse_after[joint])
 
 
 def _staircase(found: Diagnosis, inputs: Inputs, args: argparse.Namespace) -> None:

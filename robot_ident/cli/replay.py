@@ -25,7 +25,9 @@ def run(args: argparse.Namespace) -> int:
     try:
         from robot_ident.nodes.replay import replay
     except ModuleNotFoundError as error:
-        raise InputError(f"replay needs ROS 2 ({error.name} is missing); pip install 'robot_ident[ros]'") from error
+        raise InputError(
+            f"replay needs ROS 2 ({error.name} is missing); pip install '.[ros]' in the checkout"
+        ) from error
     with Progress("replay", 1.0) as bar:
         sent = replay(recording, rate=args.rate, topic=args.topic, wait=args.wait, progress=bar.reach)
     if args.json:

@@ -127,9 +127,14 @@ def _choose(stage: _Stage, known: Collection[int]) -> Score | None:
         if not _worthwhile(best, stage, known):
             continue
         rivals = tied(best, stage.scores, stage.candidates, stage.evidence, stage.folds)
-        simpler = [r for r in rivals if r.effect.name in type(best.effect).contains and _worthwhile(r, stage, known)]
-        return _refined(simpler[0] if simpler else best, stage)
+        equals = [best, *(r for r in rivals if _worthwhile(r, stage, known))]
+        return _refined(min(equals, key=lambda s: (_size(s.effect), -s.held_out)), stage)
     return None
+
+
+def _size(effect: Effect) -> int:
+    """Return the number of an effect's parameters, inner ones included."""
+    return len(effect.coefficients) + len(effect.inner)
 
 
 def _worthwhile(candidate: Score, stage: _Stage, known: Collection[int]) -> bool:

@@ -12,7 +12,7 @@ from robot_ident.effects.effect import Coefficient, Effect, Inner, Mathematics, 
 from robot_ident.motion import Motion
 
 _UPPER, _LOWER, _BOTH = 1.0, -1.0, 0.0
-_INSETS = (0.05, 0.1, 0.18, 0.3, 0.45)  # of the range, from its end
+_INSETS = (0.04, 0.08, 0.13, 0.2, 0.27)  # of the range, from its end: further in nobody builds a stop
 
 
 class EndStop(Effect):

@@ -136,6 +136,8 @@ def _drifts(values: Array, found: Solution, recordings: int) -> tuple[Drift, ...
         if not own or count < len(own) + 3:
             continue
         covariance = rest[:, own].T @ rest[:, own] / (count - 2)
+        if np.linalg.matrix_rank(covariance) < len(own):  # periods without any scatter: a simulation without noise
+            continue
         statistic = float(slope[own] @ np.linalg.solve(covariance, slope[own]) * np.sum(number**2))
         freedom = count - 1 - len(own)
         # Hotelling's T^2 of a slope whose covariance has M - 2 degrees of freedom

@@ -14,6 +14,7 @@ from dataclasses import dataclass, replace
 import numpy as np
 
 from robot_ident.estimation.covariance import sandwich
+from robot_ident.errors import InputError
 from robot_ident.estimation.equations import Equations, stack
 from robot_ident.estimation.least_squares import Factor, factor, ordinary
 from robot_ident.estimation.row_noise import RowNoise, row_noise
@@ -202,14 +203,23 @@ ESTIMATORS: dict[str, Estimator] = {
 
 def _scan(problem: Problem, structure: Structure) -> Structure:
     """Choose the inner parameters of one effect after another from their grids, the others held."""
+    longest = max((measured.motion for measured in problem.measurements), key=lambda motion: motion.samples)
     for index, effect in enumerate(structure.effects):
-        settings = effect.settings() if effect.inner else []
+        settings = [effect.setting, *effect.settings(longest)] if effect.inner else []
         if len(settings) < 2:
             continue
         trials = [_replaced(structure, index, setting) for setting in settings]
-        costs = [float(np.sum(problem.residual(trial) ** 2)) for trial in trials]
+        costs = [_cost(problem, trial) for trial in trials]
         structure = trials[int(np.argmin(costs))]
     return structure
+
+
+def _cost(problem: Problem, structure: Structure) -> float:
+    """Return the squared error at theta(s); inf where the motion doesn't excite a column."""
+    try:
+        return float(np.sum(problem.residual(structure) ** 2))
+    except InputError:
+        return float("inf")
 
 
 def _replaced(structure: Structure, index: int, setting: dict[str, float]) -> Structure:

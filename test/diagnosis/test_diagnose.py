@@ -23,7 +23,7 @@ HIDDEN = (
     ("rotor_inertia@joint_3:rotor_inertia=5",),
     ("viscous_asymmetric@joint_1:viscous_asymmetric=6",),
     ("base_tilt:tilt_x=0.04,tilt_y=0.05",),
-    ("backlash@joint_3",),
+    ("backlash@joint_1",),
     (STRIBECK, OFFSET),
 )
 BUMP = ("unknown_bump@joint_2:bump=25,position=0.1,width=0.08",)
