@@ -70,11 +70,11 @@ def design(
 
     criterion: `d-optimal` (determinant of the covariance) or `condition` (condition number; with log10 of the
     determinant no larger than `determinant_floor`, by default half a decade below that of the best of 400 random
-    motions, the same for every seed). effects: `name@joint`, beyond the robot's known ones. time_limit [s] from now, or deadline on
-    time.monotonic(); what is found before it is kept. starts: cold starts (12); with a time limit and no number of
-    them the search goes on until it gains nothing more. Without a time limit the result depends on the seed alone.
-    Ctrl-C ends the search and keeps the best so far. Raises InputError when limits are missing or can't be met
-    together.
+    motions, the same for every seed). effects: `name@joint`, beyond the robot's known ones. time_limit [s] from now,
+    or deadline on time.monotonic(); what is found before it is kept. starts: cold starts (12); with a time limit and
+    no number of them the search goes on until it gains nothing more. Without a time limit the result depends on the
+    seed alone. Ctrl-C ends the search and keeps the best so far. Raises InputError when limits are missing or can't
+    be met together.
     """
     if criterion not in CRITERIA:
         raise InputError(f"unknown criterion {criterion!r}{did_you_mean(criterion, CRITERIA)}")
