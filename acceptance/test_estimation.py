@@ -155,7 +155,5 @@ def test_intervals_hold(case: Case, estimator: str) -> None:
 def test_noise_estimate_is_unbiased(case: Case) -> None:
     """Chi-square per degree of freedom of a correct model."""
     ratio = np.array([result["wls"][2] for result in results(case)[:200]])
-    print(
-        f"\n{case.name:20s} chi-square / dof {ratio.mean():.4f} +- {ratio.std() / len(ratio) ** 0.5:.4f}"
-    )
+    print(f"\n{case.name:20s} chi-square / dof {ratio.mean():.4f} +- {ratio.std() / len(ratio) ** 0.5:.4f}")
     assert abs(ratio.mean() - 1.0) < 0.01 * (1.0 if len(ratio) >= 200 else np.sqrt(200 / len(ratio)))

@@ -80,7 +80,9 @@ class ExactArm:
         dropped: float = 0.0,
         noise: float = 1.0,
     ) -> Recording:
-        """Record: `lead` s of start-up, then steady periods. late: s by which stamps lag at random; jitter: s of the sampling."""
+        """Record: `lead` s of start-up, then steady periods. late: s by which stamps lag at random; jitter: s of the
+        sampling.
+        """
         rng = np.random.default_rng(seed)
         t = np.arange(round((lead + self.series.period * periods) * rate)) / rate - lead
         stamps = t + np.minimum(np.abs(rng.normal(size=len(t))) * late, 0.9 / rate)

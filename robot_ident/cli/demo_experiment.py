@@ -11,7 +11,6 @@ from pathlib import Path
 from typing import TYPE_CHECKING
 
 from robot_ident.cli.output import Progress, tell
-from robot_ident.errors import InputError
 
 if TYPE_CHECKING:
     from robot_ident.cli.node_processes import NodeProcess

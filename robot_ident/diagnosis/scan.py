@@ -18,7 +18,7 @@ from robot_ident.diagnosis.evidence import Evidence
 from robot_ident.effects import Effect
 from robot_ident.motion import Array
 
-_RIDGE = 1e-9  # of a candidate's own norm: less than this left after projection means that the model holds the column already
+_RIDGE = 1e-9  # of a candidate's own norm: with less than this left after projection the model holds it already
 
 
 @dataclass(frozen=True)

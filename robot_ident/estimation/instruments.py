@@ -34,7 +34,8 @@ def instrumental_variables(problem: Problem, start: Solution) -> Solution:
     """Return the instrumental-variables estimate, its covariance heteroscedasticity and autocorrelation consistent.
 
     Periodic measurements are their own instruments: their lines hold little noise, and `ml` is for those that hold
-    more. Raises InputError where inner parameters would have to be searched, or the instruments don't follow the motion.
+    more. Raises InputError where inner parameters would have to be searched, or the instruments don't follow the
+    motion.
     """
     structure = start.structure
     if structure.inner:

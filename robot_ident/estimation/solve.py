@@ -13,8 +13,8 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
-from robot_ident.estimation.covariance import sandwich
 from robot_ident.errors import InputError
+from robot_ident.estimation.covariance import sandwich
 from robot_ident.estimation.equations import Equations, stack
 from robot_ident.estimation.least_squares import Factor, factor, ordinary
 from robot_ident.estimation.row_noise import RowNoise, row_noise

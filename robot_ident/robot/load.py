@@ -188,7 +188,9 @@ def _parse_urdf(text: str, path: Path) -> Any:
 
 
 def _endless(text: str) -> str:
-    """Return the URDF with continuous joints as revolute ones without a position limit: one number then tells their angle."""
+    """Return the URDF with continuous joints as revolute ones without a position limit: one number then tells their
+    angle.
+    """
     if '"continuous"' not in text:
         return text
     tree = ElementTree.fromstring(text)
@@ -223,7 +225,7 @@ def _check_serial(model: Any, path: Path) -> None:
         kind = model.joints[joint].shortname()
         if model.joints[joint].nq != 1 or model.joints[joint].nv != 1 or "Mimic" in kind:
             raise InputError(
-                f"{path}: joint {model.names[joint]!r} is of type {kind}; only revolute joints with limits and prismatic"
+                f"{path}: joint {model.names[joint]!r} is of type {kind}; only revolute joints and prismatic"
                 " ones can move (lock it in a robot YAML, or give it limits in the URDF)"
             )
         if model.parents[joint] != joint - 1:

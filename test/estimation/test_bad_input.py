@@ -61,7 +61,8 @@ def test_columns_that_the_motion_leaves_empty_are_named(arm: Any) -> None:
     t = np.arange(3000) / 150.0
     q = np.column_stack([np.sin(0.2 * np.pi * t), np.full(3000, 0.3), np.full(3000, -0.2)])
     tau = np.random.default_rng(0).normal(size=q.shape)
-    refused(arm, Recording(arm.robot.joints, t, q, tau, source="held"), "held: the motion does not excite p8, p15, viscous@joint_2")
+    held = Recording(arm.robot.joints, t, q, tau, source="held")
+    refused(arm, held, "held: the motion does not excite p8, p15, viscous@joint_2")
 
 
 def test_periodic_and_other_recordings_make_one_estimate(arm: Any) -> None:
