@@ -230,7 +230,7 @@ def _in_time(
     rows = [float(u.sum()) for u in used]
     out = []
     for k, t in enumerate(trajectories):
-        time: Array = np.arange(len(squared[k])) * t.measured.dt * t.measured.decimate
+        time = np.asarray(np.arange(len(squared[k])) * t.measured.dt * t.measured.decimate, dtype=float)
         region = densest("time", [time], [squared[k]], [used[k]], [noise[k]])
         if region is not None:
             share = float(np.clip(region.share * excess[k] / max(sum(excess), 1e-300), 0.0, 1.0))
