@@ -5,6 +5,7 @@ All problems of a file are reported at once, each with the field and the value t
 
 from __future__ import annotations
 
+import re
 from pathlib import Path
 from typing import Annotated, Any, TypeVar
 
@@ -22,13 +23,18 @@ class Closed(BaseModel):
 
 T = TypeVar("T", bound=Closed)
 
+_ALIAS = re.compile(r"(?m)(?:^|[\[,:-])[ \t]*\*\w")  # a few of them can unfold to any size
+
 
 def read_yaml(path: Path | str) -> dict[str, Any]:
     """Read a YAML mapping; InputError names the file and the line when it is none."""
     path = Path(path)
     loader = getattr(yaml, "CSafeLoader", yaml.SafeLoader)
     try:
-        data = yaml.load(path.read_text(encoding="utf-8"), Loader=loader)
+        text = path.read_text(encoding="utf-8")
+        if _ALIAS.search(text):
+            raise InputError(f"{path}: aliases (*name) are not used in these files; quote the text if it is one")
+        data = yaml.load(text, Loader=loader)
     except FileNotFoundError as error:
         raise InputError(f"{path}: no such file") from error
     except (OSError, UnicodeDecodeError) as error:

@@ -17,8 +17,16 @@ def refuse_existing(path: Path | str, *, force: bool) -> None:
     path = Path(path)
     if path.exists() and not force:
         raise InputError(f"{path} exists already; give another name or --force to replace it")
+    if path.is_dir() and not _is_ours(path):
+        raise InputError(f"{path} is a folder that is no recording; --force does not replace it")
     if not path.absolute().parent.is_dir():
         raise InputError(f"{path}: the folder {path.parent} does not exist")
+
+
+def _is_ours(folder: Path) -> bool:
+    """Tell a recording (or an empty folder) from one that holds other things."""
+    names = [entry.name for entry in folder.iterdir()]
+    return not names or "metadata.yaml" in names or any(name.endswith((".mcap", ".db3")) for name in names)
 
 
 @contextmanager

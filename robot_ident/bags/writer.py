@@ -75,7 +75,7 @@ class BagWriter:
         try:
             yield
         except OSError as error:
-            kept = f"; at least {self._kept} of its messages are kept" if self._topics else ""
+            kept = f"; at least {self._kept} of its messages are kept" if self._kept else ""
             self._failure = InputError(f"{self._shown}: can't be written ({error.strerror or error}){kept}")
             raise self._failure from error
 

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import argparse
 
-from robot_ident.cli.output import add_json, add_robot, print_json, say
+from robot_ident.cli.output import add_json, add_robot, print_json, say, within
 from robot_ident.errors import CheckFailed
 
 
@@ -12,7 +12,9 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
     """Add the verb's options."""
     parser.add_argument("excitation", metavar="excitation.yaml", help="an excitation or a validation motion")
     add_robot(parser)
-    parser.add_argument("--periods", type=int, default=1, help="periods that are played (default %(default)s)")
+    parser.add_argument(
+        "--periods", type=within(1, 100_000, int), default=1, help="periods that are played (default %(default)s)"
+    )
     add_json(parser)
 
 

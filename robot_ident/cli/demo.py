@@ -10,7 +10,7 @@ from dataclasses import replace
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
-from robot_ident.cli.output import add_json, print_json, say, table, tell
+from robot_ident.cli.output import add_json, print_json, say, table, tell, within
 from robot_ident.errors import InputError
 
 if TYPE_CHECKING:
@@ -29,9 +29,14 @@ HIDDEN = ("torque_offset@joint_2:6", "rotor_inertia@joint_3:2.63")
 def add_arguments(parser: argparse.ArgumentParser) -> None:
     """Add the verb's options."""
     parser.add_argument(
-        "--periods", type=int, default=6, help="steady periods of each trajectory (default %(default)s)"
+        "--periods",
+        type=within(2, 1000, int),
+        default=6,
+        help="steady periods of each trajectory (default %(default)s)",
     )
-    parser.add_argument("--design-time", type=float, default=24.0, metavar="S", help="to optimise the excitations")
+    parser.add_argument(
+        "--design-time", type=within(1.0, 3600.0), default=24.0, metavar="S", help="to optimise the excitations"
+    )
     parser.add_argument(
         "--hidden",
         nargs="*",
@@ -39,7 +44,9 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
         metavar="NAME@JOINT:VALUE",
         help="what the robot has and the paper's model lacks",
     )
-    parser.add_argument("--seed", type=int, default=0, help="of design and noise (default %(default)s)")
+    parser.add_argument(
+        "--seed", type=within(0, 2**31, int), default=0, help="of design and noise (default %(default)s)"
+    )
     parser.add_argument("--folder", default="robot_ident_demo", help="where everything is kept (default ./%(default)s)")
     parser.add_argument("--force", action="store_true", help="replace the folder of an earlier demo")
     add_json(parser)

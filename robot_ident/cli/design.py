@@ -6,7 +6,7 @@ import argparse
 import time
 from typing import TYPE_CHECKING, Any
 
-from robot_ident.cli.output import Progress, add_json, add_output, add_robot, print_json, say, table, tell
+from robot_ident.cli.output import Progress, add_json, add_output, add_robot, print_json, say, table, tell, within
 
 if TYPE_CHECKING:
     from robot_ident.excitation.limits import Margins
@@ -18,17 +18,23 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
     parser.add_argument(
         "--criterion", default="d-optimal", help="d-optimal (c2) or condition (c1); default %(default)s"
     )
-    parser.add_argument("--harmonics", type=int, default=5, help="terms of the Fourier series (default %(default)s)")
-    parser.add_argument("--base-frequency", type=float, default=0.1, metavar="F", help="Hz (default %(default)s)")
-    parser.add_argument("--sample-rate", type=float, default=150.0, metavar="HZ", help="Hz (default %(default)s)")
+    parser.add_argument(
+        "--harmonics", type=within(1, 60, int), default=5, help="terms of the Fourier series (default %(default)s)"
+    )
+    parser.add_argument(
+        "--base-frequency", type=within(1e-4, 100.0), default=0.1, metavar="F", help="Hz (default %(default)s)"
+    )
+    parser.add_argument(
+        "--sample-rate", type=within(1.0, 1e5), default=150.0, metavar="HZ", help="Hz (default %(default)s)"
+    )
     parser.add_argument(
         "--effect", action="append", default=[], metavar="NAME@JOINT", help="further effects to identify"
     )
-    parser.add_argument("--starts", type=int, metavar="N", help="cold starts (default 12)")
+    parser.add_argument("--starts", type=within(1, 100_000, int), metavar="N", help="cold starts (default 12)")
     parser.add_argument(
         "--time-limit", type=float, metavar="S", help="wall time; the best so far is kept, as with Ctrl-C"
     )
-    parser.add_argument("--seed", type=int, default=0, help="of the starts (default %(default)s)")
+    parser.add_argument("--seed", type=within(0, 2**31, int), default=0, help="of the starts (default %(default)s)")
     add_output(parser, "EXCITATION", "excitation.yaml to write")
     add_json(parser)
 

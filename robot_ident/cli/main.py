@@ -9,6 +9,7 @@ import sys
 from collections.abc import Sequence
 
 from robot_ident import __version__
+from robot_ident.cli.output import Parser
 from robot_ident.errors import RobotIdentError
 
 # verb: what it does, in the order in which they are used
@@ -33,12 +34,12 @@ VERBS: dict[str, str] = {
 
 def build_parser(only: str | None = None) -> argparse.ArgumentParser:
     """Return the parser; the options of `only` one verb (or of all) are loaded."""
-    parser = argparse.ArgumentParser(
+    parser = Parser(
         prog="robot_ident",
         description="Turns an excited robot into a model that engineers trust, and says which physics it lacks.",
     )
     parser.add_argument("--version", action="version", version=f"robot_ident {__version__}")
-    verbs = parser.add_subparsers(dest="verb", metavar="VERB", required=True)
+    verbs = parser.add_subparsers(dest="verb", metavar="VERB", required=True, parser_class=Parser)
     for name, text in VERBS.items():
         verb = verbs.add_parser(name, help=text, description=text[0].upper() + text[1:] + ".")
         if only in (None, name):

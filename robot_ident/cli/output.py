@@ -5,8 +5,33 @@ from __future__ import annotations
 import argparse
 import json
 import sys
-from collections.abc import Iterable, Sequence
-from typing import Any
+from collections.abc import Callable, Iterable, Sequence
+from typing import Any, NoReturn
+
+
+class Parser(argparse.ArgumentParser):
+    """A parser that says what is wrong in one line."""
+
+    def error(self, message: str) -> NoReturn:
+        """Print the line and exit with 2."""
+        print(f"{self.prog}: {message}", file=sys.stderr)
+        sys.exit(2)
+
+
+def within(lower: float, upper: float, kind: type[float] | type[int] = float) -> Callable[[str], float]:
+    """Return a type for an option: a number between bounds, inclusive."""
+
+    def number(text: str) -> float:
+        what = "a whole number" if kind is int else "a number"
+        try:
+            value = kind(text)
+        except ValueError:
+            raise argparse.ArgumentTypeError(f"{text}: {what} is expected") from None
+        if not lower <= value <= upper:
+            raise argparse.ArgumentTypeError(f"{text}: {what} from {lower:g} to {upper:g} is expected")
+        return value
+
+    return number
 
 
 def add_json(parser: argparse.ArgumentParser) -> None:

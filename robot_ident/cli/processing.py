@@ -5,6 +5,7 @@ from __future__ import annotations
 import argparse
 from typing import TYPE_CHECKING
 
+from robot_ident.cli.output import within
 from robot_ident.errors import InputError
 
 if TYPE_CHECKING:
@@ -18,21 +19,32 @@ def add_processing(parser: argparse.ArgumentParser) -> None:
     period.add_argument(
         "--trajectory", metavar="EXCITATION", help="excitation.yaml that was played: gives the period and the robot"
     )
-    period.add_argument("--base-frequency", type=float, metavar="F", help="Hz; found from the data when not given")
+    period.add_argument(
+        "--base-frequency", type=within(1e-4, 1e4), metavar="F", help="Hz; found from the data when not given"
+    )
     period.add_argument("--not-periodic", action="store_true", help="take the recording as one pass even if it repeats")
     parser.add_argument(
         "--topic", metavar="T", help="topic of the joint states (default joint_states in any namespace)"
     )
     parser.add_argument(
-        "--low-pass", type=float, metavar="HZ", help="torque and every column pass it; default none on periods, else 10"
+        "--low-pass",
+        type=within(0.01, 1e5),
+        metavar="HZ",
+        help="torque and every column pass it; default none on periods, else 10",
     )
     parser.add_argument(
         "--derivative-bandwidth",
-        type=float,
+        type=within(0.01, 1e5),
         metavar="HZ",
         help="of non-periodic positions; default 4 times the low pass",
     )
-    parser.add_argument("--decimate", type=int, default=1, metavar="K", help="keep every K-th row after the low pass")
+    parser.add_argument(
+        "--decimate",
+        type=within(1, 1_000_000, int),
+        default=1,
+        metavar="K",
+        help="keep every K-th row after the low pass",
+    )
     parser.add_argument(
         "--minimum-speed",
         metavar="V[,V...]",

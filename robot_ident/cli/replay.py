@@ -4,14 +4,14 @@ from __future__ import annotations
 
 import argparse
 
-from robot_ident.cli.output import Progress, add_json, print_json, say
+from robot_ident.cli.output import Progress, add_json, print_json, say, within
 from robot_ident.errors import InputError
 
 
 def add_arguments(parser: argparse.ArgumentParser) -> None:
     """Add the verb's options."""
     parser.add_argument("bag", metavar="BAG", help="a recording in any form")
-    parser.add_argument("--rate", type=float, default=1.0, help="times real time (default %(default)s)")
+    parser.add_argument("--rate", type=within(1e-3, 1e4), default=1.0, help="times real time (default %(default)s)")
     parser.add_argument("--topic", default="joint_states", help="topic to publish on (default %(default)s)")
     parser.add_argument("--wait", type=float, default=30.0, metavar="S", help="for a listener; 0 begins at once")
     add_json(parser)

@@ -6,7 +6,7 @@ import argparse
 import time
 from typing import Any
 
-from robot_ident.cli.output import add_json, add_output, add_robot, print_json, say, tell
+from robot_ident.cli.output import add_json, add_output, add_robot, print_json, say, tell, within
 
 _SAMPLE_RATE = 150.0  # Hz, for motions that name none
 
@@ -19,7 +19,7 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
     add_robot(parser)
     parser.add_argument(
         "--periods",
-        type=int,
+        type=within(1, 100_000, int),
         default=16,
         help="steady periods of an excitation, after one transient (default %(default)s)",
     )
@@ -34,11 +34,13 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
         " seed and robot whatever the motion (robot_ident trial --open shows it)",
     )
     parser.add_argument("--servo", default="feedforward", help="feedforward or pd (default %(default)s)")
-    parser.add_argument("--sample-rate", type=float, metavar="HZ", help="default: the excitation's, else 150")
+    parser.add_argument(
+        "--sample-rate", type=within(1.0, 1e5), metavar="HZ", help="default: the excitation's, else 150"
+    )
     parser.add_argument(
         "--anti-alias", action="store_true", help="torque passes the analogue filter of the current sensor"
     )
-    parser.add_argument("--seed", type=int, default=0, help="of the noise (default %(default)s)")
+    parser.add_argument("--seed", type=within(0, 2**31, int), default=0, help="of the noise (default %(default)s)")
     add_output(parser, "BAG", "rosbag2 folder to write (or a .mcap, .npz or .csv file)", required=True)
     add_json(parser)
 

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import argparse
 
-from robot_ident.cli.output import add_json, print_json, say, tell
+from robot_ident.cli.output import add_json, print_json, say, tell, within
 from robot_ident.errors import CheckFailed
 
 
@@ -14,9 +14,15 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
     parser.add_argument("bag", metavar="BAG", help="a recording that the model has not seen")
     parser.add_argument("--topic", metavar="T", help="topic of the joint states")
     parser.add_argument(
-        "--low-pass", type=float, default=10.0, metavar="HZ", help="zero-phase low pass (default %(default)s)"
+        "--low-pass",
+        type=within(0.01, 1e5),
+        default=10.0,
+        metavar="HZ",
+        help="zero-phase low pass (default %(default)s)",
     )
-    parser.add_argument("--max-rms", type=float, metavar="NM", help="exit with 3 when a joint's residual exceeds this")
+    parser.add_argument(
+        "--max-rms", type=within(0.0, 1e9), metavar="NM", help="exit with 3 when a joint's residual exceeds this"
+    )
     add_json(parser)
 
 

@@ -8,14 +8,15 @@ chosen again in its light.
 
 from __future__ import annotations
 
-from collections.abc import Collection, Sequence
+from collections.abc import Collection, Mapping, Sequence
 from dataclasses import dataclass, replace
 
 import numpy as np
 
-from robot_ident.diagnosis.backlash import bursts
+from robot_ident.diagnosis.backlash import burst_cause
 from robot_ident.diagnosis.candidates import Candidate, Folds, Score, enumerate_candidates, score, score_grams
 from robot_ident.diagnosis.diagnosis import Diagnosis, Estimate, Suspect, Verdict
+from robot_ident.diagnosis.drift import drift_gain
 from robot_ident.diagnosis.evidence import Evidence, fitted, gather
 from robot_ident.diagnosis.lack_of_fit import LackOfFit, lack_of_fit
 from robot_ident.diagnosis.scan import add, base_gram, columns_of, gram
@@ -29,6 +30,7 @@ from robot_ident.recording.measurement import Measurement
 GAIN = 40.0  # chi-square units that a member must gain
 SHARE = 0.5  # of a joint's excess that its members must explain on trajectories not seen
 PART = 0.35  # of the present excess on its joints that every member must explain, seen by trajectories left out
+AGAIN = 0.5  # the same where a joint has a member already: what an imperfect column leaves looks like another effect
 LEAST = 0.25  # Nm rms (times the torque scale of the joint over 400 Nm) that every member must remove
 MOST = 6  # members
 _LISTED = 6  # candidates reported beside the members
@@ -70,16 +72,24 @@ def diagnose(
     first = _stage(evidence)
     stage = first
     members: list[Score] = []
-    rattling: set[int] = set()
-    while len(members) < MOST and any(fit.fails for fit in stage.fits):
-        rattling |= {j for j, fit in enumerate(stage.fits) if fit.fails and bursts(stage.evidence, j)}
+    rattling: dict[int, int] = {}
+    while len(members) < MOST and _doubtful(stage):
+        for joint in (j for j, fit in enumerate(stage.fits) if fit.fails):
+            cause = burst_cause(stage.evidence, joint)
+            if cause is not None:
+                rattling[joint] = cause
         found = _choose(stage, rattling)
         if found is None:
             break
         members.append(found)
         stage = _stage(_with(evidence, [m.effect for m in members]))
         members, stage = _reconsider(evidence, members, stage, rattling)
-    return _conclude(evidence, first, stage, members, sorted(rattling), validation, notes)
+    return _conclude(evidence, first, stage, members, rattling, validation, notes)
+
+
+def _doubtful(stage: _Stage) -> bool:
+    """Return whether a joint lacks fit, or a single effect gains more than chance ever would."""
+    return any(fit.fails for fit in stage.fits) or any(s.gain >= GAIN and s.held_out >= GAIN / 2 for s in stage.scores)
 
 
 def _split(evidence: Evidence, parts: int = 4) -> Evidence:
@@ -139,11 +149,13 @@ def _size(effect: Effect) -> int:
 
 def _worthwhile(candidate: Score, stage: _Stage, known: Collection[int]) -> bool:
     """Return whether a candidate gains enough, explains enough of its joints' excess, and removes enough torque."""
-    joints = [j for j in candidate.columns.joints if stage.fits[j].fails and j not in known]
+    gains = candidate.held_out_by_joint
+    joints = [j for j in candidate.columns.joints if (stage.fits[j].fails or gains[j] >= GAIN / 2) and j not in known]
     if candidate.gain < GAIN or not joints:
         return False
     excess, removed = stage.excess[joints].sum(), candidate.held_out_by_joint[joints].sum()
-    if removed < PART * excess:
+    again = any(effect.joint in joints or effect.place is None for effect in _extra(stage.evidence.structure))
+    if removed < (AGAIN if again else PART) * excess:
         return False
     weights = [np.mean([np.mean(t.weight[:, j] ** 2) for t in stage.evidence.trajectories]) for j in joints]
     rows = [sum(len(t.y) for t in stage.evidence.trajectories)] * len(joints)
@@ -217,25 +229,30 @@ def _conclude(
     first: _Stage,
     last: _Stage,
     members: list[Score],
-    rattling: Sequence[int],
+    rattling: Mapping[int, int],
     validation: Sequence[Measurement],
     notes: list[str],
 ) -> Diagnosis:
     """Weigh what was found against what remains, and put it into words and figures."""
     robot = evidence.structure.robot
     failing = [j for j, fit in enumerate(first.fits) if fit.fails]
+    failing += [j for m in members for j in m.columns.joints if j not in failing and m.held_out_by_joint[j] >= GAIN / 2]
+    drifting = [j for j, gain in enumerate(drift_gain(evidence)) if gain >= GAIN]
     share = 1.0 - last.excess / np.maximum(first.excess, 1e-300)
     trusted = [m for m in members if _trusted(m, share, failing)]
     if len(trusted) < len(members):
         last = _stage(_with(evidence, [m.effect for m in trusted])) if trusted else first
-    gaps = [j for j in rattling if last.fits[j].fails]
+    gaps = sorted({cause for joint, cause in rattling.items() if last.fits[joint].fails})
     rest = [fit.excess for fit in last.fits]
     remaining = {name: float(np.sqrt(rest[j])) for j, name in enumerate(robot.joints)}
     verdict: Verdict = "adequate" if not failing else "missing" if trusted or gaps else "unexplained"
+    if drifting:
+        verdict = "missing"
     suspects = [_suspect(evidence, first, m, trusted, validation) for m in trusted]
-    suspects += [_gap(last, j) for j in gaps]
+    suspects += [_recognised(last, "backlash", j) for j in gaps]
+    suspects += [_recognised(last, "temperature_drift", j) for j in drifting]
     further = _further(evidence, first, last, [m.label for m in trusted], failing, validation)
-    open_joints = [j for j, fit in enumerate(last.fits) if fit.fails and j not in gaps]
+    open_joints = [j for j, fit in enumerate(last.fits) if fit.fails and j not in rattling]
     worst = max(open_joints, key=lambda j: last.fits[j].statistic, default=None)
     unexplained = None if worst is None else explain_by_variables(last.evidence, worst)
     return Diagnosis(verdict, tuple(suspects), tuple(further), remaining, unexplained, tuple(notes))
@@ -247,20 +264,22 @@ def _trusted(member: Score, share: Array, failing: list[int]) -> bool:
     return bool(joints) and float(np.max(share[joints])) >= SHARE
 
 
-def _gap(stage: _Stage, joint: int) -> Suspect:
-    """Return backlash at a joint, recognised by its bursts; its column gives a size."""
+def _recognised(stage: _Stage, name: str, joint: int) -> Suspect:
+    """Return an effect that is recognised by a test of its own: backlash by its bursts, drift by the trend of the
+    periods.
+    """
     evidence = stage.evidence
-    effect = make_effect(f"backlash@{evidence.structure.robot.joints[joint]}", evidence.structure.robot)
-    after = _with(evidence, [effect])
+    effect = make_effect(f"{name}@{evidence.structure.robot.joints[joint]}", evidence.structure.robot)
+    after = _with(evidence, [effect]) if name == "backlash" else evidence
     return Suspect(
         effect=effect,
-        p_value=stage.fits[joint].p_value,
+        p_value=stage.fits[joint].p_value if name == "backlash" else 0.0,
         explained=1.0,
         mse_before=_mean_squares(evidence),
         mse_after=_mean_squares(after),
         validation_before=None,
         validation_after=None,
-        parameters=_estimates(after, effect),
+        parameters=_estimates(after, effect) if name == "backlash" else (),
         tied_with=(),
         experiment=None,
     )

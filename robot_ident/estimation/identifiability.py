@@ -82,10 +82,10 @@ def identifiability(found: Solution, measurements: Sequence[Measurement]) -> Ide
     values, covariance = found.values[:p], found.covariance[:p, :p]
     sigma = np.sqrt(np.diag(covariance))
     relative = sigma / np.maximum(np.abs(values), 1e-300)
-    columns = structure.columns(_states(structure, measurements), values)
+    columns = _columns(structure, _states(structure, measurements))
     size = np.sqrt(np.mean((columns @ values) ** 2, axis=0))
     size = np.maximum(size, 1e-3 * max(float(size.max()), 1e-12))
-    influence = np.max(np.sqrt(np.mean(columns**2, axis=0)) * sigma / size[:, None], axis=0)
+    influence = np.max(np.maximum(_rms(columns), _recorded(found)) * sigma / size[:, None], axis=0)
     spread = np.einsum("kjp,pq,kjq->j", columns, covariance, columns, optimize=True) / len(columns)
     unknown = np.flatnonzero((relative > _OPEN) & (influence > _MATTERS))
     return Identifiability(
@@ -100,6 +100,32 @@ def identifiability(found: Solution, measurements: Sequence[Measurement]) -> Ide
         joints=structure.robot.joints,
         remedy="design a longer motion that is faster and wider (robot_ident design), or add recordings of others",
     )
+
+
+def _columns(structure: Structure, states: Motion) -> Array:
+    """Return the columns [K, n, p] at single states; zero for effects that depend on the past or on torque."""
+    parts = [structure.rigid_columns(states)]
+    for effect in structure.effects:
+        if effect.symbolic and not effect.uses_torque:
+            parts.append(effect.columns(states))
+        else:
+            parts.append(np.zeros((states.samples, structure.robot.n, len(effect.coefficients))))
+    return np.concatenate(parts, axis=2)
+
+
+def _rms(columns: Array) -> Array:
+    return np.asarray(np.sqrt(np.mean(columns**2, axis=0)))
+
+
+def _recorded(found: Solution) -> Array:
+    """Return the rms [n, p] of the columns that single states don't tell, along the recordings; zero for the others."""
+    structure, equations = found.structure, found.equations
+    past = np.zeros(len(structure.parameters), dtype=bool)
+    place = len(structure.base.columns)
+    for effect in structure.effects:
+        past[place : place + len(effect.coefficients)] = effect.uses_torque or not effect.symbolic
+        place += len(effect.coefficients)
+    return np.array([past * _rms(equations.phi[equations.joint == joint]) for joint in range(structure.robot.n)])
 
 
 def _states(structure: Structure, measurements: Sequence[Measurement]) -> Motion:

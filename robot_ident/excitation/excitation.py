@@ -73,8 +73,8 @@ class Excitation:
         return self.series.motion(self.times())
 
     def check_robot(self, robot: Robot) -> None:
-        """Raise InputError when the joints aren't those of `robot`."""
-        if self.joints != robot.joints:
+        """Raise InputError when it is for another robot; those of the package with the same joints share motions."""
+        if self.joints != robot.joints or (self.robot != robot.name and robot.definition is not None):
             raise InputError(
                 f"trajectory of another robot: it is for {self.robot!r} with joints {', '.join(self.joints)};"
                 f" robot {robot.name!r} has {', '.join(robot.joints)}"
@@ -169,6 +169,13 @@ class ExcitationFile(Closed):
 
 def check_sampling(base_frequency: float, sample_rate: float, harmonics: int) -> None:
     """Raise InputError unless a period has a whole number of samples that carries the harmonics (Nyquist)."""
+    for name, value, least, most in (
+        ("base_frequency", base_frequency, 1e-4, 100.0),
+        ("sample_rate", sample_rate, 1.0, 1e5),
+        ("harmonics", harmonics, 1, 60),
+    ):
+        if not least <= value <= most:
+            raise InputError(f"{name} {value:g}: {least:g} to {most:g} can be designed for")
     samples = sample_rate / base_frequency
     if abs(samples - round(samples)) > 1e-9 or round(samples) < 1:
         raise InputError(

@@ -164,8 +164,8 @@ class PointToPoint:
         )
 
     def check_robot(self, robot: Robot) -> None:
-        """Raise InputError when the joints aren't those of `robot`."""
-        if self.joints != robot.joints:
+        """Raise InputError when it is for another robot; those of the package with the same joints share motions."""
+        if self.joints != robot.joints or (self.robot != robot.name and robot.definition is not None):
             raise InputError(
                 f"motion of another robot: it is for {self.robot!r} with joints {', '.join(self.joints)};"
                 f" robot {robot.name!r} has {', '.join(robot.joints)}"

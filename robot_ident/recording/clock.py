@@ -17,6 +17,8 @@ from robot_ident.recording.recording import Recording
 
 _EVEN = 2e-3  # jitter below this share of the sample time is of no consequence
 _TWO_RATES = 1.5  # ratio of sample times within one recording that no jitter or loss explains
+_FASTEST, _SLOWEST = 1e-6, 1.0  # s between samples: all else is another unit
+_GAP = 10.0  # times its length: no recording has a longer hole
 _ROUGHNESS = 9  # samples of the local cubic fit that tells roughness from motion
 
 
@@ -42,6 +44,7 @@ def read_clock(recording: Recording) -> Clock:
     if len(t) < 20:
         raise InputError(f"{recording.source}: {len(t)} samples are too few to identify anything")
     _refuse_two_rates(recording)
+    _check_stamps(recording)
     index, start, dt = _grid(t)
     jitter = t - (start + dt * index)
     missing = int(index[-1] - index[0] + 1 - len(index))
@@ -98,13 +101,29 @@ def roughness(q: Array) -> Array:
     return size
 
 
+def _check_stamps(recording: Recording) -> None:
+    """Raise InputError where the stamps can't be seconds of one recording."""
+    steps = np.diff(recording.t)
+    usual = float(np.median(steps))
+    if not _FASTEST <= usual <= _SLOWEST:
+        raise InputError(f"{recording.source}: a sample every {usual:.3g} s; are its times in seconds?")
+    longest = int(np.argmax(steps))
+    if steps[longest] > _GAP * len(steps) * usual:
+        at = recording.t[longest] - recording.t[0]
+        raise InputError(
+            f"{recording.source}: a gap of {steps[longest]:.3g} s after {at:.3f} s; cut the recording there into two"
+        )
+
+
 def _grid(t: Array) -> tuple[np.ndarray, float, float]:
     """Return (index [N], start, dt) of the even grid nearest to the stamps, gaps allowed.
 
     The stretch that sets dt doubles until it is the whole recording, so that a small error of dt never slips a whole
     sample.
     """
-    dt, start, length = float(np.median(np.diff(t))), float(t[0]), min(len(t), 100)
+    steps = np.diff(t)
+    usual = steps[steps < 1.5 * np.median(steps)]  # jitter cancels in their mean, lost samples aren't among them
+    dt, start, length = float(usual.mean()), float(t[0]), min(len(t), 40)
     while True:
         index = _place(t[:length], start, dt)
         dt, start = (float(c) for c in np.polyfit(index, t[:length], 1))

@@ -2,7 +2,10 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterable
+import os
+import sys
+from collections.abc import Iterable, Iterator
+from contextlib import contextmanager
 from pathlib import Path
 from typing import Annotated, Any, Literal
 from xml.etree import ElementTree
@@ -182,9 +185,35 @@ def _parse_urdf(text: str, path: Path) -> Any:
     import pinocchio
 
     try:
-        return pinocchio.buildModelFromXML(_endless(text))
+        with _quiet():
+            return pinocchio.buildModelFromXML(_endless(text))
     except (ValueError, RuntimeError, ElementTree.ParseError) as error:
         raise InputError(f"{path}: not a URDF that can be used ({str(error).splitlines()[0]})") from error
+
+
+@contextmanager
+def _quiet() -> Iterator[None]:
+    """Keep the parser's own lines off standard error: our one line says what is wrong."""
+    sys.stderr.flush()
+    kept = os.dup(2)
+    nothing = os.open(os.devnull, os.O_WRONLY)
+    try:
+        os.dup2(nothing, 2)
+        yield
+    finally:
+        os.dup2(kept, 2)
+        os.close(kept)
+        os.close(nothing)
+
+
+def _refuse_mimics(text: str, moving: Iterable[str], path: Path) -> None:
+    """Raise InputError where a joint that mimics another is to move by itself."""
+    names = set(moving)
+    for joint in ElementTree.fromstring(text).iter("joint"):
+        if joint.find("mimic") is not None and joint.get("name", "") in names:
+            raise InputError(
+                f"{path}: joint {joint.get('name')!r} mimics another; lock it under 'locked' in a robot YAML"
+            )
 
 
 def _endless(text: str) -> str:
@@ -238,6 +267,7 @@ def _build(file: RobotFile, text: str, path: Path, definition: Definition | None
     urdf = path if path.suffix == ".urdf" else path.parent / file.urdf
     model = _parse_urdf(text, urdf)
     moving = tuple(file.joints) or tuple(name for name in list(model.names)[1:] if name not in file.locked)
+    _refuse_mimics(text, moving, urdf)
     model = _lock(model, moving, file.locked, path)
     _check_serial(model, urdf)
     joints = tuple(list(model.names)[1:])

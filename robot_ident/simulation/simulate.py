@@ -148,6 +148,14 @@ def _check(robot: Robot, reference: Reference) -> None:
     pose = np.asarray(reference.start_pose)
     if pose.shape != (robot.n,):
         raise InputError(f"the motion moves {pose.size} joints, robot {robot.name} has {robot.n}")
+    zero = np.zeros((1, robot.n))
+    still = robot.rigid.inverse_dynamics(Motion(pose[None], zero, zero))
+    for joint, name in enumerate(robot.joints):
+        push = zero.copy()
+        push[0, joint] = 1.0
+        inertia = float((robot.rigid.inverse_dynamics(Motion(pose[None], zero, push)) - still)[0, joint])
+        if not inertia > 1e-12:
+            raise InputError(f"robot {robot.name}: nothing that {name!r} moves has inertia; the URDF lacks it")
 
 
 def _samples(reference: Reference, sample_rate: float, steady: Steady | None) -> int:

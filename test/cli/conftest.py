@@ -32,7 +32,12 @@ class Outcome:
 def run(capsys: pytest.CaptureFixture[str]) -> Callable[..., Outcome]:
     def call(*words: object) -> Outcome:
         capsys.readouterr()
-        code = main([str(word) for word in words])
+        try:
+            code = main([str(word) for word in words])
+        except SystemExit as ended:  # argparse, on an option out of its bounds
+            if ended.code == 0:
+                raise
+            code = int(ended.code or 0)
         captured = capsys.readouterr()
         return Outcome(code, captured.out, captured.err)
 

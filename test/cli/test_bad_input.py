@@ -103,15 +103,21 @@ def test_fewer_than_two_periods(run: Run, arm: Any, excitation: Path, tmp_path: 
         (["identify", "BAG", "--topic", "/nothing"], "/joint_states"),
         (["identify", "BAG", "-o", "no/such/folder/m.yaml"], "does not exist"),
         (["simulate", "EXC", "--effect", "stribek@joint_1", "-o", "OUT"], "did you mean 'stribeck'"),
-        (["simulate", "EXC", "--periods", "0", "-o", "OUT"], "--periods 0"),
+        (["simulate", "EXC", "--periods", "0", "-o", "OUT"], "--periods"),
         (["simulate", "EXC", "--servo", "pid", "-o", "OUT"], "pid"),
         (["simulate", "BAG", "-o", "OUT"], "four"),
         (["validate", "EXC", "BAG"], "excitation.yaml"),
-        (["montecarlo", "EXC", "--runs", "1"], "--runs 1"),
+        (["montecarlo", "EXC", "--runs", "1"], "--runs"),
         (["design", "--criterion", "e-optimal"], "unknown criterion"),
         (["design", "--harmonics", "0"], "harmonics"),
         (["design", "--harmonics", "900"], "harmonics"),
         (["check", "nothing.yaml"], "no such file"),
+        (["design", "--base-frequency", "nan"], "--base-frequency"),
+        (["design", "--sample-rate", "1e9"], "--sample-rate"),
+        (["design", "--seed", "abc"], "--seed"),
+        (["simulate", "EXC", "--periods", "100000000", "-o", "OUT"], "--periods"),
+        (["validate", "EXC", "BAG", "--max-rms", "nan"], "--max-rms"),
+        (["montecarlo", "EXC", "--seed", "-1"], "--seed"),
     ],
 )
 def test_one_line_each(
@@ -121,6 +127,33 @@ def test_one_line_each(
     places = {"BAG": str(bag), "EXC": str(excitation), "OUT": str(tmp_path / "out")}
     refused(run(*[places.get(word, word) for word in words]), said)
     assert not list(tmp_path.iterdir())
+
+
+@pytest.mark.parametrize(
+    ("change", "said"),
+    [
+        (lambda r: {"t": 1e3 * r.t}, "in seconds?"),
+        (lambda r: {"t": 1e9 * r.t}, "in seconds?"),
+        (lambda r: {"t": r.t + 1e6 * (np.arange(r.samples) > 1000)}, "gap of 1e+06 s"),
+    ],
+)
+def test_impossible_times(run: Run, arm: Any, tmp_path: Path, change: Any, said: str) -> None:
+    r = arm.record(1, periods=2)
+    refused(run("identify", _write(tmp_path / "r.npz", r, **change(r))), said)
+
+
+def test_force_replaces_recordings_only(run: Run, excitation: Path, tmp_path: Path) -> None:
+    (tmp_path / "mine").mkdir()
+    (tmp_path / "mine/thesis.tex").write_text("years of work")
+    refused(run("simulate", excitation, "--periods", 2, "-o", tmp_path / "mine", "--force"), "no recording")
+    assert (tmp_path / "mine/thesis.tex").exists()
+
+
+def test_a_yaml_bomb_is_refused_at_once(run: Run, tmp_path: Path) -> None:
+    lines = ["a0: &a0 [x, x, x, x, x, x, x, x, x]"]
+    lines += [f"a{k}: &a{k} [{', '.join([f'*a{k - 1}'] * 9)}]" for k in range(1, 12)]
+    (tmp_path / "bomb.yaml").write_text("\n".join(lines))
+    refused(run("check", tmp_path / "bomb.yaml"), "aliases")
 
 
 def test_excitation_with_unknown_and_missing_keys_is_said_at_once(run: Run, excitation: Path, tmp_path: Path) -> None:

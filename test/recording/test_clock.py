@@ -45,6 +45,13 @@ def test_dropped_samples_are_counted_and_keep_their_place(arm: Any) -> None:
     assert whole.samples > holed.samples
 
 
+@pytest.mark.parametrize("seed", range(12))
+def test_drops_and_jitter_together_slip_no_sample(arm: Any, seed: int) -> None:
+    recording = arm.record(seed, periods=8, dropped=0.02, jitter=1e-3)
+    clock = read_clock(recording)
+    assert clock.dt == pytest.approx(1 / 150, rel=1e-5)
+
+
 def test_clock_drift_of_100_ppm_does_not_slip_a_sample() -> None:
     t = np.arange(200_000) / 500.0 * (1 + 1e-4)
     q = np.sin(t)[:, None]
