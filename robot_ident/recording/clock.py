@@ -118,12 +118,18 @@ def _check_stamps(recording: Recording) -> None:
 def _grid(t: Array) -> tuple[np.ndarray, float, float]:
     """Return (index [N], start, dt) of the even grid nearest to the stamps, gaps allowed.
 
-    The stretch that sets dt doubles until it is the whole recording, so that a small error of dt never slips a whole
-    sample.
+    A first guess of dt that is off slips whole samples; of several guesses the grid with the least jitter is kept.
     """
     steps = np.diff(t)
-    usual = steps[steps < 1.5 * np.median(steps)]  # jitter cancels in their mean, lost samples aren't among them
-    dt, start, length = float(usual.mean()), float(t[0]), min(len(t), 40)
+    median = float(np.median(steps))
+    mean = float(steps[steps < 1.5 * median].mean())  # jitter cancels in it, lost samples aren't in it
+    tried = [_grown(t, guess, length) for guess in (median, mean) for length in (40, 100)]
+    return min(tried, key=lambda grid: float(np.mean((t - grid[1] - grid[2] * grid[0]) ** 2)) / grid[2] ** 2)
+
+
+def _grown(t: Array, dt: float, length: int) -> tuple[np.ndarray, float, float]:
+    """Return the grid that grows from a first guess of dt: the stretch that sets dt doubles until it is all of t."""
+    start, length = float(t[0]), min(len(t), length)
     while True:
         index = _place(t[:length], start, dt)
         dt, start = (float(c) for c in np.polyfit(index, t[:length], 1))

@@ -267,9 +267,9 @@ def _build(file: RobotFile, text: str, path: Path, definition: Definition | None
     urdf = path if path.suffix == ".urdf" else path.parent / file.urdf
     model = _parse_urdf(text, urdf)
     moving = tuple(file.joints) or tuple(name for name in list(model.names)[1:] if name not in file.locked)
-    _refuse_mimics(text, moving, urdf)
     model = _lock(model, moving, file.locked, path)
     _check_serial(model, urdf)
+    _refuse_mimics(text, moving, urdf)
     joints = tuple(list(model.names)[1:])
     if not joints:
         raise InputError(f"{urdf}: no joint moves")
