@@ -7,7 +7,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from robot_ident.estimation.solve import Solution
+from robot_ident.estimation.problem import Solution
 from robot_ident.model.structure import Structure
 from robot_ident.motion import Array, Motion
 from robot_ident.recording.measurement import Measurement

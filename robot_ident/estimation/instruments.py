@@ -19,7 +19,7 @@ import numpy as np
 from robot_ident.errors import InputError
 from robot_ident.estimation.covariance import long_run_scores
 from robot_ident.estimation.equations import Equations, stack
-from robot_ident.estimation.solve import Problem, Solution, solution
+from robot_ident.estimation.problem import Problem, Solution, solution
 from robot_ident.motion import Array, Motion
 from robot_ident.recording.low_pass import ZeroPhaseLowPass
 from robot_ident.recording.measurement import Measurement

@@ -18,7 +18,7 @@ import numpy as np
 
 from robot_ident.errors import InputError
 from robot_ident.estimation.equations import Equations
-from robot_ident.estimation.solve import Problem, Solution, solution, with_inner
+from robot_ident.estimation.problem import Problem, Solution, solution, with_inner
 from robot_ident.model.derivatives import torque_derivatives
 from robot_ident.model.structure import Structure
 from robot_ident.motion import Array, Mask, Motion

@@ -9,7 +9,7 @@ from typing import Any
 import numpy as np
 
 from robot_ident.estimation.equations import Equations
-from robot_ident.estimation.solve import Problem, Solution
+from robot_ident.estimation.problem import Problem, Solution
 from robot_ident.motion import Array
 from robot_ident.recording.measurement import Measurement
 
@@ -102,7 +102,7 @@ def per_period(measurements: Sequence[Measurement], found: Solution, estimator: 
 
 def _estimates(measured: Measurement, found: Solution, estimator: str) -> tuple[Array, Array]:
     """Return theta [M, p] of each period by linear least squares, and the sigma [p] of their mean."""
-    problem = Problem([measured], found.structure, "ls" if estimator == "ls" else "wls")
+    problem = Problem([measured], found.structure, weighted=estimator != "ls")
     equations = problem.equations(found.structure, found.values[: len(found.structure.parameters)])
     solver = problem.factored(equations.phi, found.structure.names)
     torques = measured.period_torque

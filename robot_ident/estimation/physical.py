@@ -15,7 +15,7 @@ from typing import Any
 import numpy as np
 
 from robot_ident.errors import InputError
-from robot_ident.estimation.solve import Solution
+from robot_ident.estimation.problem import Solution
 from robot_ident.model.structure import Structure
 from robot_ident.motion import Array
 

@@ -70,11 +70,11 @@ def test_ml_says_whether_it_differs(arm: Any) -> None:
 def test_the_bound_is_that_of_the_joint_information(arm: Any) -> None:
     """Form J and W of eq. (6) densely, by differences, and compare."""
     from robot_ident.estimation.maximum_likelihood import Trajectory, _at
-    from robot_ident.estimation.solve import Problem
+    from robot_ident.estimation.problem import Problem
 
     measured = process(coarse(arm, 3), arm.robot, PROCESSING)
     model = estimate([measured], arm.structure, estimator="ml")
-    problem = Problem([measured], arm.structure, "ml")
+    problem = Problem([measured], arm.structure)
     trajectory = Trajectory.of(measured, arm.structure, model.values)
     state = _at(problem, [trajectory], arm.structure, model.values, [np.zeros(len(trajectory.joint))])
     columns = [state.equations.phi]

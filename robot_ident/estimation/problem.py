@@ -1,0 +1,204 @@
+"""What estimators share: the equations of some measurements with their noise, and what a solution amounts to."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from copy import copy
+from dataclasses import dataclass
+
+import numpy as np
+
+from robot_ident.estimation.covariance import sandwich
+from robot_ident.estimation.equations import Equations, stack
+from robot_ident.estimation.least_squares import Factor, factor, ordinary
+from robot_ident.estimation.row_noise import RowNoise, row_noise
+from robot_ident.model.structure import Structure
+from robot_ident.motion import Array
+from robot_ident.recording.measurement import Measurement
+
+_TORQUE_ROUNDS = 4  # of the fixed point: load friction of 10 % leaves 1e-4 of itself after four
+STEP = 1e-3  # of the range between an inner parameter's bounds, for derivatives
+
+
+@dataclass(frozen=True)
+class Solution:
+    """Parameters [p + r] with covariance, the equations at the solution, and their noise variance [R].
+
+    chi_square: weighted squared error, with dof degrees of freedom; nan where the noise is not known independently.
+    """
+
+    structure: Structure
+    values: Array
+    covariance: Array
+    equations: Equations
+    variance: Array
+    condition_number: float
+    notes: tuple[str, ...]
+    chi_square: float = float("nan")
+    dof: float = float("nan")
+
+
+class Problem:
+    """The measurements with what does not change while parameters are searched: base columns and noise."""
+
+    def __init__(self, measurements: Sequence[Measurement], structure: Structure, *, weighted: bool = True) -> None:
+        """Compute the base columns once; `weighted` by the noise, or every row alike."""
+        self.measurements = measurements
+        self.names = structure.names
+        self.source = ", ".join(measured.source for measured in measurements)
+        self.weighted = weighted
+        self.rigid = [structure.rigid_columns(measured.motion) for measured in measurements]
+        equations = self.equations(structure, None)
+        self.variance, self.notes = _variances(equations, structure, measurements, self.source)
+        self.noise: RowNoise = row_noise(measurements, equations, self.variance)
+
+    @property
+    def unknown(self) -> tuple[int, ...]:
+        """Measurements whose noise no periods tell."""
+        return tuple(k for k, m in enumerate(self.measurements) if not np.all(np.isfinite(m.averaged_variance)))
+
+    def moved(self, measurements: Sequence[Measurement], structure: Structure) -> Problem:
+        """Return the same problem, same rows and noise, along other motions."""
+        other = copy(self)
+        other.measurements = measurements
+        other.rigid = [structure.rigid_columns(measured.motion) for measured in measurements]
+        return other
+
+    def equations(self, structure: Structure, values: Array | None) -> Equations:
+        """Return the equations for given inner parameters and torques."""
+        return stack(self.measurements, structure, values, self.rigid)
+
+    def linear(self, structure: Structure, start: Array | None = None) -> tuple[Array, Array, Equations]:
+        """Return (theta [p], (F' W F)^-1, equations) for given inner parameters; `covariance` says what the noise makes
+        of it.
+        """
+        values = start
+        if structure.uses_torque:
+            values = self._without_torque_effects(structure) if start is None else start
+            for _ in range(_TORQUE_ROUNDS - 1):
+                values, _, _ = self._once(structure, values)
+        return self._once(structure, values if structure.uses_torque else None)
+
+    def factored(self, phi: Array, names: Sequence[str]) -> Factor:
+        """Factorise the weighted columns [R, p]."""
+        if not self.weighted:
+            return factor(phi, np.ones(len(phi)), names, self.source)
+        return factor(self.noise.whiten(phi), self.noise.independent, names, self.source)
+
+    def right(self, torque: Array) -> Array:
+        """Return the torque [R] as the factor of the columns takes it."""
+        return self.noise.whiten(torque) if self.weighted else torque
+
+    def covariance(self, equations: Equations, jacobian: Array, residual: Array, names: Sequence[str]) -> Array:
+        """Return the covariance [p, p] of parameters whose derivatives of torque are `jacobian` [R, p].
+
+        (F' S^-1 F)^-1 (eq. 9) where the noise is known and its inverse weighs; else the sandwich of whatever weighs.
+        """
+        bread = self.factored(jacobian, names).inverse_information()
+        if self.weighted and not self.noise.bands and not self.unknown:
+            return bread
+        weighed = self.noise.precision(jacobian) if self.weighted else jacobian
+        return sandwich(bread, weighed, residual, equations, self.noise, self.unknown)
+
+    def _once(self, structure: Structure, torques: Array | None) -> tuple[Array, Array, Equations]:
+        """Return (theta [p], (F' W F)^-1, equations) with the columns that belong to given parameters."""
+        equations = self.equations(structure, torques)
+        factored = self.factored(equations.phi, self.names)
+        return factored.solve(self.right(equations.torque)), factored.inverse_information(), equations
+
+    def _without_torque_effects(self, structure: Structure) -> Array:
+        """Return a first theta [p] from the columns that don't depend on torque, zero elsewhere."""
+        equations = self.equations(structure, None)
+        plain = np.ones(len(self.names), dtype=bool)
+        start = len(structure.base.columns)
+        for effect in structure.effects:
+            stop = start + len(effect.coefficients)
+            plain[start:stop] = not effect.uses_torque
+            start = stop
+        values = np.zeros(len(self.names))
+        names = [name for name, kept in zip(self.names, plain, strict=True) if kept]
+        values[plain] = self.factored(equations.phi[:, plain], names).solve(self.right(equations.torque))
+        return values
+
+    def residual(self, structure: Structure, start: Array | None = None) -> Array:
+        """Return the weighted residual [R] at theta(s)."""
+        values, _, equations = self.linear(structure, start)
+        return self.noise.whiten(equations.torque - equations.phi @ values)
+
+
+def solution(problem: Problem, structure: Structure, values: Array, equations: Equations) -> Solution:
+    """Return what linear parameters [p] and a structure's inner ones amount to."""
+    residual = equations.torque - equations.phi @ values
+    jacobian, place = with_inner(problem, structure, values, equations)
+    parameters = (*structure.parameters, *structure.inner)
+    covariance = np.zeros((len(parameters),) * 2)
+    names = [parameters[k].name for k in place]
+    covariance[np.ix_(place, place)] = problem.covariance(equations, jacobian, residual, names)
+    known = not problem.unknown and not problem.noise.bands
+    independent = equations.independent
+    return Solution(
+        structure=structure,
+        values=np.concatenate([values, structure.settings]),
+        covariance=covariance,
+        equations=equations,
+        variance=problem.variance,
+        condition_number=factor(
+            equations.phi, 1.0 / problem.variance, structure.names, problem.source
+        ).condition_number,
+        notes=problem.notes,
+        chi_square=float(np.sum(independent * problem.noise.whiten(residual) ** 2)) if known else float("nan"),
+        dof=float(np.sum(independent) - len(place)) if known else float("nan"),
+    )
+
+
+def inner_bounds(structure: Structure) -> tuple[Array, Array, np.ndarray]:
+    """Return lower and upper bounds [r] of the inner parameters and which of them are continuous."""
+    inner = [inner for effect in structure.effects for inner in effect.inner]
+    lower, upper = (np.array([getattr(i, side) for i in inner]) for side in ("lower", "upper"))
+    return lower, upper, np.array([i.continuous for i in inner], dtype=bool)
+
+
+def with_inner(problem: Problem, structure: Structure, values: Array, equations: Equations) -> tuple[Array, np.ndarray]:
+    """Return the derivatives of torque [R, p + free] by linear and free inner parameters, and their places among all.
+
+    Inner parameters by central differences within their bounds; those that only take values of a grid have none.
+    """
+    p = equations.phi.shape[1]
+    if not structure.inner:
+        return equations.phi, np.arange(p)
+    lower, upper, free = inner_bounds(structure)
+    settings = structure.settings
+    columns = [equations.phi]
+    for k in np.flatnonzero(free):
+        step = STEP * (upper[k] - lower[k])
+        ends = []
+        for side in (-1.0, 1.0):
+            moved = settings.copy()
+            moved[k] = np.clip(moved[k] + side * step, lower[k], upper[k])
+            ends.append((moved[k], problem.equations(structure.with_settings(moved), values).phi @ values))
+        columns.append(((ends[1][1] - ends[0][1]) / (ends[1][0] - ends[0][0]))[:, None])
+    return np.hstack(columns), np.concatenate([np.arange(p), p + np.flatnonzero(free)])
+
+
+def _variances(
+    equations: Equations, structure: Structure, measurements: Sequence[Measurement], source: str
+) -> tuple[Array, tuple[str, ...]]:
+    """Return the noise variance of every row; from the residual of ordinary least squares where no periods tell it."""
+    unknown = ~np.isfinite(equations.variance) | (equations.variance <= 0)
+    if not unknown.any():
+        return equations.variance, ()
+    ones = np.ones(equations.rows)
+    silent = np.linalg.norm(equations.phi, axis=0) == 0.0
+    silent[: len(structure.base.columns)] = False  # of effects that depend on a torque not known yet
+    names = [name for name, drop in zip(structure.names, silent, strict=True) if not drop]
+    phi = equations.phi[:, ~silent]
+    theta, _ = ordinary(phi, equations.torque, ones, names, source)
+    residual = equations.torque - phi @ theta
+    variance = equations.variance.copy()
+    share = equations.rows / (equations.rows - len(names))
+    for block in range(len(measurements)):
+        for joint in range(structure.robot.n):
+            rows = (equations.block == block) & (equations.joint == joint) & unknown
+            if rows.any():
+                variance[rows] = max(float(np.mean(residual[rows] ** 2)) * share, 1e-12)
+    return variance, ("noise unknown without periods: rows weighted by the residual of ordinary least squares",)
