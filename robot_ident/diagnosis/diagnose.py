@@ -18,7 +18,7 @@ from robot_ident.diagnosis.candidates import Candidate, Folds, Score, enumerate_
 from robot_ident.diagnosis.diagnosis import Diagnosis, Estimate, Suspect, Verdict
 from robot_ident.diagnosis.drift import drift_gain
 from robot_ident.diagnosis.evidence import Evidence, fitted, gather
-from robot_ident.diagnosis.lack_of_fit import LackOfFit, lack_of_fit
+from robot_ident.diagnosis.lack_of_fit import LackOfFit, joint_noise, lack_of_fit
 from robot_ident.diagnosis.scan import add, base_gram, columns_of, gram
 from robot_ident.diagnosis.ties import tied
 from robot_ident.diagnosis.unexplained import explain_by_variables
@@ -28,7 +28,8 @@ from robot_ident.motion import Array
 from robot_ident.recording.measurement import Measurement
 
 GAIN = 40.0  # chi-square units that a member must gain
-SHARE = 0.5  # of a joint's excess that its members must explain on trajectories not seen
+SHARE = 0.35  # of a joint's excess that its members must explain on trajectories not seen
+STRICTER = 0.45  # more than that where what remains is far above the noise: a proxy leaves much, a cause little
 PART = 0.35  # of the present excess on its joints that every member must explain, seen by trajectories left out
 AGAIN = 0.5  # the same where a joint has a member already: what an imperfect column leaves looks like another effect
 LEAST = 0.25  # Nm rms (times the torque scale of the joint over 400 Nm) that every member must remove
@@ -149,13 +150,16 @@ def _size(effect: Effect) -> int:
 
 def _worthwhile(candidate: Score, stage: _Stage, known: Collection[int]) -> bool:
     """Return whether a candidate gains enough, explains enough of its joints' excess, and removes enough torque."""
-    gains = candidate.held_out_by_joint
-    joints = [j for j in candidate.columns.joints if (stage.fits[j].fails or gains[j] >= GAIN / 2) and j not in known]
+    gains, added = candidate.held_out_by_joint, _extra(stage.evidence.structure)
+    joints = [
+        j
+        for j in candidate.columns.joints
+        if j not in known and (stage.fits[j].fails or (gains[j] >= GAIN / 2 and not _touched(added, [j])))
+    ]
     if candidate.gain < GAIN or not joints:
         return False
     excess, removed = stage.excess[joints].sum(), candidate.held_out_by_joint[joints].sum()
-    again = any(effect.joint in joints or effect.place is None for effect in _extra(stage.evidence.structure))
-    if removed < (AGAIN if again else PART) * excess:
+    if removed < (AGAIN if _touched(added, joints) else PART) * excess:
         return False
     weights = [np.mean([np.mean(t.weight[:, j] ** 2) for t in stage.evidence.trajectories]) for j in joints]
     rows = [sum(len(t.y) for t in stage.evidence.trajectories)] * len(joints)
@@ -165,6 +169,11 @@ def _worthwhile(candidate: Score, stage: _Stage, known: Collection[int]) -> bool
     limit = stage.evidence.structure.robot.limits.torque[joints]
     scale = float(np.min(np.where(np.isfinite(limit), limit, 400.0))) / 400.0
     return bool(np.sqrt(max(mean_square, 0.0)) >= LEAST * scale)
+
+
+def _touched(effects: Sequence[Effect], joints: Collection[int]) -> bool:
+    """Return whether an effect is at one of some joints, or everywhere."""
+    return any(effect.joint in joints or effect.place is None for effect in effects)
 
 
 def _refined(found: Score, stage: _Stage) -> Score:
@@ -239,7 +248,9 @@ def _conclude(
     failing += [j for m in members for j in m.columns.joints if j not in failing and m.held_out_by_joint[j] >= GAIN / 2]
     drifting = [j for j, gain in enumerate(drift_gain(evidence)) if gain >= GAIN]
     share = 1.0 - last.excess / np.maximum(first.excess, 1e-300)
-    trusted = [m for m in members if _trusted(m, share, failing)]
+    left = np.array([fit.excess for fit in last.fits])
+    needed = SHARE + STRICTER * left / (left + joint_noise(evidence))
+    trusted = [m for m in members if _trusted(m, share - needed, failing)]
     if len(trusted) < len(members):
         last = _stage(_with(evidence, [m.effect for m in trusted])) if trusted else first
     gaps = sorted({cause for joint, cause in rattling.items() if last.fits[joint].fails})
@@ -258,10 +269,10 @@ def _conclude(
     return Diagnosis(verdict, tuple(suspects), tuple(further), remaining, unexplained, tuple(notes))
 
 
-def _trusted(member: Score, share: Array, failing: list[int]) -> bool:
-    """Return whether enough of the excess on a member's joints is explained by all members together."""
+def _trusted(member: Score, surplus: Array, failing: list[int]) -> bool:
+    """Return whether all members together explain more than needed of the excess on one of a member's joints."""
     joints = [j for j in member.columns.joints if j in failing]
-    return bool(joints) and float(np.max(share[joints])) >= SHARE
+    return bool(joints) and float(np.max(surplus[joints])) >= 0.0
 
 
 def _recognised(stage: _Stage, name: str, joint: int) -> Suspect:

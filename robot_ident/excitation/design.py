@@ -25,6 +25,8 @@ from robot_ident.robot.robot import Robot
 __all__ = ["CRITERIA", "DesignResult", "Progress", "design"]
 
 CRITERIA = ("d-optimal", "condition")
+MOST_HARMONICS = 60
+FASTEST = 1e5  # Hz
 STARTS = 12  # cold starts
 COLD_PER_ROUND = 3  # as many rounds of hops as a third of the cold starts, where no time limit rules
 FLOOR_DRAWS = 400  # without a floor given, the determinant may be a third of the best among as many random motions
@@ -81,6 +83,11 @@ def design(
     if harmonics < 1 or (starts is not None and starts < 1):
         raise InputError(f"harmonics = {harmonics}, starts = {starts}: at least one of each is needed")
     check_sampling(base_frequency, sample_rate, harmonics)
+    if harmonics > MOST_HARMONICS or sample_rate > FASTEST:
+        raise InputError(
+            f"harmonics = {harmonics}, sample_rate = {sample_rate:g} Hz:"
+            f" at most {MOST_HARMONICS} and {FASTEST:g} Hz are designed for"
+        )
     require_limits(robot)
     variances, notes = noise_variances(robot)
     structure = Structure.build(robot, effects)
