@@ -39,6 +39,16 @@ def send(made: Any, numbers: range) -> None:
         time.sleep(0.002)
 
 
+def settled(made: Any, bag: Path) -> None:
+    """Wait until the recorder has received and written what is under way."""
+    from rclpy.duration import Duration
+
+    made.wait_for_all_acked(Duration(seconds=10))
+    size = -1
+    while size != (size := sum(file.stat().st_size for file in bag.glob("*.mcap"))):
+        time.sleep(0.3)
+
+
 def test_bag_holds_what_was_sent(
     start: Callable[..., Any], client: Any, until: Callable[..., Any], call: Callable[..., Any], tmp_path: Path
 ) -> None:
@@ -85,6 +95,7 @@ def test_rosbags_reads_it(start: Callable[..., Any], client: Any, until: Callabl
     recorder = start("recorder", output=bag, split_duration=0.2)
     made = publisher(client, until)
     send(made, range(300))
+    settled(made, bag)
     assert recorder.end()[0] == 0, recorder.text
     assert len(list(bag.glob("*.mcap"))) > 1, "the bag is split"
     with AnyReader([bag]) as reader:
@@ -100,13 +111,8 @@ def test_killed_recorder_loses_nothing(
     recorder = start("recorder", output=bag)
     made = publisher(client, until)
     send(made, range(400))
-    from rclpy.duration import Duration
-
-    made.wait_for_all_acked(Duration(seconds=10))
+    settled(made, bag)
     assert until(lambda: next(bag.glob("*.mcap")).stat().st_size > 400 * 150)
-    size = -1
-    while size != (size := next(bag.glob("*.mcap")).stat().st_size):
-        time.sleep(0.1)
     code, _ = recorder.end(signal.SIGKILL)
     assert code == -signal.SIGKILL
     recording = read_recording(bag)
