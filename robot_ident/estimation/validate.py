@@ -18,6 +18,8 @@ from robot_ident.recording.measurement import Measurement, Processing
 from robot_ident.recording.process import process
 from robot_ident.recording.recording import Recording
 
+_TOUCHED = 0.1  # of a filtered value: the share of standstill from which on it counts as standstill
+
 
 @dataclass(frozen=True)
 class Validation:
@@ -55,11 +57,13 @@ def validate(model: Model, recording: Recording, *, low_pass: float | None = Non
     predicted = measured.passed(model.predict(measured.motion))
     torque = measured.passed(measured.torque)
     noise = _noise(model, measured)
+    # the low pass carries the undetermined torque of a standstill into the samples around it
+    touched = measured.passed(measured.standstill.astype(float)) > _TOUCHED
     moving, still = {}, {}
     for joint, name in enumerate(model.robot.joints):
         variance = np.full(len(torque), noise[joint])
         residual = torque[:, joint] - predicted[:, joint]
-        rows = measured.used[:, joint]
+        rows = measured.used[:, joint] & ~touched[:, joint]
         if not rows.any():
             raise InputError(f"{recording.source}: {name} never moves; nothing can be validated")
         moving[name] = fit(residual[rows], torque[rows, joint], variance[rows])

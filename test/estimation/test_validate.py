@@ -26,7 +26,7 @@ def test_residual_of_the_true_model_is_the_filtered_noise(arm: Any) -> None:
             ratios.append(fit.mse / fit.noise_variance)
     # about 500 independent values a recording and joint: 4.5 sigma each, 4 sigma of the mean of sixty
     assert np.abs(np.array(ratios) - 1.0).max() < 4.5 * np.sqrt(2 / 500)
-    assert np.mean(ratios) == pytest.approx(1.0, abs=0.03)
+    assert np.mean(ratios) == pytest.approx(1.0, abs=0.02)
 
 
 def test_a_wrong_model_is_seen(arm: Any) -> None:
