@@ -1,17 +1,18 @@
-"""Between JointState messages and arrays, joints matched by name."""
+"""Between messages about joints and arrays, joints matched by name."""
 
 from __future__ import annotations
 
 from collections.abc import Sequence
 
 import numpy as np
-from builtin_interfaces.msg import Time
+from builtin_interfaces.msg import Duration, Time
 from sensor_msgs.msg import JointState
+from trajectory_msgs.msg import JointTrajectory
 
-from robot_ident.motion import Array
+from robot_ident.motion import Array, Motion
 
 
-def stamp_of(message: JointState) -> int:
+def stamp_of(message: JointState | JointTrajectory) -> int:
     """Return the header stamp [ns], 0 where there is none."""
     return int(message.header.stamp.sec) * 1_000_000_000 + int(message.header.stamp.nanosec)
 
@@ -20,6 +21,12 @@ def time_message(stamp_ns: int) -> Time:
     """Return a stamp [ns] as a message."""
     seconds, nanoseconds = divmod(stamp_ns, 1_000_000_000)
     return Time(sec=seconds, nanosec=nanoseconds)
+
+
+def duration_message(duration_ns: int) -> Duration:
+    """Return a duration [ns] as a message."""
+    seconds, nanoseconds = divmod(duration_ns, 1_000_000_000)
+    return Duration(sec=seconds, nanosec=nanoseconds)
 
 
 def joint_state(
@@ -45,3 +52,17 @@ def columns(message: JointState, joints: Sequence[str]) -> tuple[Array, Array | 
         for values in (message.position, message.velocity, message.effort)
     )
     return (q, dq, tau) if q is not None else None
+
+
+def points_of(message: JointTrajectory, joints: Sequence[str]) -> tuple[Array, Motion] | None:
+    """Return times from the start [K] s and motion [K, n]; None where a joint or one of the three quantities lacks."""
+    names = list(message.joint_names)
+    if any(joint not in names for joint in joints) or not message.points:
+        return None
+    pick = [names.index(joint) for joint in joints]
+    rows = [(p.positions, p.velocities, p.accelerations) for p in message.points]
+    if any(len(values) != len(names) for row in rows for values in row):
+        return None
+    q, dq, ddq = (np.array([row[k] for row in rows], dtype=float)[:, pick] for k in range(3))
+    t = np.array([p.time_from_start.sec + 1e-9 * p.time_from_start.nanosec for p in message.points])
+    return t, Motion(q, dq, ddq)

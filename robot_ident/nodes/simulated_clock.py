@@ -9,9 +9,11 @@ from typing import ClassVar
 
 from rosgraph_msgs.msg import Clock
 from sensor_msgs.msg import JointState
+from trajectory_msgs.msg import JointTrajectory
 
 from robot_ident.nodes.common import BaseNode, reliable, run
 from robot_ident.nodes.joint_states import stamp_of, time_message
+from robot_ident.nodes.outputs import TrajectoryOutput
 from robot_ident.nodes.parameters import Parameter
 
 _POLL = 0.0005  # s between looks at those who are waited for
@@ -32,6 +34,12 @@ class SimulatedClock(BaseNode):
         Parameter(
             "ahead", 0.02, "how far time may run ahead of the newest joint state and command", 0.001, 1.0, unit="s"
         ),
+        Parameter(
+            "controller",
+            "",
+            "name of a joint_trajectory_controller that is commanded: NAME/joint_trajectory must keep up as well"
+            " ('' for none)",
+        ),
     )
 
     def __init__(self) -> None:
@@ -41,13 +49,19 @@ class SimulatedClock(BaseNode):
         self._clock_topic = self.create_publisher(Clock, "/clock", reliable(10))
         for topic in ("joint_states", "joint_command"):
             self.create_subscription(
-                JointState, topic, lambda message, topic=topic: self._heard(topic, message), reliable(1000)
+                JointState, topic, lambda message, topic=topic: self._heard(topic, stamp_of(message)), reliable(1000)
+            )
+        if self.value("controller"):
+            topic = f"{self.value('controller').rstrip('/')}/joint_trajectory"
+            due_ns = round(1e9 * (TrajectoryOutput.lead + 1.5 * TrajectoryOutput.every))  # from a window's first point
+            self.create_subscription(
+                JointTrajectory, topic, lambda message: self._heard(topic, stamp_of(message) + due_ns), reliable(10)
             )
         self._thread = threading.Thread(target=self._run, name="clock", daemon=True)
         self._thread.start()
 
-    def _heard(self, topic: str, message: JointState) -> None:
-        self._newest[topic] = (stamp_of(message), time.monotonic())
+    def _heard(self, topic: str, stamp_ns: int) -> None:
+        self._newest[topic] = (stamp_ns, time.monotonic())
 
     def _run(self) -> None:
         """Publish one step after another; a step waits for real time and for the slowest stream."""

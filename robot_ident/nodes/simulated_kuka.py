@@ -2,16 +2,19 @@
 
 from __future__ import annotations
 
+from collections import deque
 from collections.abc import Sequence
 from typing import ClassVar
 
 import numpy as np
 from sensor_msgs.msg import JointState
 from std_srvs.srv import Trigger
+from trajectory_msgs.msg import JointTrajectory
 
-from robot_ident.motion import Array
+from robot_ident.errors import InputError
+from robot_ident.motion import Array, Motion
 from robot_ident.nodes.common import BaseNode, overridable, reliable, run
-from robot_ident.nodes.joint_states import columns, joint_state, stamp_of
+from robot_ident.nodes.joint_states import columns, joint_state, points_of, stamp_of
 from robot_ident.nodes.parameters import Parameter
 from robot_ident.playing.command_buffer import CommandBuffer
 from robot_ident.playing.ticker import Stall, Ticker
@@ -19,6 +22,7 @@ from robot_ident.robot import load_robot
 from robot_ident.simulation.interpolator import CommandInterpolator
 from robot_ident.simulation.servo import BANDWIDTH, SERVOS
 from robot_ident.simulation.simulated_robot import SimulatedRobot
+from robot_ident.simulation.trajectory_follower import TrajectoryFollower
 
 
 class SimulatedKuka(BaseNode):
@@ -42,6 +46,12 @@ class SimulatedKuka(BaseNode):
             -1e3,
             1e3,
             unit="rad or m",
+        ),
+        Parameter(
+            "controller",
+            "",
+            "name of a joint_trajectory_controller to stand in for: it follows NAME/joint_trajectory instead of"
+            " joint_command ('' for none)",
         ),
         Parameter(
             "delay", 0.05, "how long commands wait, so that late ones don't disturb the motion", 0.0, 1.0, unit="s"
@@ -72,6 +82,8 @@ class SimulatedKuka(BaseNode):
         self._start: Array = np.clip(start, robot.limits.lower, robot.limits.upper)
         self._interpolator = CommandInterpolator(robot.limits.acceleration, 1.0 / rate, patience=self.value("patience"))
         self._buffer = CommandBuffer(self.value("delay"))
+        self._follower = TrajectoryFollower(robot.n) if self.value("controller") else None
+        self._taken: deque[tuple[int, Array, Motion]] = deque()
         self._rng = np.random.default_rng(self.value("seed"))
         self._resets = 1
         self._origin_ns: int | None = None
@@ -79,9 +91,15 @@ class SimulatedKuka(BaseNode):
         self._states = self.create_publisher(
             JointState, "joint_states", reliable(self.value("depth")), qos_overriding_options=overridable()
         )
-        self.create_subscription(
-            JointState, "joint_command", self._on_command, reliable(1000), qos_overriding_options=overridable()
-        )
+        if self._follower is None:
+            self.create_subscription(
+                JointState, "joint_command", self._on_command, reliable(1000), qos_overriding_options=overridable()
+            )
+        else:
+            topic = f"{self.value('controller').rstrip('/')}/joint_trajectory"
+            self.create_subscription(
+                JointTrajectory, topic, self._on_trajectory, reliable(10), qos_overriding_options=overridable()
+            )
         self.create_service(Trigger, "~/reset", self._on_reset)
         self._ticker = Ticker(
             rate,
@@ -109,6 +127,13 @@ class SimulatedKuka(BaseNode):
             return
         self._buffer.put(stamp_of(message), self.now_ns(), q, dq)
 
+    def _on_trajectory(self, message: JointTrajectory) -> None:
+        points = points_of(message, self._joints)
+        if points is None:
+            self.get_logger().warning("a trajectory without positions, velocities and accelerations is left out")
+            return
+        self._taken.append((stamp_of(message) or self.now_ns(), *points))
+
     def _tick(self, number: int) -> None:
         """Advance by one sample and report; in the ticker's thread."""
         if self._origin_ns is None:
@@ -119,13 +144,29 @@ class SimulatedKuka(BaseNode):
             self._plant.reset(self._start)
             self._interpolator.reset(self._start)
             self._buffer.clear()
+            if self._follower is not None:
+                self._follower.reset(self._start)
+        self._plant.advance(self._reference(stamp))
+        reading = self._plant.measure(self._rng)
+        self._states.publish(joint_state(self._joints, stamp, reading.q, reading.dq, reading.tau))
+
+    def _reference(self, stamp: int) -> Motion:
+        """Return the reference of the sample that ends at `stamp` [ns], at every half step of the dynamics."""
+        instants, half = 2 * self._plant.steps_per_sample, 0.5 * self._plant.step
+        if self._follower is not None:
+            self._epoch_ns = self._epoch_ns or stamp
+            begin = (stamp - self._epoch_ns - self._interval_ns) * 1e-9
+            while self._taken:
+                start_ns, t, motion = self._taken.popleft()
+                try:
+                    self._follower.take(begin, (start_ns - self._epoch_ns) * 1e-9 + t, motion)
+                except InputError as error:
+                    self.get_logger().warning(f"{error} is refused", throttle_duration_sec=1.0)
+            return self._follower.at(begin + half * np.arange(1, instants + 1))
         for command in self._buffer.due(stamp):
             self._epoch_ns = self._epoch_ns or command.t_ns
             self._interpolator.push((command.t_ns - self._epoch_ns) * 1e-9, command.q, command.dq)
-        half = 0.5 * self._plant.step
-        self._plant.advance(self._interpolator.advance(2 * self._plant.steps_per_sample, half))
-        reading = self._plant.measure(self._rng)
-        self._states.publish(joint_state(self._joints, stamp, reading.q, reading.dq, reading.tau))
+        return self._interpolator.advance(instants, half)
 
     def _on_stall(self, stall: Stall) -> None:
         """Begin the grid of stamps anew."""

@@ -10,6 +10,7 @@ from typing import ClassVar
 import numpy as np
 from diagnostic_msgs.msg import DiagnosticArray
 from sensor_msgs.msg import JointState
+from std_msgs.msg import Float64
 from std_srvs.srv import Trigger
 
 from robot_ident.errors import CheckFailed, InputError, RobotIdentError
@@ -19,15 +20,17 @@ from robot_ident.excitation.playback import Playback, approach, stop_from
 from robot_ident.excitation.point_to_point import load_motion
 from robot_ident.excitation.reference import Reference
 from robot_ident.nodes.common import ERROR, OK, WARN, BaseNode, overridable, reliable, run
-from robot_ident.nodes.joint_states import joint_state, stamp_of
+from robot_ident.nodes.joint_states import stamp_of
+from robot_ident.nodes.neighbours import Neighbours
+from robot_ident.nodes.outputs import OUTPUTS, Output, SampleOutput, TrajectoryOutput
 from robot_ident.nodes.parameters import Parameter
-from robot_ident.playing.player import Phase, Player
+from robot_ident.playing.player import DWELL, Phase, Player
+from robot_ident.playing.progress import progress
 from robot_ident.playing.slowed import Slowed
 from robot_ident.playing.ticker import Stall, Ticker
 from robot_ident.playing.watch import Bounds, Watch
 from robot_ident.robot import Robot, load_robot
 
-_SETTLE = 2.0  # s for which the listeners on joint_command must stay the same where the robot's own can't be told
 _LONGEST_STOP = 2.0  # s that the end of the node waits for a smooth stop
 _USUAL_RATE = 150.0  # Hz
 
@@ -42,7 +45,29 @@ class TrajectoryPublisher(BaseNode):
         Parameter("trajectory", "", "excitation.yaml or validation motion to play"),
         Parameter("periods", 16, "steady periods to play, after one transient period", 1, 100_000),
         Parameter("rate", 0.0, "rate of the commands; 0: the sample rate of the trajectory", 0.0, 2000.0, unit="Hz"),
-        Parameter("speed", 1.0, "share of the designed speed, for a rehearsal", 0.01, 1.0),
+        Parameter("speed", 1.0, "share of the designed speed at which all is played", 0.01, 1.0),
+        Parameter(
+            "rehearsal",
+            [0.0],
+            "shares of the designed speed at which one period is played first, as [0.1, 0.3] (0: none); the next"
+            " follows only where tracking error and effort stayed within rehearsal_margin of their bounds",
+            0.0,
+            1.0,
+        ),
+        Parameter("rehearsal_margin", 0.7, "share of its bounds that a rehearsal may use", 0.01, 1.0),
+        Parameter("output", "joint_state", "; ".join(f"{k}: {v}" for k, v in OUTPUTS.items()), choices=tuple(OUTPUTS)),
+        Parameter(
+            "controller",
+            "",
+            "name of the robot's controller, which must hold by itself when commands stop; without one only a"
+            " simulated robot is moved",
+        ),
+        Parameter(
+            "speed_scaling_topic",
+            "",
+            "topic (std_msgs/Float64) on which the robot tells its speed scaling: anything but 1, or 100, stops the"
+            " motion ('' for none)",
+        ),
         Parameter("autostart", False, "start as soon as the robot is there; otherwise by ~/start"),
         Parameter(
             "exit_when_done", False, "end the node after the motion (exit code 3 where it was stopped for a reason)"
@@ -95,27 +120,37 @@ class TrajectoryPublisher(BaseNode):
         """Load and certify the trajectory; InputError when it isn't safe for this robot."""
         super().__init__()
         self._robot = load_robot(self.value("robot"))
-        self._motion, rate = self._load(self._robot)
+        self._motion, self._rehearsals, rate = self._load(self._robot)
         self._watch = Watch(self._robot.joints, self._bounds())
+        self._output = self._make_output()
+        self._neighbours = Neighbours(self, self._output.publisher)
         self._player = Player(
             self._motion,
             lambda q: approach(q, self._motion.start_pose, self._robot),
             lambda motion: stop_from(motion, self._robot),
             self._watch,
+            rehearsals=self._rehearsals,
+            judge=self._judge,
+            lead=self._output.lead,
+            dwell=DWELL + 5 * self._output.lead,
         )
         self._told = Phase.IDLE
         self._resting = 0.0
         self._ending = 0.0
         self._origin_ns: int | None = None
-        self._listeners = (0, 0.0)
         self._preparing: threading.Thread | None = None
-        self._command = self.create_publisher(
-            JointState, "joint_command", reliable(self.value("depth")), qos_overriding_options=overridable()
-        )
         self._status = self.create_publisher(DiagnosticArray, "~/status", 10)
         self.create_subscription(
             JointState, "joint_states", self._on_state, reliable(100), qos_overriding_options=overridable()
         )
+        if self.value("speed_scaling_topic"):
+            self.create_subscription(
+                Float64,
+                self.value("speed_scaling_topic"),
+                self._on_speed_scaling,
+                reliable(10),
+                qos_overriding_options=overridable(),
+            )
         self.create_service(Trigger, "~/start", self._on_start)
         self.create_service(Trigger, "~/stop", self._on_stop)
         self.every(0.1, self._look)
@@ -127,7 +162,7 @@ class TrajectoryPublisher(BaseNode):
             self._tick,
             # a simulated robot waits for what is late, a real one has moved on
             late="catch_up" if simulated else "skip",
-            stall=1.0 if simulated else self.value("stall"),
+            stall=min(1.0 if simulated else self.value("stall"), self._output.longest_stall),
             on_stall=self._on_stall,
             on_error=self.fail,
             clock=(lambda: self.now_ns() * 1e-9) if simulated else None,
@@ -140,8 +175,8 @@ class TrajectoryPublisher(BaseNode):
         if self.value("autostart"):
             self._start()
 
-    def _load(self, robot: Robot) -> tuple[Reference, float]:
-        """Return the motion to play and its rate; InputError when a limit of the robot isn't kept."""
+    def _load(self, robot: Robot) -> tuple[Reference, tuple[Slowed, ...], float]:
+        """Return the motion to play, its rehearsals and its rate; InputError when a limit of the robot isn't kept."""
         path = self.value("trajectory")
         if not path:
             raise InputError("parameter trajectory = '': name an excitation.yaml or a validation motion to play")
@@ -151,10 +186,23 @@ class TrajectoryPublisher(BaseNode):
         if not margins.kept:
             raise InputError(f"{path}: not certified for robot {robot.name}: {margins.violations[0]}")
         motion: Reference = Playback(loaded, robot, self.value("periods")) if isinstance(loaded, Excitation) else loaded
+        once: Reference = Playback(loaded, robot, 1) if isinstance(loaded, Excitation) else loaded
+        rehearsals = tuple(Slowed(once, speed) for speed in self.value("rehearsal") if speed > 0.0)
         if self.value("speed") < 1.0:
             motion = Slowed(motion, self.value("speed"))
         usual = loaded.sample_rate if isinstance(loaded, Excitation) else _USUAL_RATE
-        return motion, self.value("rate") or usual
+        return motion, rehearsals, self.value("rate") or usual
+
+    def _make_output(self) -> Output:
+        """Return the way to the robot that was asked for."""
+        if self.value("output") == "joint_state":
+            return SampleOutput(self, self._robot.joints, self.value("depth"))
+        controller = self.value("controller")
+        if not controller:
+            raise InputError("parameter controller = '': output joint_trajectory needs the name of the controller")
+        return TrajectoryOutput(
+            self, self._robot.joints, self.value("depth"), controller, lambda motion: stop_from(motion, self._robot)
+        )
 
     def _bounds(self) -> Bounds:
         share = self.value("effort_limit") or np.inf
@@ -168,9 +216,9 @@ class TrajectoryPublisher(BaseNode):
 
     def _tick(self, number: int) -> None:
         """Send one command; in the ticker's thread."""
-        command = self._player.tick(number * self._ticker.interval, time.monotonic())
-        if command is not None:
-            self._command.publish(joint_state(self._robot.joints, self._stamp(number), command.q, command.dq))
+        t = number * self._ticker.interval
+        command = self._player.tick(t, time.monotonic())
+        self._output.send(self._player, command, t, lambda: self._stamp(number))
         if self._ending and not self._player.moving:
             self.end()
 
@@ -203,7 +251,8 @@ class TrajectoryPublisher(BaseNode):
         """Wait for the robot and plan the approach; in a thread of its own."""
         deadline = time.monotonic() + self.value("state_wait")
         while self._player.phase is Phase.PREPARING:
-            problem = self._watch.not_ready(time.monotonic()) or self._not_heard() or self._rival()
+            problem = self._watch.not_ready(time.monotonic()) or self._neighbours.not_heard()
+            problem = problem or self._unheld() or self._rival()
             if not problem:
                 break
             if time.monotonic() > deadline:
@@ -225,32 +274,32 @@ class TrajectoryPublisher(BaseNode):
         else:
             self.get_logger().error(text)
 
-    def _not_heard(self) -> str:
-        """Return why the robot may not hear the commands yet, or an empty text."""
-        matched = self._command.get_subscription_count()
-        if matched != self._listeners[0]:
-            self._listeners = (matched, time.monotonic())
-        listening = self.get_subscriptions_info_by_topic(self._command.topic_name)
-        if not matched or matched < len(listening):
-            return f"nobody listens to {self._command.topic_name}"
-        robots = self.get_publishers_info_by_topic(self.resolve_topic_name("joint_states"))
-        known = {(info.node_namespace, info.node_name) for info in robots}
-        if known & {(info.node_namespace, info.node_name) for info in listening}:
-            return ""
-        settled = time.monotonic() - self._listeners[1] > _SETTLE
-        return "" if settled else f"the listeners on {self._command.topic_name} are still being found"
-
     def _rival(self) -> str:
         """Return who else commands the robot, or an empty text."""
-        if not self.value("exclusive"):
+        return self._neighbours.rival() if self.value("exclusive") else ""
+
+    def _unheld(self) -> str:
+        """Return why nothing would hold the robot when commands stop, or an empty text."""
+        if self.value("controller") or self._neighbours.simulated():
             return ""
-        infos = self.get_publishers_info_by_topic(self._command.topic_name)
-        own = (self.get_namespace(), self.get_name())
-        others = [info for info in infos if (info.node_namespace, info.node_name) != own]
-        if len(infos) < 2:
+        return (
+            "parameter controller = '': on hardware, name the controller that holds the robot by itself when commands"
+            " stop"
+        )
+
+    def _judge(self, number: int) -> str:
+        """Return why nothing may follow a rehearsal, or an empty text."""
+        share, joint, what = self._watch.worst_share()
+        speed = self._rehearsals[number].speed
+        text = f"rehearsal at {speed:.0%} used {share:.0%} of the bound on the {what} of {joint}"
+        if share <= self.value("rehearsal_margin"):
+            self.get_logger().info(text)
             return ""
-        name = others[0].node_name if others else self.get_name()
-        return f"{name} publishes on {self._command.topic_name} as well"
+        return f"{text} (rehearsal_margin {self.value('rehearsal_margin'):g})"
+
+    def _on_speed_scaling(self, message: Float64) -> None:
+        if not any(abs(message.data - full) <= 1e-3 * full for full in (1.0, 100.0)):
+            self._player.stop(f"the robot's speed scaling is {message.data:g}", fault=True)
 
     def _on_start(self, request: Trigger.Request, response: Trigger.Response) -> Trigger.Response:
         problem = self._start()
@@ -295,26 +344,10 @@ class TrajectoryPublisher(BaseNode):
                 self.fail(CheckFailed(player.reason))
             self.end()
 
-    def _progress(self) -> str:
-        """Return where in the motion the robot is."""
-        if self._player.phase is not Phase.PLAYING:
-            return self._player.phase.value
-        t, played = self._player.elapsed, self._motion
-        if isinstance(played, Slowed):
-            t, played = t * played.speed, played.motion
-        if not isinstance(played, Playback):
-            return f"playing, {t:.1f} of {played.duration:.1f} s"
-        number = (t - played.transient) / played.excitation.period
-        if number < 0:
-            return "playing, blending in"
-        if number >= played.periods:
-            return "playing, blending out"
-        return f"playing, period {int(number) + 1} of {played.periods}"
-
     def _tell(self) -> None:
         player, timing = self._player, self._ticker.timing
         level = ERROR if player.fault else WARN if timing.missed else OK
-        text = self._progress() + (f": {player.reason}" if player.reason else "")
+        text = progress(player) + (f": {player.reason}" if player.reason else "")
         worst = self._watch.worst_tracking
         values: dict[str, object] = {
             "completed": player.completed,

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import threading
 from collections import deque
-from collections.abc import Callable
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass
 from enum import Enum
 
@@ -15,7 +15,7 @@ from robot_ident.motion import Array, Motion
 from robot_ident.playing.watch import Watch
 
 _WINDOW = 0.15  # s of commands against which the robot's position is judged
-_DWELL = 0.2  # s of rest between approach and motion, so that the robot has arrived
+DWELL = 0.2  # s of rest between one motion and the next, so that the robot has arrived
 
 
 class Phase(Enum):
@@ -44,27 +44,32 @@ class Command:
 
 @dataclass(frozen=True)
 class Segment:
-    """A reference that began at `begin` [s] of the player's time."""
+    """A reference that begins at `begin` [s] of the player's time; `number` counts the motions that are played."""
 
     motion: Reference
     begin: float
+    phase: Phase
+    number: int = -1
 
     @property
     def end(self) -> float:
         """When it ends [s]."""
         return self.begin + self.motion.duration
 
-    def at(self, t: float) -> Motion:
-        """Return the motion [1, n] at the player's time t, at rest at either end."""
-        return self.motion.reference(np.array([min(max(t - self.begin, 0.0), self.motion.duration)]))
+    def at(self, t: Array) -> Motion:
+        """Return the motion [N, n] at the player's times t [N], at rest at either end."""
+        return self.motion.reference(np.clip(t - self.begin, 0.0, self.motion.duration))
 
 
 class Player:
-    """Plays one motion: approach from where the robot stands, the motion, hold; a smooth stop from anywhere.
+    """Plays a motion: approach from where the robot stands, rehearsals, the motion, hold; a smooth stop from anywhere.
 
     plan_approach(q) gives the way from rest at q [n] to the start of the motion; plan_stop(motion [1, n]) the way from
-    that state to rest. Position and velocity of the commands never step: each phase begins in the state in which the
-    one before ends, at the same instant. `tick` is called by one thread, everything else by any.
+    that state to rest. rehearsals: motions that begin and end where the motion does; after each of them judge(number)
+    says why the next may not follow, or nothing. lead [s]: how long before it diverges from the plan a stop is decided,
+    for controllers that are sent the plan ahead. Position and velocity of the commands never step: each segment begins
+    in the state in which the one before ends, at the same instant. `tick` is called by one thread, everything else by
+    any.
     """
 
     def __init__(
@@ -73,18 +78,27 @@ class Player:
         plan_approach: Callable[[Array], Reference],
         plan_stop: Callable[[Motion], Reference],
         watch: Watch,
+        *,
+        rehearsals: Sequence[Reference] = (),
+        judge: Callable[[int], str] = lambda number: "",
+        lead: float = 0.0,
+        dwell: float = DWELL,
     ) -> None:
         """Prepare to play `motion`; the robot isn't moved before `start` and `prepare`."""
-        self.motion = motion
+        self.motions = (*rehearsals, motion)
         self.watch = watch
         self.reason = ""
         self.fault = False
         self.completed = 0
         self._plan_approach = plan_approach
         self._plan_stop = plan_stop
+        self._judge = judge
+        self._lead = lead
+        self._dwell = dwell
         self._lock = threading.RLock()
         self._phase = Phase.IDLE
-        self._segment: Segment | None = None
+        self._plan: tuple[Segment, ...] = ()
+        self._judged = 0
         self._waiting: Reference | None = None
         self._stop_reason: tuple[str, bool] | None = None
         self._hold: Array | None = None
@@ -103,9 +117,15 @@ class Player:
 
     @property
     def elapsed(self) -> float:
-        """Time in the present phase [s]."""
+        """Time in the present segment [s]."""
         with self._lock:
-            return max(self._t - self._segment.begin, 0.0) if self._segment else 0.0
+            return max(self._t - self._active(self._t).begin, 0.0) if self._plan else 0.0
+
+    @property
+    def number(self) -> int:
+        """Which of `motions` is played; -1 in an approach."""
+        with self._lock:
+            return self._active(self._t).number if self._plan else -1
 
     def start(self) -> str:
         """Ask for the motion; return why it can't be played now, or an empty text. `prepare` must follow."""
@@ -114,7 +134,7 @@ class Player:
                 return f"already {self._phase.value}"
             if self._phase is Phase.HALTED:
                 self._phase, self._hold = Phase.IDLE, None
-            self._change(Phase.PREPARING)
+            self._phase = Phase.PREPARING
             self.reason, self.fault, self._stop_reason = "", False, None
             self.watch.clear()
             return ""
@@ -140,7 +160,7 @@ class Player:
         with self._lock:
             self._waiting = None
             if self._phase is Phase.PREPARING:
-                self._change(Phase.IDLE if self._hold is None else Phase.HOLDING)
+                self._phase = Phase.IDLE if self._hold is None else Phase.HOLDING
 
     def stop(self, reason: str, *, fault: bool = False) -> None:
         """Ask for a smooth stop; nothing happens where nothing moves."""
@@ -155,35 +175,63 @@ class Player:
             self.cancel()
             if self._phase in (*MOVING, Phase.HOLDING):
                 self.reason, self.fault = reason, True
-                self._segment, self._stop_reason, self._hold = None, None, None
-                self._change(Phase.HALTED)
+                self._plan, self._stop_reason, self._hold = (), None, None
+                self._phase = Phase.HALTED
 
     def tick(self, t: float, now: float) -> Command | None:
         """Return the command at the player's time t [s]; `now` [s] is the time at which states are received."""
         with self._lock:
             self._t = t
             if self._waiting is not None:
-                self._segment, self._waiting = Segment(self._waiting, t), None
-                self._change(Phase.APPROACH)
-            if self._phase in (Phase.APPROACH, Phase.PLAYING):
+                self._plan, self._waiting, self._judged = self._timeline(self._waiting, t + self._lead), None, 0
+                self._phase = Phase.APPROACH
+            if self._plan:
                 self._advance(t)
             if self._phase in (Phase.APPROACH, Phase.PLAYING):
                 self._look(t, now)
-            if self._phase is Phase.STOPPING and self._segment is not None and t >= self._segment.end:
-                self._rest(self._segment)
             return self._command(t)
 
+    def ahead(self, t: Array) -> Motion | None:
+        """Return what will be commanded at the player's times t [N] if nothing intervenes, None where nothing is."""
+        with self._lock:
+            if not self._plan:
+                if self._hold is None:
+                    return None
+                still = np.zeros((len(t), len(self._hold)))
+                return Motion(still + self._hold, still, still)
+            begins = np.array([segment.begin for segment in self._plan])
+            at = np.maximum(np.searchsorted(begins, t, side="right") - 1, 0)
+            parts = [self._plan[k].at(t[at == k]) for k in np.unique(at)]
+        q, dq, ddq = (np.concatenate(rows) for rows in zip(*((p.q, p.dq, p.ddq) for p in parts), strict=True))
+        return Motion(q, dq, ddq)
+
+    def _timeline(self, approach: Reference, t: float) -> tuple[Segment, ...]:
+        """Return the approach from t on and every motion after it, with a rest between any two."""
+        plan = [Segment(approach, t, Phase.APPROACH)]
+        for number, motion in enumerate(self.motions):
+            plan.append(Segment(motion, plan[-1].end + self._dwell, Phase.PLAYING, number))
+        return tuple(plan)
+
+    def _active(self, t: float) -> Segment:
+        """Return the segment that rules at t: the last that has begun."""
+        return next((segment for segment in reversed(self._plan) if segment.begin <= t), self._plan[0])
+
     def _advance(self, t: float) -> None:
-        """Move on to the next phase where the present one has ended."""
-        segment = self._segment
-        if segment is None:
+        """Move on along the plan; after a rehearsal ask whether the next motion may follow."""
+        last = self._plan[-1]
+        if t >= last.end:
+            self.completed += self._phase is Phase.PLAYING
+            self._rest(last)
             return
-        if self._phase is Phase.APPROACH and t >= segment.end + _DWELL:
-            self._segment = Segment(self.motion, segment.end + _DWELL)
-            self._change(Phase.PLAYING)
-        elif self._phase is Phase.PLAYING and t >= segment.end:
-            self.completed += 1
-            self._rest(segment)
+        active = self._active(t)
+        if self._phase is Phase.STOPPING:
+            return
+        self._phase = active.phase
+        if active.number == self._judged and t >= active.end:
+            self._judged += 1
+            problem = self._judge(active.number)
+            if problem and self._stop_reason is None:
+                self._stop_reason = (problem, True)
 
     def _look(self, t: float, now: float) -> None:
         """Begin a smooth stop where it was asked for or the robot is not well."""
@@ -191,31 +239,28 @@ class Player:
         problem = self.watch.problem(now, window)
         if problem:
             self._stop_reason = (problem, True)
-        if self._stop_reason is None or self._segment is None:
+        if self._stop_reason is None:
             return
         self.reason, self.fault = self._stop_reason
         self._stop_reason = None
-        self._segment = Segment(self._plan_stop(self._segment.at(t)), t)
-        self._change(Phase.STOPPING)
+        begin = t + self._lead
+        state = self.ahead(np.array([begin]))
+        if state is not None:
+            earlier = tuple(segment for segment in self._plan if segment.begin <= begin)
+            self._plan = (*earlier, Segment(self._plan_stop(state), begin, Phase.STOPPING))
+            self._phase = Phase.STOPPING
 
     def _rest(self, segment: Segment) -> None:
-        self._hold = segment.at(segment.end).q[0]
-        self._segment = None
-        self._change(Phase.HOLDING)
-
-    def _change(self, phase: Phase) -> None:
-        self._phase = phase
+        self._hold = segment.at(np.array([segment.end])).q[0]
+        self._plan = ()
+        self._phase = Phase.HOLDING
 
     def _command(self, t: float) -> Command | None:
-        if self._segment is not None:
-            motion = self._segment.at(t)
-            command = Command(motion.q[0], motion.dq[0], motion.ddq[0])
-        elif self._hold is not None:
-            still = np.zeros_like(self._hold)
-            command = Command(self._hold, still, still)
-        else:
+        motion = self.ahead(np.array([t]))
+        if motion is None:
             return None
+        command = Command(motion.q[0], motion.dq[0], motion.ddq[0])
         self._recent.append((t, command.q))
-        while self._recent[0][0] < t - _WINDOW:
+        while self._recent[0][0] < t - _WINDOW - self._lead:
             self._recent.popleft()
         return command

@@ -46,6 +46,7 @@ class Watch:
         self.joints = tuple(joints)
         self.bounds = bounds
         self.worst_tracking: Array = np.zeros(len(self.joints))
+        self.worst_effort: Array = np.zeros(len(self.joints))
         self._lock = threading.Lock()
         self._recent: deque[State] = deque()
         self._order: tuple[tuple[str, ...], list[int]] = ((), [])
@@ -101,7 +102,17 @@ class Watch:
         """Forget an earlier fault and the worst tracking error, at the start of a motion."""
         with self._lock:
             self._fault = ""
-            self.worst_tracking = np.zeros(len(self.joints))
+            self.worst_tracking, self.worst_effort = np.zeros((2, len(self.joints)))
+
+    def worst_share(self) -> tuple[float, str, str]:
+        """Return the largest share of a bound that was used since `clear`, by which joint, and of which bound."""
+        shares = {
+            "tracking error": self.worst_tracking / self.bounds.tracking,
+            "effort": self.worst_effort / self.bounds.effort,
+        }
+        what = max(shares, key=lambda name: float(shares[name].max()))
+        joint = int(np.argmax(shares[what]))
+        return float(shares[what][joint]), self.joints[joint], what
 
     def forget(self) -> None:
         """Forget the states as well: they are older than they look (this process stood still)."""
@@ -150,6 +161,7 @@ class Watch:
             return ""
         off = np.maximum(state.q - commanded.max(axis=0), commanded.min(axis=0) - state.q)
         self.worst_tracking = np.maximum(self.worst_tracking, off)
+        self.worst_effort = np.fmax(self.worst_effort, np.abs(state.tau))
         if np.any(off > self.bounds.tracking):
             joint = int(np.argmax(off - self.bounds.tracking))
             bound = f"(bound {self.bounds.tracking[joint]:g})"

@@ -1,0 +1,53 @@
+"""Cuts a motion into short trajectories that each end at rest, for controllers that are sent points ahead of time."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from dataclasses import dataclass
+
+import numpy as np
+
+from robot_ident.excitation.reference import Reference
+from robot_ident.motion import Array, Motion
+from robot_ident.playing.player import Player
+
+
+@dataclass(frozen=True)
+class Window:
+    """A trajectory: instants t [K] s, counted from the present, and the motion [K, n], at rest at the end."""
+
+    t: Array
+    motion: Motion
+
+
+class Windows:
+    """The plan from `back` seconds ago to `ahead` seconds from now, and a stop from there.
+
+    A controller that hears nothing more brings the robot to rest by itself, within its limits, wherever the plan was.
+    The points of the past make a controller go on along the plan when it takes a window in, rather than draw a line
+    from where the robot is to the window's first point.
+    """
+
+    def __init__(
+        self, plan_stop: Callable[[Motion], Reference], *, spacing: float = 0.02, back: float = 0.1, ahead: float = 0.4
+    ) -> None:
+        """Points are `spacing` [s] apart."""
+        self._plan_stop = plan_stop
+        self._spacing = spacing
+        self._grid: Array = spacing * np.arange(-round(back / spacing), round(ahead / spacing) + 1.0)
+
+    def around(self, player: Player, t: float) -> Window | None:
+        """Return the window about the player's time t [s], None where nothing is commanded."""
+        planned = player.ahead(t + self._grid)
+        if planned is None:
+            return None
+        if not planned.dq[-1].any():
+            return Window(self._grid, planned)
+        last = Motion(planned.q[-1:], planned.dq[-1:], planned.ddq[-1:])
+        stop = self._plan_stop(last)
+        count = max(1, int(np.ceil(stop.duration / self._spacing)))
+        after: Array = stop.duration / count * np.arange(1.0, count + 1.0)
+        braking = stop.reference(after)
+        q, dq, ddq = (np.vstack([getattr(planned, name), getattr(braking, name)]) for name in ("q", "dq", "ddq"))
+        dq[-1], ddq[-1] = 0.0, 0.0  # exactly, not but for rounding: a controller refuses an end that moves
+        return Window(np.concatenate([self._grid, self._grid[-1] + after]), Motion(q, dq, ddq))

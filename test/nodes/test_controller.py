@@ -1,0 +1,122 @@
+"""Trajectories for a joint trajectory controller, rehearsals, speed scaling; what is refused on hardware."""
+
+from __future__ import annotations
+
+import signal
+import time
+from collections.abc import Callable
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import pytest
+
+pytest.importorskip("rclpy")
+
+from robot_ident.bags import read_recording  # noqa: E402
+from robot_ident.robot import load_robot  # noqa: E402
+
+AT_REST = 5e-3  # rad/s; an encoder step in a sample is a fraction of it
+SIMULATED = {"use_sim_time": True}
+PATIENT = {"state_timeout": 4.0, "tracking_error": "[0.3]"}
+
+
+@pytest.fixture
+def driven(start: Callable[..., Any], trajectory: Path, tmp_path: Path) -> Callable[..., tuple[Any, Any, Any]]:
+    """Return a function that starts recorder, a robot behind a controller, and the publisher that drives it."""
+
+    def begin(**values: object) -> tuple[Any, Any, Any]:
+        start("simulated_clock", speed=2.0, controller="/arm_controller")
+        recorder = start("recorder", output=tmp_path / "bag", **SIMULATED)
+        robot = start(
+            "simulated_kuka", controller="/arm_controller", noise=0.0, initial_position="[0.2,0.0,-0.2]", **SIMULATED
+        )
+        recorder.says("recording to")
+        output = {"output": "joint_trajectory", "controller": "/arm_controller", "autostart": True}
+        usual = {"trajectory": trajectory, "exit_when_done": True, "hold_time": 0.2}
+        return recorder, robot, start("trajectory_publisher", **{**usual, **output, **PATIENT, **SIMULATED, **values})
+
+    return begin
+
+
+def smooth_states(bag: Path) -> Any:
+    """Return the recorded velocities; the robot never jerks: they change no faster than its limits allow."""
+    recording = read_recording(bag)
+    limits, dq = load_robot().limits, recording.dq
+    assert dq is not None
+    steps = np.abs(np.diff(dq, axis=0)) / np.diff(recording.t)[:, None]
+    assert np.all(steps < 1.25 * limits.acceleration + 0.05), steps.max(axis=0)  # the servo rings a little
+    return dq
+
+
+def test_a_rehearsal_and_a_motion_through_a_controller(driven: Callable[..., Any], tmp_path: Path) -> None:
+    recorder, robot, publisher = driven(periods=2, rehearsal="[0.5]")
+    assert publisher.wait() == 0, publisher.text
+    assert "rehearsal at 50% used" in publisher.text
+    assert recorder.end()[0] == 0 and robot.end()[0] == 0
+    assert "refused" not in robot.text
+    dq = smooth_states(tmp_path / "bag")
+    assert np.abs(dq).max() > 0.1 and np.abs(dq[-1]).max() < AT_REST
+
+
+def test_a_killed_publisher_leaves_a_robot_that_rests(driven: Callable[..., Any], tmp_path: Path) -> None:
+    recorder, robot, publisher = driven(periods=50)
+    publisher.says("playing")
+    publisher.end(signal.SIGKILL)
+    bag = tmp_path / "bag"
+    time.sleep(3.0)  # of real time: patience of the clock with a silent stream, then a second of simulated time
+    assert recorder.end()[0] == 0 and robot.end()[0] == 0
+    dq = smooth_states(bag)
+    assert np.abs(dq).max() > 0.05 and np.abs(dq[-1]).max() < AT_REST
+
+
+def test_a_rough_rehearsal_ends_the_play(driven: Callable[..., Any], tmp_path: Path) -> None:
+    recorder, robot, publisher = driven(periods=2, rehearsal="[0.5]", rehearsal_margin=0.01, effort_limit=5.0)
+    assert publisher.wait() == 3, publisher.text
+    assert "(rehearsal_margin 0.01)" in publisher.text
+    assert recorder.end()[0] == 0 and robot.end()[0] == 0
+    assert np.abs(smooth_states(tmp_path / "bag")[-1]).max() < AT_REST
+
+
+def test_speed_scaling_stops(driven: Callable[..., Any], client: Any, until: Callable[..., Any]) -> None:
+    from std_msgs.msg import Float64
+
+    scaling = client.create_publisher(Float64, "/speed_scaling", 10)
+    _, robot, publisher = driven(periods=50, speed_scaling_topic="/speed_scaling")
+    publisher.says("playing")
+    assert until(lambda: scaling.get_subscription_count() == 1)
+    scaling.publish(Float64(data=100.0))
+    scaling.publish(Float64(data=0.5))
+    assert publisher.wait() == 3, publisher.text
+    assert "the robot's speed scaling is 0.5" in publisher.text
+    assert robot.end()[0] == 0
+
+
+def test_hardware_needs_a_controller_that_holds(
+    start: Callable[..., Any], trajectory: Path, client: Any, until: Callable[..., Any]
+) -> None:
+    """A robot that can't be reset is not a simulation of ours."""
+    from sensor_msgs.msg import JointState
+
+    states = client.create_publisher(JointState, "joint_states", 10)
+    client.create_subscription(JointState, "joint_command", lambda message: None, 10)
+    joints = load_robot().joints
+
+    def tell() -> None:
+        message = JointState(name=list(joints), position=[0.0] * 3)
+        message.header.stamp = client.get_clock().now().to_msg()
+        states.publish(message)
+
+    client.create_timer(0.01, tell)
+    ways = {"trajectory": trajectory, "autostart": True, "exit_when_done": True, "state_wait": 4.0, **PATIENT}
+    publisher = start("trajectory_publisher", **ways)
+    assert publisher.wait() == 2
+    assert "on hardware, name the controller that holds the robot by itself" in publisher.text
+    named = start("trajectory_publisher", **{**ways, "controller": "arm_controller"})
+    named.says("approaching")
+
+
+def test_a_trajectory_output_needs_the_name(start: Callable[..., Any], trajectory: Path) -> None:
+    publisher = start("trajectory_publisher", trajectory=trajectory, output="joint_trajectory")
+    assert publisher.wait() == 2
+    assert "output joint_trajectory needs the name of the controller" in publisher.text

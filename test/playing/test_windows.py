@@ -1,0 +1,113 @@
+"""What a controller is sent ahead of time: it follows the plan, ends at rest, and a stop never makes a step."""
+
+from __future__ import annotations
+
+import numpy as np
+import pytest
+
+from robot_ident.motion import Motion
+from robot_ident.playing.player import Phase, Player
+from robot_ident.playing.watch import Bounds, Watch
+from robot_ident.playing.windows import Windows
+from robot_ident.simulation.trajectory_follower import TrajectoryFollower
+from test.playing.test_player import DT, Quintic, plan_stop
+
+LEAD = 0.1
+
+
+def player(**options: object) -> Player:
+    watch = Watch(("a",), Bounds(0.2, np.array([0.1]), np.array([50.0])))
+    whole = Quintic(0.5, 0.5 - 1e-6, 0.4)  # a rehearsal that hardly moves
+    return Player(
+        Quintic(0.5 - 1e-6, -0.5, 2.0),
+        lambda q: Quintic(float(q[0]), 0.5, 1.0),
+        plan_stop,
+        watch,
+        lead=LEAD,
+        dwell=0.5,
+        rehearsals=[whole],
+        **options,  # type: ignore[arg-type]
+    )
+
+
+class Controlled:
+    """A robot whose controller takes a window in every tenth of a second, `latency` seconds late."""
+
+    def __init__(self, p: Player, latency: float = 0.04) -> None:
+        self.player, self.k, self.latency = p, 0, latency
+        self.follower = TrajectoryFollower(1)
+        self.windows = Windows(plan_stop, back=LEAD, ahead=0.4)
+        self.motions: list[Motion] = []
+        self.deaf = False
+        self._told, self._coming = Phase.IDLE, []  # type: ignore[var-annotated]
+
+    def run(self, seconds: float) -> None:
+        for _ in range(round(seconds / DT)):
+            t = self.k * DT
+            state = self.follower.at(np.array([t]))
+            self.player.watch.update(("a",), state.q[0], [1.0], (self.k + 1) * 10_000_000, t)
+            self.player.tick(t, t)
+            if (self.k % 10 == 0 and self.player.moving) or self.player.phase is not self._told:
+                self._told = self.player.phase
+                window = self.windows.around(self.player, t)
+                if window is not None and not self.deaf:
+                    assert not window.motion.dq[-1].any() and np.all(np.diff(window.t) > 0)
+                    self._coming.append((t + self.latency, t + window.t, window.motion))
+            for due, times, motion in [entry for entry in self._coming if entry[0] <= t]:
+                self.follower.take(due, times, motion)
+            self._coming = [entry for entry in self._coming if entry[0] > t]
+            self.motions.append(self.follower.at(t + DT * np.arange(5) / 5))
+            self.k += 1
+
+    def smooth(self) -> None:
+        q, dq = (np.concatenate([getattr(m, name)[:, 0] for m in self.motions]) for name in ("q", "dq"))
+        assert np.abs(np.diff(dq)).max() < 0.05
+        np.testing.assert_allclose(np.diff(q) / (DT / 5), 0.5 * (dq[1:] + dq[:-1]), atol=0.01)
+
+
+def started(p: Player) -> Controlled:
+    robot = Controlled(p)
+    robot.run(0.3)
+    assert p.start() == ""
+    p.prepare()
+    return robot
+
+
+def test_a_whole_motion_through_a_controller() -> None:
+    p = player()
+    robot = started(p)
+    robot.run(6.0)
+    assert p.phase is Phase.HOLDING and p.completed == 1
+    assert robot.follower.at(np.array([10.0])).q[0, 0] == pytest.approx(-0.5)
+    robot.smooth()
+
+
+@pytest.mark.parametrize("after", [0.35, 0.9, 2.2, 3.0, 3.7, 4.3])
+def test_a_stop_diverges_only_from_what_is_still_ahead(after: float) -> None:
+    p = player()
+    robot = started(p)
+    robot.run(after)
+    p.stop("stopped by hand")
+    robot.run(2.0)
+    assert p.phase is Phase.HOLDING
+    robot.smooth()
+    assert not robot.motions[-1].dq.any()
+
+
+def test_a_controller_that_hears_nothing_more_rests() -> None:
+    robot = started(player())
+    robot.run(3.4)
+    assert abs(robot.motions[-1].dq[-1, 0]) > 0.3
+    robot.deaf = True
+    robot.run(1.5)
+    assert not robot.motions[-1].dq.any()
+    robot.smooth()
+
+
+def test_a_rehearsal_that_is_not_good_enough_ends_the_play() -> None:
+    p = player(judge=lambda number: f"rehearsal {number} was rough")
+    robot = started(p)
+    robot.run(4.0)
+    assert p.phase is Phase.HOLDING and p.fault and p.reason == "rehearsal 0 was rough" and p.completed == 0
+    assert robot.motions[-1].q[-1, 0] == pytest.approx(0.5, abs=1e-5)
+    robot.smooth()
