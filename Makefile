@@ -56,6 +56,9 @@ $(SOURCE_STAMP): | $(NEEDS_STAMP)
 $(TOOLS_STAMP): | $(SOURCE_STAMP)
 	@echo "Installing what lint and tests need"
 	$(PIP_INSTALL) --quiet 'robot_ident[ros,test]'
+	@# A DDS of another make doesn't go with the ROS wheels in one environment.
+	$(PYTHON) -m venv --clear $(VENV)/dds
+	$(VENV)/dds/bin/python -m pip --disable-pip-version-check install --quiet --no-compile 'cyclonedds>=0.10.5,<12'
 	@touch $@
 
 demo: $(SOURCE_STAMP)

@@ -23,6 +23,8 @@ from robot_ident.nodes.common import ERROR, OK, WARN, BaseNode, overridable, rel
 from robot_ident.nodes.parameters import Parameter
 from robot_ident.playing.stamps import SequenceWatch, StampWatch, header_stamp
 
+_DRAIN = 2.0  # s that the end of a recording waits for messages that have come and aren't written yet
+_IDLE = 20  # looks of 5 ms without a message after which none waits any more
 _LOOK = 0.5  # s between looks for topics whose type isn't known yet
 _STATES = "sensor_msgs/msg/JointState"
 
@@ -109,6 +111,7 @@ class Recorder(BaseNode):
         self._begun = 0.0
         self._file_begun = 0.0
         self._split_at = (0, 0.0)  # bytes, s
+        self._newest_ns = 0
         self._subscribed: dict[str, Subscription] = {}
         self._sought = [entry.partition(":")[0] for entry in self.texts("topics")]
         self._kinds = {"joint_states": _STATES, "joint_command": _STATES}
@@ -208,6 +211,7 @@ class Recorder(BaseNode):
     def _receive(self, name: str, data: bytes, info: dict[str, Any]) -> None:
         received = info["received_timestamp"] or time.time_ns()
         number = info["publication_sequence_number"] or 0
+        self._newest_ns = max(self._newest_ns, received)
         with self._lock:
             if self._bag is None:
                 return
@@ -279,8 +283,17 @@ class Recorder(BaseNode):
         level = ERROR if left < 50_000_000 else WARN if lost or gaps else OK
         self._status.publish(self.status_array(level, message, values))
 
+    def _drain(self) -> None:
+        """Write what had come before the end: messages that wait in the subscriptions' queues."""
+        executor, until_ns, deadline = self.executor, time.time_ns(), time.monotonic() + _DRAIN
+        idle, newest = 0, self._newest_ns
+        while executor is not None and idle < _IDLE and newest < until_ns and time.monotonic() < deadline:
+            executor.spin_once(timeout_sec=0.005)
+            idle, newest = (0 if self._newest_ns != newest else idle + 1), self._newest_ns
+
     def close(self) -> None:
         """Close the bag properly."""
+        self._drain()
         self.end()
         self._syncing.join(2.0)
         text = self._stop()

@@ -104,6 +104,22 @@ def test_rosbags_reads_it(start: Callable[..., Any], client: Any, until: Callabl
     assert [m.position[0] for m in got] == list(range(300))
 
 
+def test_an_interrupted_recorder_writes_what_has_come(
+    start: Callable[..., Any], client: Any, until: Callable[..., Any], tmp_path: Path
+) -> None:
+    """Messages that wait in its queue when the signal comes are in the bag."""
+    from rclpy.duration import Duration
+
+    bag = tmp_path / "bag"
+    recorder = start("recorder", output=bag)
+    made = publisher(client, until)
+    for k in range(900):
+        made.publish(message(k))
+    assert made.wait_for_all_acked(Duration(seconds=10))
+    assert recorder.end()[0] == 0, recorder.text
+    assert read_recording(bag).samples == 900
+
+
 def test_killed_recorder_loses_nothing(
     start: Callable[..., Any], client: Any, until: Callable[..., Any], tmp_path: Path
 ) -> None:
