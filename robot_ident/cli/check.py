@@ -3,9 +3,19 @@
 from __future__ import annotations
 
 import argparse
+from dataclasses import replace
+from typing import TYPE_CHECKING
 
+from robot_ident.cli.margin_table import margin_table
 from robot_ident.cli.output import add_json, add_robot, print_json, say, within
-from robot_ident.errors import CheckFailed
+from robot_ident.errors import CheckFailed, InputError
+
+if TYPE_CHECKING:
+    from robot_ident.excitation.excitation import Excitation
+    from robot_ident.excitation.margins import Margins
+    from robot_ident.excitation.point_to_point import PointToPoint
+    from robot_ident.motion import Array
+    from robot_ident.robot import Robot
 
 
 def add_arguments(parser: argparse.ArgumentParser) -> None:
@@ -15,39 +25,85 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
     parser.add_argument(
         "--periods", type=within(1, 100_000, int), default=1, help="periods that are played (default %(default)s)"
     )
+    parser.add_argument(
+        "--from",
+        dest="start",
+        metavar="Q1,Q2,...",
+        help="certify the approach from rest at these positions (rad or m) as well; --from=-0.1,... where the first is"
+        " negative",
+    )
     add_json(parser)
 
 
 def run(args: argparse.Namespace) -> int:
-    """Certify the periodic motion and its way in and out; exit with 3 when a limit is not kept."""
-    from robot_ident.cli.design import margin_table
-    from robot_ident.errors import InputError
-    from robot_ident.excitation.excitation import Excitation
-    from robot_ident.excitation.limits import certify
-    from robot_ident.excitation.playback import Playback
+    """Certify a motion and its way in and out; exit with 3 when a limit is not kept."""
     from robot_ident.excitation.point_to_point import load_motion
     from robot_ident.robot import load_robot
 
-    if args.periods < 1:
-        raise InputError(f"--periods {args.periods}: at least 1")
     robot = load_robot(args.robot)
+    start = None if args.start is None else _positions(args.start, robot.joints)
     motion = load_motion(args.excitation)
     motion.check_robot(robot)
-    margins = certify(motion, robot)
-    played = None
-    if isinstance(motion, Excitation) and margins.kept:
-        played = certify(Playback(motion, robot, args.periods), robot)
-    violations = [*margins.violations, *(played.violations if played else ())]
+    margins, parts, played = _certified(motion, robot, args.periods, start)
+    found = [margins, *parts.values()]
+    violations = [violation for part in found for violation in part.violations]
     if args.json:
         data = {"schema": "robot_ident/check/1", "kept": not violations, "margins": margins.to_json()}
-        print_json({**data, "played": played.to_json() if played else None})
+        names = ("blend_in", "blend_out", "approach")
+        data |= {"played": played.to_json() if played else None}
+        print_json(data | {name: parts[name].to_json() if name in parts else None for name in names})
     else:
-        say(margin_table(margins))
-        if played:
-            say("\nwith the way in and out")
-            say(margin_table(played))
+        _show(margins, parts)
     if violations:
         raise CheckFailed(f"{args.excitation}: {violations[0]}")
     if not args.json:
-        say("\nevery limit is kept")
+        say("\nevery limit that was checked is kept" if margins.unknown else "\nevery limit is kept")
     return 0
+
+
+def _certified(
+    motion: Excitation | PointToPoint, robot: Robot, periods: int, start: Array | None
+) -> tuple[Margins, dict[str, Margins], Margins | None]:
+    """Return the margins of a motion, of its parts (blends and approach, where it keeps the limits itself), and of all
+    that is played.
+    """
+    from robot_ident.excitation.approach import approach
+    from robot_ident.excitation.excitation import Excitation
+    from robot_ident.excitation.limits import Certifier
+    from robot_ident.excitation.margins import worst_of
+    from robot_ident.excitation.playback import Playback
+
+    certifier = Certifier(robot)
+    margins = certifier.margins(motion)
+    if not margins.kept:
+        return margins, {}, None
+    parts: dict[str, Margins] = {}
+    played: Margins | None = None
+    reference = Playback(motion, robot, periods) if isinstance(motion, Excitation) else motion
+    if isinstance(reference, Playback):
+        parts = certifier.parts(reference)
+        played = worst_of(parts.values())
+        del parts["periodic"]
+    if start is not None:
+        parts["approach"] = certifier.margins(approach(start, reference.start_pose, robot))
+    return margins, parts, played
+
+
+def _positions(text: str, joints: tuple[str, ...]) -> Array:
+    """Return the positions [n] of a text; InputError unless there is a number for each joint."""
+    import numpy as np
+
+    try:
+        values = np.array([float(word) for word in text.replace(",", " ").split()])
+    except ValueError:
+        values = np.zeros(0)
+    if len(values) != len(joints) or not np.all(np.isfinite(values)):
+        raise InputError(f"--from {text}: {len(joints)} numbers were expected, for {', '.join(joints)}")
+    return values
+
+
+def _show(margins: Margins, parts: dict[str, Margins]) -> None:
+    say(margin_table(margins))
+    for name, part in parts.items():
+        say(f"\n{name.replace('_', '-')}")
+        say(margin_table(replace(part, unknown=(), notes=())))

@@ -4,22 +4,50 @@ from __future__ import annotations
 
 import argparse
 import time
+from collections.abc import Sequence
+from dataclasses import replace
+from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
-from robot_ident.cli.output import Progress, add_json, add_output, add_robot, print_json, say, table, tell, within
+from robot_ident.cli.design_bound import (
+    add_bound_arguments,
+    bound_json,
+    bounded,
+    check_bound_arguments,
+    say_bound,
+    until_bound,
+    write_design_page,
+)
+from robot_ident.cli.margin_table import margin_table
+from robot_ident.cli.output import Progress, add_cluster, add_json, add_output, print_json, say, tell, within
+from robot_ident.errors import InputError
 
 if TYPE_CHECKING:
-    from robot_ident.excitation.limits import Margins
+    from robot_ident.excitation.design import DesignResult
+    from robot_ident.excitation.excitation import Excitation
+    from robot_ident.excitation.target import Target
+    from robot_ident.model.model import Model
+    from robot_ident.motion import Array
+    from robot_ident.robot import Robot
+
+_DEFAULT_ROBOT = "kuka_ir361"
 
 
 def add_arguments(parser: argparse.ArgumentParser) -> None:
     """Add the verb's options."""
-    add_robot(parser)
+
     parser.add_argument(
-        "--criterion", default="d-optimal", help="d-optimal (c2) or condition (c1); default %(default)s"
+        "--robot",
+        metavar="R",
+        help="kuka_ir361 (default), kuka_ir361_spring, a robot YAML, URDF or model.yaml (with --model: its own)",
     )
     parser.add_argument(
-        "--harmonics", type=within(1, 60, int), default=5, help="terms of the Fourier series (default %(default)s)"
+        "--criterion",
+        default="d-optimal",
+        help="d-optimal (c2), condition (c1) or crlb (with noise on positions too; needs --model); default %(default)s",
+    )
+    parser.add_argument(
+        "--harmonics", type=within(1, 60, int), metavar="L", help="terms of the Fourier series (default 5)"
     )
     parser.add_argument(
         "--base-frequency", type=within(1e-4, 100.0), default=0.1, metavar="F", help="Hz (default %(default)s)"
@@ -30,31 +58,137 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
     parser.add_argument(
         "--effect", action="append", default=[], metavar="NAME@JOINT", help="further effects to identify"
     )
+    parser.add_argument(
+        "--model", metavar="MODEL", help="model.yaml whose parameters are designed for, at its estimates"
+    )
+    parser.add_argument(
+        "--prior", nargs="+", default=[], metavar="BAG", help="recordings (or models): what they tell already counts"
+    )
+    parser.add_argument(
+        "--trajectories",
+        type=within(1, 20, int),
+        default=1,
+        metavar="K",
+        help="so many motions designed together: -o NAME.yaml writes NAME_1.yaml...",
+    )
+    parser.add_argument(
+        "--symmetric", action="store_true", help="q(-t) = q(t): tells friction from conservative errors"
+    )
+    parser.add_argument("--bandwidth", metavar="LO:HI", help="Hz; harmonics inside only, L of them")
+    parser.add_argument(
+        "--tell", nargs=2, metavar=("A@j", "B@k"), help="the motion that best tells two effects apart, instead"
+    )
     parser.add_argument("--starts", type=within(1, 100_000, int), metavar="N", help="cold starts (default 12)")
     parser.add_argument(
         "--time-limit", type=float, metavar="S", help="wall time; the best so far is kept, as with Ctrl-C"
     )
     parser.add_argument("--seed", type=within(0, 2**31, int), default=0, help="of the starts (default %(default)s)")
+    add_cluster(parser)
+    add_bound_arguments(parser)
     add_output(parser, "EXCITATION", "excitation.yaml to write")
     add_json(parser)
 
 
 def run(args: argparse.Namespace) -> int:
-    """Design an excitation."""
-    from robot_ident.errors import InputError
-    from robot_ident.excitation.design import Progress as State
-    from robot_ident.excitation.design import design
+    """Design excitations."""
+    from robot_ident.cli.prior import prior_information
     from robot_ident.files import refuse_existing
-    from robot_ident.robot import load_robot
 
-    if args.output:
-        refuse_existing(args.output, force=args.force)
+    files = output_files(args.output, args.trajectories)
+    for file in files:
+        refuse_existing(file, force=args.force)
     if args.time_limit is not None and not args.time_limit > 0:
         raise InputError(f"--time-limit {args.time_limit}: must be above 0")
-    if args.seed < 0:
-        raise InputError(f"--seed {args.seed}: must not be negative")
-    robot = load_robot(args.robot)
+    check_bound_arguments(args)
+    band = bandwidth_of(args.bandwidth)
+    model, robot = _model_and_robot(args)
+    target = _target(args, model, robot)
+    prior = prior_information(args.prior, target, model, bound=args.criterion == "crlb")
     deadline = None if args.time_limit is None else process_start() + args.time_limit
+    if args.tell:
+        from robot_ident.cli.design_tell import run_tell
+
+        return run_tell(args, target, prior, deadline, files)
+    found = _design(args, robot, target, prior, band, until_bound(args, deadline))
+    found, bound = bounded(args, found, target, prior, deadline)
+    found = replace(found, excitations=tuple(with_sources(one, args) for one in found.excitations))
+    for file, excitation in zip(files, found.excitations, strict=bool(files)):
+        excitation.write(file, force=args.force)
+    if args.page:
+        write_design_page(args, found, target, bound)
+    if args.json:
+        print_json({**_json(found, files), "bound": bound_json(bound, found), "page": args.page})
+        return 0
+    for note in found.notes:
+        tell(note)
+    if found.interrupted:
+        tell("stopped early; this is the best so far")
+    together = f" of {len(found.excitations)} motions together" if len(found.excitations) > 1 else ""
+    beside = ", the earlier recordings included" if args.prior else ""
+    say(
+        f"log10 det of the covariance{together}{beside} {found.log10_det_covariance:.2f}, condition number"
+        f" {found.condition_number:.2f} ({found.seconds:.0f} s)"
+    )
+    if bound is not None:
+        say_bound(bound, found)
+    say(margin_table(found.margins))
+    for file in [*files, *([args.page] if args.page else [])]:
+        say(f"written: {file}")
+    return 0
+
+
+def output_files(output: str | None, count: int) -> list[str]:
+    """Return the files to write: the one that was asked for, or NAME_1.yaml... for several motions."""
+    if output is None:
+        return []
+    if count == 1:
+        return [output]
+    path = Path(output)
+    return [str(path.with_name(f"{path.stem}_{k}{path.suffix}")) for k in range(1, count + 1)]
+
+
+def bandwidth_of(text: str | None) -> tuple[float, float] | None:
+    """Return (lowest, highest) Hz of `LO:HI`."""
+    if text is None:
+        return None
+    low, separator, high = text.partition(":")
+    try:
+        return float(low), float(high if separator else "")
+    except ValueError:
+        raise InputError(f"--bandwidth {text!r}: LO:HI in Hz was expected, like 0.5:2.5") from None
+
+
+def _model_and_robot(args: argparse.Namespace) -> tuple[Model | None, Robot]:
+    """Return the model, if any, and the robot: that of --robot (where a model may stand for both), else the model's."""
+    from robot_ident.model.model_file import is_model, read_model
+    from robot_ident.robot import load_robot
+
+    model = read_model(args.model) if args.model else None
+    if args.robot is None:
+        return model, model.robot if model else load_robot(_DEFAULT_ROBOT)
+    if is_model(args.robot):
+        named = read_model(args.robot)
+        return model or named, named.robot
+    return model, load_robot(args.robot)
+
+
+def _target(args: argparse.Namespace, model: Model | None, robot: Robot) -> Target:
+    from robot_ident.excitation.target import Target
+
+    return Target.of_robot(robot, args.effect) if model is None else Target.of_model(model, args.effect, robot=robot)
+
+
+def _design(
+    args: argparse.Namespace,
+    robot: Robot,
+    target: Target,
+    prior: Array | None,
+    band: tuple[float, float] | None,
+    deadline: float | None,
+) -> DesignResult:
+    from robot_ident.excitation.design import Progress as State
+    from robot_ident.excitation.design import design
+
     with Progress("design", 1.0) as bar:
 
         def show(state: State) -> None:
@@ -64,47 +198,45 @@ def run(args: argparse.Namespace) -> int:
             note = f"{state.phase}: det 10^{state.log10_det_covariance:.2f}, condition {state.condition_number:.2f}"
             bar.reach(min(1.0, done), note)
 
-        found = design(
+        return design(
             robot,
             criterion=args.criterion,
             harmonics=args.harmonics,
             base_frequency=args.base_frequency,
             sample_rate=args.sample_rate,
             effects=args.effect,
+            target=target,
+            prior=prior,
+            trajectories=args.trajectories,
+            symmetric=args.symmetric,
+            bandwidth=band,
             starts=args.starts,
             deadline=deadline,
             seed=args.seed,
             progress=show,
         )
-    if args.output:
-        found.excitation.write(args.output, force=args.force)
-    if args.json:
-        data: dict[str, Any] = {
-            "schema": "robot_ident/design/1",
-            "files": [str(args.output)] if args.output else [],
-            "log10_det_covariance": found.log10_det_covariance,
-            "condition_number": found.condition_number,
-            "seconds": found.seconds,
-            "margins": found.margins.to_json(),
-            "sigma": dict(zip(found.parameters, found.sigma.tolist(), strict=True)),
-            "notes": list(found.notes),
-        }
-        print_json(data)
-        return 0
-    for note in found.notes:
-        tell(note)
-    if args.time_limit is not None and found.excitation.reproduce.get("searches", 0) < 3:
-        tell("hardly a search ended within the time limit: more time would give a far better motion")
-    if found.interrupted:
-        tell("stopped early; this is the best so far")
-    say(
-        f"log10 det of the covariance {found.log10_det_covariance:.2f}, condition number {found.condition_number:.2f}"
-        f" ({found.seconds:.0f} s)"
+
+
+def with_sources(excitation: Excitation, args: argparse.Namespace) -> Excitation:
+    """Return the excitation with the files in it that it was designed from."""
+    given = {"model": args.model, "prior": args.prior}
+    return replace(
+        excitation, reproduce={**excitation.reproduce, **{key: value for key, value in given.items() if value}}
     )
-    say(margin_table(found.margins))
-    if args.output:
-        say(f"written: {args.output}")
-    return 0
+
+
+def _json(found: DesignResult, files: Sequence[str]) -> dict[str, Any]:
+    return {
+        "schema": "robot_ident/design/1",
+        "files": list(files),
+        "log10_det_covariance": found.log10_det_covariance,
+        "condition_number": found.condition_number,
+        "seconds": found.seconds,
+        "margins": found.margins.to_json(),
+        "sigma": dict(zip(found.parameters, found.sigma.tolist(), strict=True)),
+        "notes": list(found.notes),
+        "tell": None,
+    }
 
 
 def process_start() -> float:
@@ -117,25 +249,3 @@ def process_start() -> float:
             return time.monotonic() - max(0.0, float(uptime.read().split()[0]) - ticks)
     except (OSError, ValueError, IndexError):  # no /proc: macOS, Windows
         return time.monotonic()
-
-
-def margin_table(margins: Margins) -> str:
-    """Return the tightest point of every limit."""
-    rows = [
-        (
-            m.quantity,
-            m.where,
-            f"{m.value:.5g}",
-            f"{m.limit:.5g}",
-            f"{m.margin:.2e}",
-            m.unit,
-            f"{m.time:.3f}",
-            _proof(m.proven),
-        )
-        for m in margins.items
-    ]
-    return table(("limit", "joint or rule", "reached", "allowed", "margin", "unit", "at t [s]", "by"), rows)
-
-
-def _proof(proven: bool) -> str:
-    return "proof" if proven else "samples"

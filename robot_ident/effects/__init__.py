@@ -3,12 +3,13 @@
 from __future__ import annotations
 
 from robot_ident.effects.catalogue import CATALOGUE, beside, candidates_of, holder, make_effect, register
-from robot_ident.effects.effect import Coefficient, Effect, Inner, Mathematics, Sensitivity, Signals, Torques
+from robot_ident.effects.effect import Coefficient, Course, Effect, Inner, Mathematics, Sensitivity, Signals, Torques
 from robot_ident.effects.load_file import load_effects
 
 __all__ = [
     "CATALOGUE",
     "Coefficient",
+    "Course",
     "Effect",
     "Inner",
     "Mathematics",

@@ -2,9 +2,12 @@
 
 from __future__ import annotations
 
+from collections.abc import Sequence
+from typing import Any
+
 import numpy as np
 
-from robot_ident.effects.effect import Coefficient, Effect, Torques
+from robot_ident.effects.effect import Coefficient, Course, Effect, Mathematics, Signals, Torques
 from robot_ident.motion import Array, Motion
 from robot_ident.robot.robot import Robot
 
@@ -39,6 +42,10 @@ class BaseTilt(Effect):
         if torques is None or torques.rigid is None:
             return np.zeros((motion.samples, self.robot.n, 2))
         return np.stack([torques.rigid.gravity(direction) for direction in self.directions()], axis=2)
+
+    def smooth_terms(self, x: Signals, m: Mathematics, course: Course) -> Sequence[dict[int, Any]]:
+        """Return the same as expressions."""
+        return [dict(enumerate(course.gravity(direction))) for direction in self.directions()]
 
     def directions(self) -> Array:
         """Return two unit vectors [2, 3] across gravity: x and y of the base as far as gravity leaves them."""

@@ -96,6 +96,27 @@ class Torques(NamedTuple):
     dry: Array | None = None
 
 
+class Course(Protocol):
+    """How expressions of the present state go on along a smooth motion: what is near in time, without samples.
+
+    For designing excitations: an effect that depends on what was, or on the arm itself, is an expression all the same.
+    """
+
+    def rate(self, x: Any) -> Any:
+        """Return dx/dt of an expression."""
+
+    def at(self, x: Any, later: float) -> Any:
+        """Return an expression `later` seconds from now."""
+
+    def displaced(self, joint: int, displacement: Sequence[Any]) -> Sequence[Any]:
+        """Return the change of the rigid arm's torque by joint [n] when a link stands off by a displacement, given with
+        its first and second derivative along time.
+        """
+
+    def gravity(self, direction: Array) -> Sequence[Any]:
+        """Return the rigid arm's torque by joint [n] per m/s^2 of gravity in a direction [3] of the base."""
+
+
 @dataclass(frozen=True)
 class Signals:
     """What columns depend on: q, dq, ddq by joint, each [N] (numbers) or a scalar expression; load and total torque
@@ -115,6 +136,11 @@ class Signals:
         return cls(list(motion.q.T), list(motion.dq.T), list(motion.ddq.T), load, total)
 
 
+def scaled(factor: float, torque: Sequence[Any]) -> dict[int, Any]:
+    """Return the term {joint: expression} of a torque given by joint [n], times a factor."""
+    return {joint: factor * value for joint, value in enumerate(torque)}
+
+
 class Effect(ABC):
     """A physical effect, at one joint of a robot or (scope `robot`) on all of it.
 
@@ -126,7 +152,8 @@ class Effect(ABC):
     that resemble it, also_like: causes that are no effects here; experiment: the one that tells. magnitude: what is
     usual, an industrial arm / a cobot. loads_gear: the gear carries its torque. steps: its torque is sign(dq) of its
     joint times something smooth. uses_torque: its columns depend on the model's torque. needs_time: they depend on
-    samples before or after. symbolic: `terms` works on expressions, so that excitations can be designed for it.
+    samples before or after. symbolic: `terms` works on expressions; where it doesn't, `smooth_terms` writes what the
+    design of excitations takes instead. brief: its torque comes in bursts far shorter than the motion's own time scale.
     contains: effects whose column it holds too -> its coefficient. candidate: it may be what a model lacks.
     regression: a column shows it; else `evidence` says what does.
     """
@@ -148,6 +175,7 @@ class Effect(ABC):
     uses_torque: ClassVar[bool] = False
     needs_time: ClassVar[bool] = False
     symbolic: ClassVar[bool] = True
+    brief: ClassVar[bool] = False
     contains: ClassVar[Mapping[str, str]] = {}
     candidate: ClassVar[bool] = True
     regression: ClassVar[bool] = True
@@ -183,6 +211,21 @@ class Effect(ABC):
     def terms(self, x: Signals, m: Mathematics) -> Sequence[dict[int, Any]]:
         """Return for each coefficient at this place the torque per unit: {joint: [N]}."""
         terms = self.full_terms(x, m)
+        return [terms[k] for k in self._kept]
+
+    def smooth_terms(self, x: Signals, m: Mathematics, course: Course) -> Sequence[dict[int, Any]]:
+        """Return for each coefficient of the class what designs of excitations take for its torque per unit: {joint:
+        expression}.
+
+        Memory and delays as functions of the state that hold along smooth motions; the exact columns judge the result.
+        """
+        if self.symbolic:
+            return self.full_terms(x, m)
+        raise InputError(f"no excitation can be designed for {self.label}: its column is no function of the state")
+
+    def designed_terms(self, x: Signals, m: Mathematics, course: Course) -> Sequence[dict[int, Any]]:
+        """Return `smooth_terms` for each coefficient at this place."""
+        terms = self.smooth_terms(x, m, course)
         return [terms[k] for k in self._kept]
 
     def full_columns(self, motion: Motion, torques: Torques | None = None) -> Array:
@@ -221,6 +264,11 @@ class Effect(ABC):
         """Return the inner parameters to search, for a motion where their grid depends on it: every combination."""
         names = [inner.name for inner in self.inner]
         return [dict(zip(names, values, strict=True)) for values in product(*(inner.grid for inner in self.inner))]
+
+    @property
+    def signs(self) -> tuple[bool, ...]:
+        """Which coefficients have no physical meaning where they are negative, at these inner parameters."""
+        return tuple(c.positive for c in self.coefficients)
 
     @property
     def place(self) -> str | None:

@@ -2,9 +2,12 @@
 
 from __future__ import annotations
 
+from collections.abc import Sequence
+from typing import Any
+
 import numpy as np
 
-from robot_ident.effects.effect import Coefficient, Effect, Inner, Torques
+from robot_ident.effects.effect import Coefficient, Course, Effect, Inner, Mathematics, Signals, Torques, scaled
 from robot_ident.motion import Array, Motion
 from robot_ident.robot.robot import Robot
 
@@ -31,6 +34,14 @@ class EncoderEccentricity(Effect):
     def available(cls, robot: Robot, joint: int | None) -> str | None:
         """Turn."""
         return "a prismatic joint's encoder has no turn" if joint is not None and robot.prismatic[joint] else None
+
+    def smooth_terms(self, x: Signals, m: Mathematics, course: Course) -> Sequence[dict[int, Any]]:
+        """Return the same as expressions."""
+        h, j = self.setting["h"], self.joint
+        c, s, v, a = m.cos(h * x.q[j]), m.sin(h * x.q[j]), x.dq[j], x.ddq[j]
+        cosine = (c, -h * s * v, -(h**2) * c * v**2 - h * s * a)
+        sine = (s, h * c * v, -(h**2) * s * v**2 + h * c * a)
+        return [scaled(-1e-3, course.displaced(j, error)) for error in (cosine, sine)]
 
     def full_columns(self, motion: Motion, torques: Torques | None = None) -> Array:
         """Return -D[tau] cos(h q) and -D[tau] sin(h q), Nm per mrad; derivatives along time by the chain rule."""

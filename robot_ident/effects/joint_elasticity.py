@@ -2,10 +2,13 @@
 
 from __future__ import annotations
 
+from collections.abc import Sequence
+from typing import Any
+
 import numpy as np
 
 from robot_ident.effects.along_time import derivatives
-from robot_ident.effects.effect import Coefficient, Effect, Torques
+from robot_ident.effects.effect import Coefficient, Course, Effect, Mathematics, Signals, Torques, scaled
 from robot_ident.motion import Array, Motion
 
 
@@ -37,3 +40,9 @@ class JointElasticity(Effect):
         load = torques.load[:, self.joint]
         twist[:, :, self.joint] = (load, *derivatives(load, motion))
         return -1e-6 * torques.rigid.displaced(Motion(*twist))[:, :, None]
+
+    def smooth_terms(self, x: Signals, m: Mathematics, course: Course) -> Sequence[dict[int, Any]]:
+        """Return the same as an expression, the load's derivatives along time by the chain rule."""
+        load = x.load[self.joint]
+        rate = course.rate(load)
+        return [scaled(-1e-6, course.displaced(self.joint, (load, rate, course.rate(rate))))]

@@ -15,14 +15,15 @@ from robot_ident.effects.effect import Effect
 from robot_ident.errors import InputError
 
 
-def load_effects(path: Path | str) -> dict[str, type[Effect]]:
+def load_effects(path: Path | str, source: bytes | None = None) -> dict[str, type[Effect]]:
     """Return the effects that a Python file defines, by name; `register` adds them to the catalogue.
 
-    The file runs as a module of a private name. Raises InputError where it can't be read or run, defines no subclass of
-    Effect, or defines one with something missing or with a name that is taken.
+    The file runs as a module of a private name; source: its contents, where they were read elsewhere. Raises InputError
+    where it can't be read or run, defines no subclass of Effect, or defines one with something missing or with a name
+    that is taken.
     """
     path = Path(path)
-    module = _run(path)
+    module = _run(path, _read(path) if source is None else source)
     found: dict[str, type[Effect]] = {}
     for kind in vars(module).values():
         if not (isinstance(kind, type) and issubclass(kind, Effect) and kind.__module__ == module.__name__):
@@ -50,14 +51,17 @@ def _origin(kind: type[Effect]) -> tuple[str, str]:
     return getattr(sys.modules.get(kind.__module__), "__file__", None) or "", kind.__name__
 
 
-def _run(path: Path) -> ModuleType:
-    """Run a file once as a module; the same file with the same contents is the same module again."""
+def _read(path: Path) -> bytes:
     try:
-        source = path.read_bytes()
+        return path.read_bytes()
     except FileNotFoundError as error:
         raise InputError(f"{path}: no such file") from error
     except OSError as error:
         raise InputError(f"{path}: can't be read ({error.strerror})") from error
+
+
+def _run(path: Path, source: bytes) -> ModuleType:
+    """Run a file once as a module; the same file with the same contents is the same module again."""
     name = "_robot_ident_effects_" + sha256(str(path.resolve()).encode() + source).hexdigest()[:16]
     if name in sys.modules:
         return sys.modules[name]

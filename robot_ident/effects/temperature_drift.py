@@ -2,12 +2,17 @@
 
 from __future__ import annotations
 
+from collections.abc import Sequence
+from typing import Any
+
 import numpy as np
 
 from robot_ident.effects.along_time import step
-from robot_ident.effects.effect import Coefficient, Effect, Inner, Torques
+from robot_ident.effects.effect import Coefficient, Course, Effect, Inner, Mathematics, Signals, Torques
+from robot_ident.errors import InputError
 from robot_ident.motion import Array, Motion
 
+_HIDDEN = "the average over periods shows no drift; single periods do, or a long motion that is not periodic"
 _SHORT = 0.02  # of T0: friction changes by this share over the recording
 
 
@@ -36,11 +41,15 @@ class TemperatureDrift(Effect):
     def hidden_in(self, motion: Motion) -> str | None:
         """Vanish in the average over periods, and look like viscous friction in a recording far shorter than T0."""
         if motion.periodic:
-            return "the average over periods shows no drift; single periods do, or a long motion that is not periodic"
+            return _HIDDEN
         duration = motion.samples * step(motion)
         if duration < _SHORT * self.setting["T0"]:
             return f"in {duration:.3g} s nothing drifts whose time constant is {self.setting['T0']:.3g} s"
         return None
+
+    def smooth_terms(self, x: Signals, m: Mathematics, course: Course) -> Sequence[dict[int, Any]]:
+        """Raise InputError: no periodic motion shows it better than another."""
+        raise InputError(f"no excitation can be designed for {self.label}: {_HIDDEN}")
 
     def full_columns(self, motion: Motion, torques: Torques | None = None) -> Array:
         """Return dq exp(-t / T0), t from the first sample."""

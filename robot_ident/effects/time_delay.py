@@ -2,10 +2,13 @@
 
 from __future__ import annotations
 
+from collections.abc import Sequence
+from typing import Any
+
 import numpy as np
 
 from robot_ident.effects.along_time import delayed
-from robot_ident.effects.effect import Coefficient, Effect, Inner, Torques
+from robot_ident.effects.effect import Coefficient, Course, Effect, Inner, Mathematics, Signals, Torques
 from robot_ident.motion import Array, Motion
 
 
@@ -31,6 +34,7 @@ class TimeDelay(Effect):
     uses_torque = True
     needs_time = True
     symbolic = False
+    brief = True
 
     def full_columns(self, motion: Motion, torques: Torques | None = None) -> Array:
         """Return (tau(t - shift) - tau(t)) / shift, Nm per ms."""
@@ -41,6 +45,12 @@ class TimeDelay(Effect):
         change = _earlier(torques, motion, self._shift) - torques.total
         out[:, joints, 0] = change[:, joints] / (1000.0 * self._shift)
         return out
+
+    def smooth_terms(self, x: Signals, m: Mathematics, course: Course) -> Sequence[dict[int, Any]]:
+        """Return the same as an expression, from the state that the motion had a shift ago."""
+        shift = self._shift
+        joints = range(self.robot.n) if self.whole else (self.joint,)
+        return [{j: (course.at(x.total[j], -shift) - x.total[j]) / (1000.0 * shift) for j in joints}]
 
     @property
     def _shift(self) -> float:

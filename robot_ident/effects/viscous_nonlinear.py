@@ -17,7 +17,8 @@ class ViscousNonlinear(Effect):
     """Friction that isn't in proportion to speed, in one of two forms: f sign(dq) |dq|^p (churned lubricant, thinned by
     shear) or f tanh(dq / v0) (Coulomb friction that sets in gradually).
 
-    `form` 0 is the power, whose exponent is `bend`; form 1 is the tanh, whose speed v0 is `bend`.
+    `form` 0 is the power, whose exponent is `bend`; form 1 is the tanh, whose speed v0 is `bend`. What sets in at low
+    speed (the tanh, powers below 1) rises with speed, f >= 0: a friction that falls there is Stribeck's.
     """
 
     name = "viscous_nonlinear"
@@ -47,6 +48,11 @@ class ViscousNonlinear(Effect):
         """Return exponents for the power and speeds for the tanh."""
         speeds = self.inner[1].grid
         return [{"form": _POWER, "bend": p} for p in _POWERS] + [{"form": _TANH, "bend": v} for v in speeds]
+
+    @property
+    def signs(self) -> tuple[bool, ...]:
+        """Only what bends at high speed may bend either way."""
+        return (self.setting["form"] == _TANH or self.setting["bend"] < 1.0,)
 
     def full_terms(self, x: Signals, m: Mathematics) -> Sequence[dict[int, Any]]:
         """Return the column of the chosen form."""

@@ -7,7 +7,7 @@ from collections.abc import Callable
 import numpy as np
 
 from robot_ident.errors import InputError
-from robot_ident.excitation.feasibility import require_limits, rule_margins
+from robot_ident.excitation.feasibility import PoseLimits, require_limits
 from robot_ident.excitation.limits import Certifier
 from robot_ident.excitation.point_to_point import PointToPoint
 from robot_ident.excitation.stop import stop_from
@@ -58,9 +58,11 @@ def check_pose(robot: Robot, q: Array, words: str) -> None:
             raise InputError(
                 f"{words} outside the limits: {name} at {q[joint]:.4g} {unit}, its limit is {limit:.4g} {unit}"
             )
-    for rule, margin in zip(robot.workspace, rule_margins(robot, q[None, :])[0], strict=True):
+    poses = PoseLimits(robot)
+    for limit, margin in enumerate(poses.margins(q[None, :])[0]):
         if margin <= 0.0:
-            raise InputError(f"{words} outside the workspace: the rule '{rule.text}' is broken by {-margin:.4g} m")
+            where = "outside the workspace" if limit < len(robot.workspace) else "in self-collision"
+            raise InputError(f"{words} {where}: {poses.text(limit, q)} is broken by {-margin:.4g} m")
 
 
 def _connect(

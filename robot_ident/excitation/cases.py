@@ -4,18 +4,19 @@ from __future__ import annotations
 
 import pickle
 import time
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 from functools import lru_cache
 from typing import Any
 
 import numpy as np
 
-from robot_ident.excitation.excitation import Excitation
-from robot_ident.excitation.fourier import FourierSeries
 from robot_ident.motion import Array
-from robot_ident.robot.robot import Robot
 
 _ITERATIONS = 180
+
+
+def _ahead() -> float:
+    return time.time() - time.monotonic()
 
 
 @dataclass(frozen=True)
@@ -23,7 +24,8 @@ class Case:
     """One search: `cold` from a random start, `hop` from beside `start`, `refine` from `start` itself.
 
     problem: the pickled setting. width: standard deviation of a hop in the scaled variables. key: seeds the case's
-    own random numbers. deadline: on time.monotonic(), the same for all processes.
+    own random numbers. deadline: on time.monotonic() of the machine that made the case; ahead: what the wall clock was
+    ahead of that, since another machine's counts from another start.
     """
 
     problem: bytes
@@ -32,6 +34,12 @@ class Case:
     start: Array | None
     width: float
     deadline: float
+    ahead: float = field(default_factory=_ahead)
+
+    @property
+    def local_deadline(self) -> float:
+        """The deadline on time.monotonic() of the machine that runs the case."""
+        return self.deadline + self.ahead - _ahead()
 
 
 @dataclass(frozen=True)
@@ -57,7 +65,7 @@ def run_case(case: Case) -> Outcome:
 
     began = time.monotonic()
     problem = _problem(case.problem)
-    recorder = search.Recorder(problem, case.deadline)
+    recorder = search.Recorder(problem, case.local_deadline)
     if recorder.expired():
         return Outcome(np.zeros(0), float("inf"), None, 0.0)
     rng = np.random.default_rng([abs(part) for part in case.key])
@@ -93,11 +101,3 @@ def random_determinant(packed: bytes, draws: int) -> float:
 
     problem = _problem(packed)
     return float(problem.coarse.value(search.random_start(problem, np.random.default_rng(0), draws)))
-
-
-def excitation_of(coefficients: Array, robot: Robot, options: dict[str, Any]) -> Excitation:
-    """Return the excitation of coefficients [1 + 2 L, n] (rows q0, a_1.., b_1..)."""
-    order = options["harmonics"]
-    a, b = coefficients[1 : 1 + order].T, coefficients[1 + order :].T
-    series = FourierSeries(options["base_frequency"], coefficients[0], a, b)
-    return Excitation(robot.name, robot.joints, series, options["sample_rate"])

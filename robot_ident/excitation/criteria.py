@@ -99,14 +99,20 @@ def noise_variances(robot: Robot) -> tuple[Array, tuple[str, ...]]:
 
 
 def evaluate(structure: Structure, excitation: Excitation, periods: int = PERIODS) -> Evaluation:
-    """Return what one averaged period tells about the parameters: covariance (F' S^-1 F)^-1, S = noise variance /
+    """Return what one averaged period tells about the parameters: the covariance (F' S^-1 F)^-1.
+
+    S: the noise variance over the number of periods.
 
     Rows are the samples of one period, in SI units, with the exact sign function.
     """
     columns = structure.columns(excitation.samples())
     variances = noise_variances(structure.robot)[0] / periods
+    return evaluate_rows((columns / np.sqrt(variances)[:, None]).reshape(-1, columns.shape[-1]))
+
+
+def evaluate_rows(rows: Array) -> Evaluation:
+    """Return what weighted rows S^-1/2 F [R, p] tell."""
+    columns, one = rows[:, None, :], np.ones(1)
     return Evaluation(
-        log10_det_covariance(columns, variances),
-        condition_number(columns, variances),
-        standard_deviations(columns, variances),
+        log10_det_covariance(columns, one), condition_number(columns, one), standard_deviations(columns, one)
     )

@@ -2,62 +2,72 @@
 
 from __future__ import annotations
 
-import pickle
 import time
-from collections.abc import Callable, Iterator, Sequence
-from contextlib import contextmanager
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass, replace
-from typing import Any
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
 from robot_ident.errors import InputError, did_you_mean
-from robot_ident.excitation.cases import excitation_of, random_determinant
-from robot_ident.excitation.criteria import PERIODS, evaluate, noise_variances
-from robot_ident.excitation.excitation import Excitation, check_sampling
+from robot_ident.excitation.criteria import PERIODS
+from robot_ident.excitation.excitation import Excitation
 from robot_ident.excitation.feasibility import allowed_poses, require_limits
-from robot_ident.excitation.limits import Margins, certify
-from robot_ident.excitation.multi_start import Progress, Run, search_from_starts
-from robot_ident.model.structure import Structure
+from robot_ident.excitation.limits import certify
+from robot_ident.excitation.margins import Margins
+from robot_ident.excitation.multi_start import Progress, Run
+from robot_ident.excitation.setting import Family, Setting, family_of
+from robot_ident.excitation.target import Target
 from robot_ident.motion import Array
 from robot_ident.robot.robot import Robot
 
+if TYPE_CHECKING:
+    from robot_ident.excitation.search import Found
+
 __all__ = ["CRITERIA", "DesignResult", "Progress", "design"]
 
-CRITERIA = ("d-optimal", "condition")
-MOST_HARMONICS = 60
-FASTEST = 1e5  # Hz
-STARTS = 12  # cold starts
-COLD_PER_ROUND = 3  # as many rounds of hops as a third of the cold starts, where no time limit rules
-FLOOR_DRAWS = 400  # without a floor given, the determinant may be a third of the best among as many random motions
-FLOOR_OFFSET = -0.5
+CRITERIA = ("d-optimal", "condition", "crlb")
+FEW_SEARCHES = 3  # below, a time limit was too short for a good motion
 _FINISH = 1.2  # s for the exact verdict at the end
 
 
 @dataclass(frozen=True)
 class DesignResult:
-    """An excitation with its exact verdict: criteria, standard deviations [p], margins, and the best cost over time."""
+    """Excitations with their exact verdict: criteria of all together (and of a prior), standard deviations [p], margins
+    (of all together and of each), and the best cost over time.
+    """
 
-    excitation: Excitation
+    excitations: tuple[Excitation, ...]
     log10_det_covariance: float
     condition_number: float
     sigma: Array
     parameters: tuple[str, ...]
     margins: Margins
+    margins_of_each: tuple[Margins, ...]
     seconds: float
     history: tuple[tuple[float, float], ...]
     notes: tuple[str, ...] = ()
     interrupted: bool = False
+
+    @property
+    def excitation(self) -> Excitation:
+        """The first of them."""
+        return self.excitations[0]
 
 
 def design(
     robot: Robot,
     *,
     criterion: str = "d-optimal",
-    harmonics: int = 5,
+    harmonics: int | None = None,
     base_frequency: float = 0.1,
     sample_rate: float = 150.0,
     effects: Sequence[str] = (),
+    target: Target | None = None,
+    prior: Array | None = None,
+    trajectories: int = 1,
+    symmetric: bool = False,
+    bandwidth: tuple[float, float] | None = None,
     periods: int = PERIODS,
     starts: int | None = None,
     time_limit: float | None = None,
@@ -68,146 +78,155 @@ def design(
     progress: Callable[[Progress], None] | None = None,
     cancel: Callable[[], bool] | None = None,
 ) -> DesignResult:
-    """Return the best certified excitation that a multi-start search finds (Swevers et al. 1997, section III and IV-B).
+    """Return the best certified excitations that a multi-start search finds (Swevers et al. 1997, sections III, IV-B).
 
-    criterion: `d-optimal` (determinant of the covariance) or `condition` (condition number; with log10 of the
-    determinant no larger than `determinant_floor`, by default half a decade below that of the best of 400 random
-    motions, the same for every seed). effects: `name@joint`, beyond the robot's known ones. time_limit [s] from now,
-    or deadline on time.monotonic(); what is found before it is kept. starts: cold starts (12); with a time limit and
-    no number of them the search goes on until it gains nothing more. Without a time limit the result depends on the
-    seed alone. Ctrl-C ends the search and keeps the best so far. Raises InputError when limits are missing or can't
-    be met together.
+    criterion: `d-optimal` (determinant of the covariance), `condition` (condition number; with log10 of the determinant
+    no larger than `determinant_floor`, by default that of the best of 400 random motions, the same for every seed) or
+    `crlb` (determinant of the Cramer-Rao bound with noise on positions too, eq. 6, at the estimate of a model).
+    effects: `name@joint`, beyond the robot's known ones. target: a model's columns at its estimates, in place of the
+    robot and its effects. prior [p, p]: information that earlier recordings gave about those parameters. trajectories:
+    so many motions designed together, for the sum of their information. symmetric: q(-t) = q(t). bandwidth (lowest,
+    highest) Hz: only harmonics inside, at most `harmonics` (5) of them, spread evenly.
+
+    time_limit [s] from now, or deadline on time.monotonic(); what is found before it is kept. starts: cold starts (12);
+    with a time limit and no number of them the search goes on, from new starts too, until it gains nothing more.
+    Without a time limit the result depends on the seed alone. Ctrl-C ends the search and keeps the best so far. Raises
+    InputError when limits are missing or can't be met together.
     """
     if criterion not in CRITERIA:
         raise InputError(f"unknown criterion {criterion!r}{did_you_mean(criterion, CRITERIA)}")
-    if harmonics < 1 or (starts is not None and starts < 1):
-        raise InputError(f"harmonics = {harmonics}, starts = {starts}: at least one of each is needed")
-    check_sampling(base_frequency, sample_rate, harmonics)
-    if harmonics > MOST_HARMONICS or sample_rate > FASTEST:
-        raise InputError(
-            f"harmonics = {harmonics}, sample_rate = {sample_rate:g} Hz:"
-            f" at most {MOST_HARMONICS} and {FASTEST:g} Hz are designed for"
-        )
+    for name, value in (("harmonics", harmonics), ("starts", starts), ("trajectories", trajectories)):
+        if value is not None and value < 1:
+            raise InputError(f"{name} = {value}: at least one is needed")
+    family = family_of(base_frequency, sample_rate, harmonics, bandwidth, symmetric)
     require_limits(robot)
-    variances, notes = noise_variances(robot)
-    structure = Structure.build(robot, effects)
+    target = target or Target.of_robot(robot, effects, periods)
+    if criterion == "crlb" and not target.estimated:
+        raise InputError(
+            "criterion crlb depends on the parameters: it needs a first estimate (--model model.yaml);"
+            " design by condition or d-optimal, record and identify first"
+        )
+    if prior is not None and np.shape(prior) != (len(target.structure.parameters),) * 2:
+        raise InputError(f"prior: information about the {len(target.structure.parameters)} parameters was expected")
     started = time.monotonic()
     limit = min(started + (time_limit or np.inf), deadline or np.inf)
     run = Run(started, limit - _FINISH, workers, progress, cancel)
-    plan = {"base_frequency": base_frequency, "harmonics": harmonics, "sample_rate": sample_rate}
-    setting = _setting(structure, variances / periods, plan)
-    with _keeping_the_best(run):
-        _search(run, setting, criterion, determinant_floor, starts, seed)
-    if run.best is None:
-        raise InputError(
-            f"{robot.name}: no trajectory within the limits tells all {len(structure.names)} parameters apart"
-        )
-    seconds = round(limit - started, 1) if np.isfinite(limit) else None
-    asked = {"effects": list(effects), "starts": starts or STARTS, "time_limit": seconds, "seed": seed}
-    return _verdict(run, structure, criterion, plan | asked, periods, notes)
+    from robot_ident.excitation.together import STARTS, nothing_found, search
+
+    setting = replace(_setting(target, family, criterion), prior=prior)
+    found = search(run, setting, trajectories, starts, seed, determinant_floor)
+    if not found:
+        raise nothing_found(run, setting, determinant_floor)
+    asked: dict[str, Any] = {
+        "base_frequency": base_frequency,
+        "harmonics": len(family.orders),
+        "sample_rate": sample_rate,
+        "effects": list(effects),
+        "starts": starts or STARTS,
+        "time_limit": round(limit - started, 1) if np.isfinite(limit) else None,
+        "seed": seed,
+    }
+    further = (("trajectories", trajectories, 1), ("symmetric", symmetric, False), ("bandwidth", bandwidth, None))
+    asked |= {
+        name: list(value) if isinstance(value, tuple) else value for name, value, usual in further if value != usual
+    }
+    return _verdict(run, found, target, setting, asked)
 
 
-@contextmanager
-def _keeping_the_best(run: Run) -> Iterator[None]:
-    """Turn Ctrl-C into an early end once there is something to keep."""
-    try:
-        yield
-    except KeyboardInterrupt:
-        if run.best is None:
-            raise
-        run.interrupted = True
-
-
-def _setting(structure: Structure, variances: Array, plan: dict[str, Any]) -> Any:
-    from robot_ident.excitation.objective import smooth_regressor, smooth_sign
-    from robot_ident.excitation.problem import SIGN_WIDTH, Setting, reachable_speed
+def _setting(target: Target, family: Family, criterion: str) -> Setting:
+    from robot_ident.excitation.objective import smooth_sign
+    from robot_ident.excitation.setting import SIGN_WIDTH
     from robot_ident.excitation.torque import TorqueModel
+    from robot_ident.model.expressions import slopes_function
 
-    robot = structure.robot
-    widths = SIGN_WIDTH * reachable_speed(robot, plan["base_frequency"])
+    robot, structure, values = target.robot, target.structure, target.values
+    sign = smooth_sign(SIGN_WIDTH * family.reachable_speed(robot))
     torque = TorqueModel(robot)
     limited = torque.limited_joints()
+    bound: dict[str, Any] = {}
+    if criterion == "crlb":
+        assert values is not None
+        bound = {
+            "slopes": slopes_function(structure, sign, values),
+            "exact_slopes": slopes_function(structure, None, values),
+            "position_variances": target.position_variances,
+        }
     return Setting(
         robot=robot,
-        smooth=smooth_regressor(structure, widths),
-        exact=structure.symbolic(),
-        variances=variances,
-        criterion="d-optimal",
+        family=family,
+        structure=structure,
+        values=values,
+        smooth=structure.symbolic(sign, values),
+        exact=structure.symbolic(None, values) if all(effect.symbolic for effect in structure.effects) else None,
+        variances=target.variances,
+        criterion=criterion,
         poses=allowed_poses(robot),
-        torque=torque.function(smooth_sign(widths)) if limited else None,
+        torque=torque.function(sign) if limited else None,
         torque_joints=limited,
-        **plan,
+        **bound,
     )
 
 
-def _search(run: Run, setting: Any, criterion: str, floor: float | None, starts: int | None, seed: int) -> None:
-    cold = starts or STARTS
-    rounds = cold // COLD_PER_ROUND if starts or np.isinf(run.deadline) else None
-    if criterion == "d-optimal":
-        search_from_starts(run, setting, "d-optimal", cold, rounds, seed, run.deadline, [])
-        return
-    left = run.deadline - time.monotonic()
-    share = run.deadline if np.isinf(left) else time.monotonic() + 0.2 * left
-    pool = search_from_starts(run, setting, "determinant first", 1, 0, seed, share, [])
-    if run.best is None:
-        return
-    if floor is None:
-        floor = random_determinant(pickle.dumps(setting), FLOOR_DRAWS) + FLOOR_OFFSET
-    first = run.best
-    run.best, run.history = None, []
-    if first.log10_det <= floor:
-        run.take(replace(first, cost=first.condition))
-    setting = replace(setting, criterion="condition", floor=floor)
-    search_from_starts(run, setting, "condition", cold, rounds, seed + 1, run.deadline, [x for _, x in pool[:2]])
-    if run.best is None:
-        raise InputError(
-            f"no trajectory was found with log10 of the determinant below {floor:g}"
-            f" (d-optimal reaches {first.log10_det:.2f})"
-        )
-
-
-def _verdict(
-    run: Run, structure: Structure, criterion: str, options: dict[str, Any], periods: int, notes: tuple[str, ...]
-) -> DesignResult:
-    """Return the best trajectory with its exact criteria, certified anew from its coefficients as they are written."""
-    robot = structure.robot
-    excitation = excitation_of(run.best.coefficients, robot, options)
-    values, margins = evaluate(structure, excitation, periods), certify(excitation, robot)
-    if not margins.kept:  # every candidate was certified, so this is a bug, never a result
-        raise AssertionError(f"a trajectory that breaks a limit was kept: {margins.violations[0]}")
+def _verdict(run: Run, found: Sequence[Found], target: Target, setting: Setting, asked: dict[str, Any]) -> DesignResult:
+    """Return the trajectories with their exact criteria, certified anew from their coefficients as they are written."""
+    robot, family, criterion = target.robot, setting.family, setting.criterion
+    plain = [Excitation(robot.name, robot.joints, family.series(one.coefficients), family.sample_rate) for one in found]
+    values = target.judge(plain, bound=criterion == "crlb", prior=setting.prior)
+    margins = tuple(certify(excitation, robot) for excitation in plain)
+    for one in margins:
+        if not one.kept:  # every candidate was certified, so this is a bug, never a result
+            raise AssertionError(f"a trajectory that breaks a limit was kept: {one.violations[0]}")
     achieved: dict[str, Any] = {
         "log10_det_covariance": values.log10_det_covariance,
         "condition_number": values.condition_number,
-        "periods": periods,
-        "parameters": len(structure.names),
-        "effects": list(structure.labels),
+        "periods": target.periods,
+        "parameters": len(target.structure.names),
+        "effects": list(target.structure.labels),
     }
+    if setting.prior is not None:
+        achieved["with_prior"] = True
+    notes = [*target.notes]
+    if asked["time_limit"] is not None and run.done < FEW_SEARCHES * len(plain):
+        notes.append("hardly a search ended within the time limit: more time would give a far better motion")
+    if notes:
+        achieved["notes"] = notes
     limits = robot.limits
-    excitation = replace(
-        excitation,
-        criterion=criterion,
-        achieved=achieved | ({"notes": list(notes)} if notes else {}),
-        limits={
-            "position": np.column_stack([limits.lower, limits.upper]).tolist(),
-            "velocity": limits.velocity.tolist(),
-            "acceleration": limits.acceleration.tolist(),
-            "workspace": [rule.text for rule in robot.workspace],
-            "tightest": str(margins.tightest),
-        },
-        reproduce={"robot": robot.name, "criterion": criterion} | options | {"searches": run.done} | _versions(),
-    )
+    kept = {
+        "position": np.column_stack([limits.lower, limits.upper]).tolist(),
+        "velocity": limits.velocity.tolist(),
+        "acceleration": limits.acceleration.tolist(),
+        "workspace": [rule.text for rule in robot.workspace],
+    }
+    reproduce = {"robot": robot.name, "criterion": criterion} | asked | {"searches": run.done} | _versions()
+    excitations = [
+        replace(
+            excitation,
+            criterion=criterion,
+            achieved=achieved | ({"motion": k, "of": len(plain)} if len(plain) > 1 else {}),
+            limits=kept | {"tightest": str(one.tightest)},
+            reproduce=reproduce,
+        )
+        for k, (excitation, one) in enumerate(zip(plain, margins, strict=True), 1)
+    ]
     return DesignResult(
-        excitation=excitation,
+        excitations=tuple(excitations),
         log10_det_covariance=values.log10_det_covariance,
         condition_number=values.condition_number,
         sigma=values.sigma,
-        parameters=structure.names,
-        margins=margins,
+        parameters=target.structure.names,
+        margins=_tightest(margins),
+        margins_of_each=margins,
         seconds=time.monotonic() - run.started,
         history=tuple(run.history),
-        notes=notes,
+        notes=tuple(notes),
         interrupted=run.interrupted,
     )
+
+
+def _tightest(margins: Sequence[Margins]) -> Margins:
+    """Return the tightest margin of every limit among several motions."""
+    columns = zip(*(one.items for one in margins), strict=True)
+    return Margins(tuple(min(column, key=lambda item: item.relative) for column in columns), margins[0].unknown)
 
 
 def _versions() -> dict[str, str]:

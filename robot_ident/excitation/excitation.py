@@ -70,7 +70,8 @@ class Excitation:
 
     def samples(self) -> Motion:
         """Return the motion at the samples of one period."""
-        return self.series.motion(self.times())
+        motion = self.series.motion(self.times())
+        return Motion(motion.q, motion.dq, motion.ddq, dt=1.0 / self.sample_rate, periodic=True)
 
     def check_robot(self, robot: Robot) -> None:
         """Raise InputError when it is for another robot; those of the package with the same joints share motions."""

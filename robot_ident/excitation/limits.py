@@ -3,98 +3,31 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
-from dataclasses import dataclass
 from functools import cached_property
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING
 
 import numpy as np
 
 from robot_ident.errors import InputError
 from robot_ident.excitation.excitation import Excitation
 from robot_ident.excitation.fourier import Extremes
+from robot_ident.excitation.margins import Margin, Margins
 from robot_ident.excitation.reference import Certifiable, Piece
+from robot_ident.excitation.self_collision import LinkPairs, keeps_apart, link_pairs, self_separation
 from robot_ident.excitation.workspace_margin import FrameKinematics, keeps_rule, workspace_margin
 from robot_ident.robot.robot import Robot
 
 if TYPE_CHECKING:
-    from robot_ident.excitation.torque import TorqueModel
+    from robot_ident.excitation.torque_margin import TorqueRange
 
-_SAMPLES = 400  # of the torque along a piece
-
-
-@dataclass(frozen=True)
-class Margin:
-    """How far a motion stays from a limit: `value` comes nearest at `time` [s].
-
-    `where` is a joint or the text of a workspace rule; `relative` is the margin as a share of the limit (of one metre
-    for a rule); `proven` tells a bound over continuous time from one over samples. `margin` > 0: it is kept.
-    """
-
-    quantity: str
-    where: str
-    margin: float
-    value: float
-    limit: float
-    time: float
-    unit: str
-    relative: float
-    proven: bool = True
-
-    @property
-    def kept(self) -> bool:
-        """Whether the limit is kept, strictly."""
-        return self.margin > 0.0
-
-    def __str__(self) -> str:
-        """Return the margin in words."""
-        state, distance = "keeps" if self.kept else "breaks", f"{abs(self.margin):.3g} {self.unit}"
-        if self.quantity == "workspace":
-            return f"{state} the rule '{self.where}' by {distance} at t = {self.time:.3f} s"
-        what = f"{self.quantity} of {self.where}, {self.value:.6g} {self.unit},"
-        return f"{what} {state} its limit {self.limit:g} {self.unit} by {distance} at t = {self.time:.3f} s"
-
-
-@dataclass(frozen=True)
-class Margins:
-    """The tightest margin of every limit, and limits that the robot doesn't give."""
-
-    items: tuple[Margin, ...]
-    unknown: tuple[str, ...] = ()
-
-    @property
-    def kept(self) -> bool:
-        """Whether every limit is kept, strictly."""
-        return all(item.kept for item in self.items)
-
-    @property
-    def tightest(self) -> Margin | None:
-        """The limit that comes nearest, relative to its size."""
-        return min(self.items, key=lambda item: item.relative, default=None)
-
-    @property
-    def violations(self) -> tuple[Margin, ...]:
-        """Limits that are not kept, the worst first."""
-        return tuple(sorted((item for item in self.items if not item.kept), key=lambda item: item.relative))
-
-    def to_json(self) -> dict[str, Any]:
-        """Return the margins as plain values: by quantity and joint, rules of the workspace in a list."""
-        out: dict[str, Any] = {"kept": self.kept, "position": {}, "velocity": {}, "acceleration": {}}
-        for item in self.items:
-            record = {key: getattr(item, key) for key in ("margin", "value", "limit", "time", "unit", "proven")}
-            if item.quantity == "workspace":
-                out.setdefault("workspace", []).append({"rule": item.where, **record})
-            else:
-                out.setdefault(item.quantity, {})[item.where] = record
-        if self.unknown:
-            out["unknown"] = list(self.unknown)
-        return out
+__all__ = ["Certifier", "Margin", "Margins", "certify"]
 
 
 class Certifier:
     """Certifies motions of one robot over continuous time.
 
-    Position, velocity and acceleration from the exact extremes, workspace rules by interval subdivision with
-    derivative bounds; torque, where the robot's files give what it takes to compute it, from samples.
+    Position, velocity and acceleration from the exact extremes; workspace rules, the distance between links and, where
+    the robot's files give what it takes to compute it, the torque by interval subdivision with derivative bounds.
     """
 
     def __init__(self, robot: Robot) -> None:
@@ -104,11 +37,22 @@ class Certifier:
 
     def margins(self, motion: Excitation | Certifiable) -> Margins:
         """Return the margins of a motion; InputError when it is of another robot."""
+        return self._margins(_pieces(motion, self._robot))
+
+    def parts(self, motion: Certifiable) -> dict[str, Margins]:
+        """Return the margins of each part of a motion that has a name (see `Piece.name`)."""
         pieces = _pieces(motion, self._robot)
+        names = dict.fromkeys(piece.name for piece in pieces)
+        return {name: self._margins([piece for piece in pieces if piece.name == name]) for name in names}
+
+    def _margins(self, pieces: Sequence[Piece]) -> Margins:
         items, unknown = _joint_margins(pieces, self._robot)
         items += self._workspace_margins(pieces)
+        items += self._link_margins(pieces)
         items += self._torque_margins(pieces)
-        return Margins(tuple(items), tuple(unknown))
+        unknown += self._links[1]
+        shapes = self._links[0].shapes if self._links[0] is not None else None
+        return Margins(tuple(items), tuple(unknown), shapes.notes if shapes is not None else ())
 
     def keeps(self, motion: Excitation | Certifiable, *, torque: bool = True) -> bool:
         """Return whether a motion keeps all limits, without the rest of the work once one is broken."""
@@ -118,29 +62,45 @@ class Certifier:
         rules = [(rule, self._kinematics[rule.frame]) for rule in self._robot.workspace]
         if not all(keeps_rule(rule, kinematics, piece) for rule, kinematics in rules for piece in pieces):
             return False
-        return not torque or Margins(tuple(self._torque_margins(pieces))).kept
+        links = self._links[0]
+        if links is not None and not all(keeps_apart(links, piece) for piece in pieces):
+            return False
+        return not torque or self._torque is None or all(self._torque.keeps(piece) for piece in pieces)
 
     @cached_property
-    def _torque(self) -> TorqueModel:
-        from robot_ident.excitation.torque import TorqueModel
+    def _links(self) -> tuple[LinkPairs | None, list[str]]:
+        return link_pairs(self._robot)
 
-        return TorqueModel(self._robot)
+    @cached_property
+    def _torque(self) -> TorqueRange | None:
+        from robot_ident.excitation.torque import TorqueModel
+        from robot_ident.excitation.torque_margin import TorqueRange
+
+        model = TorqueModel(self._robot)
+        return TorqueRange(model, self._robot.limits.torque) if model.known else None
 
     def _torque_margins(self, pieces: Sequence[Piece]) -> list[Margin]:
-        if not self._torque.known:
+        if self._torque is None:
             return []
-        limits, share = self._robot.limits.torque, max(20, _SAMPLES // len(pieces))
-        t = [np.linspace(piece.start, piece.end, share) for piece in pieces]
-        motions = [piece.motion(times) for piece, times in zip(pieces, t, strict=True)]
-        torque = np.concatenate([self._torque.torque(motion) for motion in motions])
-        times, rows = np.concatenate(t), np.argmax(np.abs(torque), axis=0)
+        found = [self._torque.extreme(piece) for piece in pieces]
         items = []
-        for joint, (name, row) in enumerate(zip(self._robot.joints, rows, strict=True)):
-            if np.isfinite(limits[joint]):
-                value, limit, unit = float(torque[row, joint]), float(limits[joint]), self._robot.torque_unit(joint)
-                margin, time = limit - abs(value), float(times[row])
-                items.append(Margin("torque", name, margin, value, limit, time, unit, margin / limit, proven=False))
+        for joint, name in enumerate(self._robot.joints):
+            limit = float(self._robot.limits.torque[joint])
+            if np.isfinite(limit):
+                worst = max(found, key=lambda extreme: extreme.bound[joint])
+                margin, unit = limit - float(worst.bound[joint]), self._robot.torque_unit(joint)
+                value, time = float(worst.value[joint]), float(worst.time[joint])
+                proven = all(extreme.proven for extreme in found)
+                items.append(Margin("torque", name, margin, value, limit, time, unit, margin / limit, proven))
         return items
+
+    def _link_margins(self, pieces: Sequence[Piece]) -> list[Margin]:
+        links, geometry = self._links[0], self._robot.geometry
+        if links is None or geometry is None or not links.count:
+            return []
+        worst = min((self_separation(links, piece) for piece in pieces), key=lambda found: found.lower)
+        margin, name = worst.lower - geometry.clearance, links.name(worst.pair)
+        return [Margin("self_collision", name, margin, worst.value, geometry.clearance, worst.time, "m", margin)]
 
     def _workspace_margins(self, pieces: Sequence[Piece]) -> list[Margin]:
         items = []
@@ -164,7 +124,7 @@ def _pieces(motion: Excitation | Certifiable, robot: Robot) -> Sequence[Piece]:
     if isinstance(motion, Excitation):
         motion.check_robot(robot)
         series = motion.series
-        return [Piece(0.0, series.period, series.motion, series.extremes())]
+        return [Piece(0.0, series.period, series.motion, series.extremes(), series.jerk_bound())]
     if motion.joints != robot.joints:
         raise InputError(
             f"motion of another robot: joints {', '.join(motion.joints)}; robot {robot.name!r} has"

@@ -6,8 +6,8 @@ import pickle
 import time
 from collections.abc import Callable, Sequence
 from contextlib import closing
-from dataclasses import dataclass, field
-from typing import Any, NamedTuple
+from dataclasses import dataclass, field, replace
+from typing import TYPE_CHECKING, Any, NamedTuple
 
 import numpy as np
 
@@ -15,8 +15,12 @@ from robot_ident.excitation.cases import Case, fallback, run_case
 from robot_ident.motion import Array
 from robot_ident.parallel import completed
 
+if TYPE_CHECKING:
+    from robot_ident.excitation.search import Found
+
 HOPS = 8  # searches a round
-_STALE = 4  # rounds without gain after which a search with a time limit ends
+_STALE = 4  # rounds without gain after which a search begins anew or ends
+_ANEW = 3  # times that a search with a time limit begins anew
 _GAIN = 0.003
 _WIDTHS = (0.05, 0.1, 0.2, 0.3, 0.4)  # of hops: standard deviation in the scaled variables
 
@@ -46,6 +50,21 @@ class Run:
     done: int = 0
     longest: float = 0.0
     interrupted: bool = False
+    label: str = ""
+
+    def part(self, label: str, deadline: float) -> Run:
+        """Return the state of one part of the design, which ends earlier."""
+        return replace(self, label=label, deadline=deadline, history=[], best=None)
+
+    def join(self, part: Run) -> None:
+        """Take over what a part counted."""
+        self.done, self.longest, self.interrupted = part.done, part.longest, part.interrupted
+
+    def take_over(self, found: Found, recorded: bool) -> None:
+        """Make what a part found the state of the whole; `recorded`: it counts in the history of the cost."""
+        self.best = found
+        if recorded and not (self.history and found.cost >= self.history[-1][1]):
+            self.history.append((time.monotonic() - self.started, found.cost))
 
     def stopped(self, deadline: float) -> bool:
         """Return whether the user or the clock ends a stage."""
@@ -65,6 +84,7 @@ class Run:
         """Report to the caller."""
         if self.progress is not None:
             det, condition = (self.best.log10_det, self.best.condition) if self.best else (float("inf"), float("inf"))
+            phase = f"{self.label}, {phase}" if self.label else phase
             self.progress(Progress(phase, self.done, planned, det, condition, time.monotonic() - self.started))
 
 
@@ -87,13 +107,26 @@ def search_from_starts(
     cases = [Case(packed, "cold", (seed, 0, k), None, 0.0, close()) for k in range(cold)]
     cases += [Case(packed, "hop", (seed, 1, k), x, 0.0, close()) for k, x in enumerate(warm)]
     pool = _play(run, cases, phase, planned, close)
-    stale, turn = 0, 0
-    while pool and stale < _STALE and (rounds is None or turn < rounds) and not run.stopped(close()):
+    stale, turn, anew, left = 0, 0, 0, []
+    while pool and (rounds is None or turn < rounds) and not run.stopped(close()):
         before = pool[0][0]
         turn += 1
         cases = [_hop(packed, (seed, 1 + turn, k), pool, close()) for k in range(HOPS)]
         pool = sorted(pool + _play(run, cases, phase, planned, close), key=lambda entry: entry[0])[:10]
         stale = 0 if pool[0][0] < before - _GAIN else stale + 1
+        if stale < _STALE:
+            continue
+        if rounds is not None or anew == _ANEW:
+            break
+        stale, anew, left = 0, anew + 1, left + pool[:2]  # hops lead no further from here; elsewhere they may
+        pool = _play(
+            run,
+            [Case(packed, "cold", (seed, 1000 + anew, k), None, 0.0, close()) for k in range(cold)],
+            phase,
+            None,
+            close,
+        )
+    pool = sorted(left + pool, key=lambda entry: entry[0])
     cases = [Case(packed, "refine", (seed, -1, k), x, 0.0, deadline) for k, (_, x) in enumerate(pool[:2])]
     if not run.interrupted:
         _play(run, cases, phase, planned, lambda: deadline)

@@ -2,22 +2,13 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable
+from collections.abc import Callable, Sequence
 from typing import Any
 
 import casadi as ca
 import numpy as np
 
-from robot_ident.model.structure import Structure
 from robot_ident.motion import Array
-
-
-def smooth_regressor(structure: Structure, widths: Array) -> Any:
-    """Return Phi (q, dq, ddq) -> [n, p] with sign(v) replaced by tanh(v / width); widths [n] rad/s by joint.
-
-    An expression of several joints' velocities takes the widest of their widths.
-    """
-    return structure.symbolic(sign=smooth_sign(widths))
 
 
 def smooth_sign(widths: Array) -> Callable[[Any], Any]:
@@ -32,27 +23,28 @@ def smooth_sign(widths: Array) -> Callable[[Any], Any]:
     return sign
 
 
-def information_matrix(phi: Any, motion: tuple[Any, Any, Any], weights: Array, scale: Array, samples: int) -> Any:
-    """Return D F' S^-1 F D [p, p] for `samples` rows a period, by quadrature over the grid of the motion.
+def weighted_rows(phi: Any, states: Sequence[Any], size: Array, scale: Array) -> Any:
+    """Return S^-1/2 F D [n N, p] along the N states of a grid.
 
-    motion: q, dq, ddq [n, N] expressions; weights [n] = 1 / variance; scale D [p] keeps the numbers near one.
+    phi: CasADi function of a state -> [n, p]. states: q, dq, ddq (and further derivatives where phi takes them) [n, N]
+    expressions; size [n]: weight of each joint's torque; scale D [p] keeps the numbers near one.
     """
-    n, points = phi.size1_in(0), motion[0].shape[1]
-    q, dq, ddq = (ca.SX.sym(name, n) for name in ("q", "dq", "ddq"))
-    rows = ca.mtimes([ca.diag(ca.DM(np.sqrt(weights * samples / points))), phi(q, dq, ddq), ca.diag(ca.DM(scale))])
-    columns = ca.Function("rows", [q, dq, ddq], [ca.densify(rows)]).map(points)(*motion)
-    stacked = ca.vertcat(*ca.horzsplit(columns, phi.size2_out(0)))
-    return ca.mtimes(stacked.T, stacked)
+    n, points = states[0].shape
+    symbols = [ca.SX.sym("x", n) for _ in range(phi.n_in())]
+    rows = ca.mtimes([ca.diag(ca.DM(size)), phi(*symbols), ca.diag(ca.DM(scale))])
+    columns = ca.Function("rows", symbols, [ca.densify(rows)]).map(points)(*states[: phi.n_in()])
+    return ca.vertcat(*ca.horzsplit(columns, phi.size2_out(0)))
 
 
-def log_det_function(p: int) -> Any:
+def log_det_function(p: int, given: int = 0) -> Any:
     """Return the CasADi function M -> log det M of positive definite matrices [p, p], by Cholesky.
 
+    given: so many leading unknowns are eliminated first; the determinant is that of the Schur complement they leave.
     The square root of a pivot that is not positive gives nan, which makes the optimiser shorten its step.
     """
     m = ca.SX.sym("m", p, p)
     factor = _cholesky(m, p)
-    return ca.Function("log_det", [m], [2 * sum(ca.log(factor[j][j]) for j in range(p))])
+    return ca.Function("log_det", [m], [2 * sum(ca.log(factor[j][j]) for j in range(given, p))])
 
 
 def inverse_factor_function(p: int) -> Any:

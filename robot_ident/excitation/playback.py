@@ -56,7 +56,7 @@ class Playback:
         tried = _RAMPS * period if ramp is None else np.array([ramp])
         for duration in tried:
             candidate = Ramp(self.excitation.series, float(duration), period if rising else float(duration), rising)
-            if np.all(candidate.extremes.ddq.largest < allowed) or not np.all(np.isfinite(allowed)):
+            if np.all(candidate.top_acceleration < allowed) or not np.all(np.isfinite(allowed)):
                 return candidate
         what = "blend-in" if rising else "blend-out"
         raise InputError(
@@ -111,7 +111,14 @@ class Playback:
         series = self.excitation.series
         steady = _shifted(series.extremes(), self.transient)
         return [
-            Piece(self.transient, self.transient + series.period, self.reference, steady),
+            Piece(
+                self.transient,
+                self.transient + series.period,
+                self.reference,
+                steady,
+                series.jerk_bound(),
+                name="periodic",
+            ),
             self._rise.piece(0.0),
             self._fall.piece(self.steady_end),
         ]
@@ -147,51 +154,73 @@ class Ramp:
         return Motion(path.q, path.dq * rate, path.ddq * rate**2 + path.dq * slope)
 
     @cached_property
+    def top_acceleration(self) -> Array:
+        """A proven bound [n] of |ddq| while the rate changes."""
+        found = self._extremes(2, self.duration)
+        return found.largest
+
+    @cached_property
     def extremes(self) -> MotionExtremes:
-        """Bounds of position and speed, which are those of the path, and certified extremes of the acceleration."""
-        path = self.series.extremes()
-        lower, upper = [], []
-        for joint in range(self.series.joints):
-            tolerance = _TOLERANCE * float(path.ddq.largest[joint]) + 1e-12
-            lower.append(self._least(joint, 1.0, tolerance))
-            upper.append(self._least(joint, -1.0, tolerance))
-        low, low_time = np.array(lower).T
-        high, high_time = np.array(upper).T
-        return MotionExtremes(path.q, path.dq, Extremes(low, low_time, -high, high_time))
-
-    def _least(self, joint: int, sign: float, tolerance: float) -> tuple[float, float]:
-        """Return a proven lower bound of sign * ddq of a joint, and its time.
-
-        By its derivative q''' r^3 + 3 q'' r dr + q' d2r, each factor by its largest value: |dr| <= 15/8 / T, |d2r| <=
-        10/sqrt(3) / T^2.
+        """Certified extremes of position, speed and acceleration over the span; where the path itself gives a closer
+        bound (the whole path's, at a rate of 1 at most), that one.
         """
         path = self.series.extremes()
-        jerk = float(self.series.jerk_bound()[joint])
-        bend, speed = float(path.ddq.largest[joint]), float(path.dq.largest[joint])
-        slope = jerk + 3.0 * bend * 1.875 / self.duration + speed * (10.0 / np.sqrt(3.0)) / self.duration**2
+        found = [self._extremes(order, self.span) for order in range(3)]
+        steep = np.maximum(self.top_acceleration, path.ddq.largest)
+        least = (path.q.lower, np.minimum(path.dq.lower, 0.0), -steep)
+        most = (path.q.upper, np.maximum(path.dq.upper, 0.0), steep)
+        return MotionExtremes(
+            *(
+                Extremes(np.maximum(e.lower, low), e.lower_time, np.minimum(e.upper, high), e.upper_time)
+                for e, low, high in zip(found, least, most, strict=True)
+            )
+        )
+
+    def _extremes(self, order: int, end: float) -> Extremes:
+        """Return proven extremes of q (order 0), dq or ddq until `end` [s]."""
+        scale = self.series.extremes()[order].largest
+        rows = [
+            [self._least(order, joint, sign, _TOLERANCE * float(scale[joint]) + 1e-12, end) for sign in (1.0, -1.0)]
+            for joint in range(self.series.joints)
+        ]
+        low, high = np.array(rows).transpose(1, 2, 0)
+        return Extremes(low[0], low[1], -high[0], high[1])
+
+    def _least(self, order: int, joint: int, sign: float, tolerance: float, end: float) -> tuple[float, float]:
+        """Return a proven lower bound of sign * a derivative of a joint's position until `end` [s], and its time."""
+        jerk = float(self.jerk_bound()[joint])
 
         def bound(centres: Array, halves: Array) -> tuple[Array, Array]:
-            values = sign * self.motion(centres).ddq[:, joint]
-            return values, values - slope * halves
+            motion = self.motion(centres)
+            signals = [part[:, joint] for part in (motion.q, motion.dq, motion.ddq)]
+            drop = jerk * halves
+            for slope in reversed(signals[order + 1 :]):
+                drop = (np.abs(slope) + drop) * halves
+            values = sign * signals[order]
+            return values, values - drop
 
-        found = certified_minimum(bound, 0.0, self.duration, tolerance)
+        found = certified_minimum(bound, 0.0, end, tolerance)
         return found.lower, found.time
+
+    def jerk_bound(self) -> Array:
+        """Return a bound [n] of the jerk d3q/ds3 r^3 + 3 d2q/ds2 r dr/dt + dq/ds d2r/dt2, each factor by its largest
+        value: |dr/dt| <= 15/8 / T, |d2r/dt2| <= 10/sqrt(3) / T^2.
+        """
+        path, duration = self.series.extremes(), self.duration
+        bound: Array = self.series.jerk_bound() + 3.0 * path.ddq.largest * 1.875 / duration
+        return bound + path.dq.largest * (10.0 / np.sqrt(3.0)) / duration**2
 
     def piece(self, start: float) -> Piece:
         """Return the ramp as a piece that begins at `start` [s]."""
-        return Piece(start, start + self.span, lambda t: self.motion(t - start), self._timed(start))
-
-    def _timed(self, start: float) -> MotionExtremes:
-        """Return the extremes with times on the playback's clock; those of the path, where the ramp passes them, else
-        its end.
-        """
-        q, dq = (self._passed(extremes, start) for extremes in self.extremes[:2])
-        lower, lower_time, upper, upper_time = self.extremes.ddq
-        return MotionExtremes(q, dq, Extremes(lower, lower_time + start, upper, upper_time + start))
-
-    def _passed(self, extremes: Extremes, start: float) -> Extremes:
-        edge = np.full(self.series.joints, start + (self.span if self.rising else 0.0))
-        return Extremes(extremes.lower, edge, extremes.upper, edge)
+        name = "blend_in" if self.rising else "blend_out"
+        return Piece(
+            start,
+            start + self.span,
+            lambda t: self.motion(t - start),
+            _shifted(self.extremes, start),
+            self.jerk_bound(),
+            name=name,
+        )
 
 
 def _shifted(extremes: MotionExtremes, offset: float) -> MotionExtremes:

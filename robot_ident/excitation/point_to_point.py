@@ -140,7 +140,7 @@ class PointToPoint:
         if not out:  # a motion that stays where it is
             zero = np.zeros(len(self.joints))
             still, q = _extremes(zero, zero, 0.0, 0.0), _extremes(self.points[0], self.points[0], 0.0, 0.0)
-            out.append(Piece(0.0, max(self.duration, 1e-3), self.reference, MotionExtremes(q, still, still)))
+            out.append(Piece(0.0, max(self.duration, 1e-3), self.reference, MotionExtremes(q, still, still), zero))
         return out
 
     def _piece(self, move: int, start: float, duration: float, rise: float) -> Piece:
@@ -161,6 +161,8 @@ class PointToPoint:
                 dq=_extremes(zero, rate * step, start, start + 0.5 * duration),
                 ddq=_extremes(bend * step, -bend * step, start + early, start + late),
             ),
+            jerk=60.0 / duration**3 * np.abs(step) if self.law == "smooth" else zero,
+            jumps=() if self.law == "smooth" else (start + rise, end - rise),
         )
 
     def check_robot(self, robot: Robot) -> None:

@@ -29,12 +29,18 @@ class Reference(Protocol):
 class Piece:
     """A stretch of a motion from `start` to `end` [s] along which q and dq have no jump, with bounds of q, dq and ddq
     on it.
+
+    jerk [n]: bounds of |d^3 q / dt^3| apart from the instants `jumps` at which the acceleration jumps; None where it is
+    not known. name: which part of a motion it is.
     """
 
     start: float
     end: float
     motion: Callable[[Array], Motion]
     extremes: MotionExtremes
+    jerk: Array | None = None
+    jumps: tuple[float, ...] = ()
+    name: str = ""
 
 
 class Certifiable(Protocol):

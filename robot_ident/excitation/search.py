@@ -10,17 +10,19 @@ from typing import Any
 import casadi as ca
 import numpy as np
 
-from robot_ident.excitation.problem import Problem, Program
+from robot_ident.excitation.problem import Problem
+from robot_ident.excitation.program import Program
 from robot_ident.motion import Array
 
 _STEPS: dict[str, dict[str, str]] = {  # how IPOPT steps, by what was measured to lead furthest in a given time
     "d-optimal": {"mehrotra_algorithm": "yes"},
+    "crlb": {"mehrotra_algorithm": "yes"},
     "condition": {"mu_strategy": "adaptive"},
 }
 _STEP = 0.02  # gain of the smooth cost from which an iterate is looked at
 _STRICT = 1e-9  # share of a limit that stays free, against rounding
 _NEARLY = 0.97  # where a search on the coarse grid counts as feasible: share of the limits,
-_SLIP = 0.01  # and distance by which a rule is broken, m
+_SLIP = 0.01  # and distance by which a rule of distance is broken, m
 _WORTHWHILE = 0.8  # iterates that would have to shrink further than this aren't repaired
 
 
@@ -67,10 +69,10 @@ class Recorder:
         for factor in (1.0, 0.998, 0.99, 0.97):
             candidate = shrunk(coefficients, factor)
             if self.problem.certifier.keeps(self.problem.excitation(candidate)):
-                log10_det, condition = self.problem.evaluate(candidate)
-                cost = self.problem.cost(log10_det, condition)
+                values = self.problem.evaluate(candidate)
+                cost = self.problem.cost(values)
                 if np.isfinite(cost) and (self.best is None or cost < self.best.cost):
-                    self.best = Found(candidate, cost, log10_det, condition)
+                    self.best = Found(candidate, cost, *values)
                 return True
         return False
 
@@ -111,7 +113,7 @@ def refine(problem: Problem, start: Array, recorder: Recorder) -> Array:
     x, clearance = start, 0.0
     for _ in range(3):
         x = minimise(problem.fine, x, recorder, iterations=120, clearance=clearance)
-        lack = problem.workspace_lack(problem.coefficients(x))
+        lack = problem.lack(problem.coefficients(x))
         if lack <= 0.0 or recorder.expired():
             break
         clearance += 1.2 * lack + 1e-5
@@ -181,7 +183,7 @@ def minimise(
             "acceptable_iter": 5,
             "hessian_approximation": "limited-memory",
             "limited_memory_max_history": 6,
-            **_STEPS[program.problem.setting.criterion],
+            **_STEPS[program.setting.criterion],
         },
     }
     solver = ca.nlpsol("search", "ipopt", {"x": program.x, "f": program.cost, "g": program.rows}, options)
@@ -197,11 +199,12 @@ def random_start(
 ) -> Array:
     """Return variables of the best of random trajectories, each as large as its limits allow."""
     setting = problem.setting
-    program, best = problem.coarse, (float("inf"), np.zeros(problem.scale.size))
+    program, best = problem.coarse, (float("inf"), np.zeros(problem.size))
+    waves = problem.free[1:]
+    order = (waves - 1) % setting.family.harmonics + 1
     for _ in range(draws):
         table = np.zeros(problem.scale.shape)
-        order = np.tile(np.arange(1, setting.harmonics + 1), 2)
-        table[1:] = rng.normal(size=(2 * setting.harmonics, setting.robot.n)) / np.sqrt(order)[:, None]
+        table[waves] = rng.normal(size=(len(waves), setting.robot.n)) / np.sqrt(order)[:, None]
         coefficients = problem.scale * table
         coefficients[0] = setting.poses[rng.integers(len(setting.poses))]
         coefficients[1:] *= _joint_factors(problem, coefficients)
@@ -217,8 +220,8 @@ def random_start(
 def _joint_factors(problem: Problem, coefficients: Array) -> Array:
     """Return by joint the factor [n] that brings a motion to its nearest limit, from samples."""
     setting, limits = problem.setting, problem.setting.robot.limits
-    points = 16 * setting.harmonics
-    motion = problem.series(coefficients).motion(np.arange(points) / points / setting.base_frequency)
+    points = 16 * setting.family.harmonics
+    motion = problem.series(coefficients).motion(np.arange(points) / points * setting.family.period)
     room = np.minimum(limits.upper - coefficients[0], coefficients[0] - limits.lower)
     used = [
         np.abs(motion.q - coefficients[0]).max(axis=0) / room,
@@ -235,7 +238,7 @@ def end_cost(problem: Problem, x: Array) -> float:
     if not np.all(np.isfinite(x)):
         return float("inf")
     coefficients = problem.coefficients(x)
-    if shrink_factor(problem, coefficients) < _NEARLY or problem.workspace_lack(coefficients) > _SLIP:
+    if shrink_factor(problem, coefficients) < _NEARLY or problem.lack(coefficients) > _SLIP:
         return float("inf")
-    log10_det, condition = problem.evaluate(coefficients)
-    return log10_det if problem.setting.criterion == "d-optimal" else condition
+    values = problem.evaluate(coefficients)
+    return values.condition if problem.setting.criterion == "condition" else values.log10_det

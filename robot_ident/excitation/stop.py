@@ -62,7 +62,12 @@ class Stop:
             for order in range(3)
         ]
         extremes = MotionExtremes(*(Extremes(*np.array(rows).T) for rows in values))
-        return [Piece(0.0, self.duration, self.reference, extremes)]
+        third = [polynomial.polyder(c, 3) for c in self.coefficients]
+        jerk = [
+            float(np.abs(polynomial.polyval(np.array([0.0, duration]), c)).max())  # a straight line
+            for c, duration in zip(third, self.durations, strict=True)
+        ]
+        return [Piece(0.0, self.duration, self.reference, extremes, np.array(jerk), tuple(self.durations))]
 
 
 def stop_from(state: Motion, robot: Robot) -> Stop:

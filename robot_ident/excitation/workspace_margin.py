@@ -2,7 +2,8 @@
 
 A clause's alternatives are distances g(p), affine or convex with |grad g| = 1, so over an interval of half width h
 about t g(t + s) >= g(t) + s dg/dt - A s^2 / 2 with A a bound of the frame's acceleration: a proven lower bound that
-converges as h^2.
+converges as h^2. The inside of a cylinder is concave: there the distance from the axis, convex in p, is largest
+at an end of the straight way p + s v.
 """
 
 from __future__ import annotations
@@ -123,5 +124,9 @@ def _slack(alternative: Alternative, p: Array, v: Array, halves: Array, curvatur
         axis = np.array(alternative.axis)
         away = p - np.array(alternative.point)
         away = away - np.outer(away @ axis, axis)
+        if alternative.inside:
+            step = halves[:, None] * (v - np.outer(v @ axis, axis))
+            farthest = np.maximum(np.linalg.norm(away + step, axis=1), np.linalg.norm(away - step, axis=1))
+            return value, alternative.radius - farthest - 0.5 * curvature * halves**2 - 1e-9
         slope = np.einsum("ki,ki->k", away, v) / np.sqrt(np.einsum("ki,ki->k", away, away) + 1e-18)
     return value, value - np.abs(slope) * halves - 0.5 * curvature * halves**2

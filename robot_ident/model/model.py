@@ -11,6 +11,7 @@ import numpy as np
 
 from robot_ident.model.structure import Parameter, Structure
 from robot_ident.motion import Array, Motion, frozen_array
+from robot_ident.robot.rigid_body import STANDARD
 from robot_ident.robot.robot import Robot
 
 
@@ -115,7 +116,7 @@ class Model:
         if self.physical is None:
             return None
         links = self.physical["inertias"]
-        return np.array([value for joint in self.robot.joints for value in links[joint].values()])
+        return np.array([links[joint][name] for joint in self.robot.joints for name in STANDARD])
 
     @property
     def physical_rotors(self) -> Array | None:
@@ -128,6 +129,33 @@ class Model:
         """Return the model's torque [N, n] Nm along a motion."""
         tau: Array = self.structure.columns(motion, self.linear) @ self.linear
         return tau
+
+    def _repr_html_(self) -> str:
+        """Show the parameters with their uncertainty, and the residual beside the noise, in a notebook."""
+        from robot_ident.markup import listed, paragraph, table
+
+        parameters = [
+            (p.name, float(value), float(std), p.unit, p.meaning)
+            for p, value, std in zip(self.parameters, self.values, self.std, strict=True)
+        ]
+        fits = [
+            (
+                joint,
+                fit.rms,
+                None if fit.noise_variance is None else fit.noise_variance**0.5,
+                self.robot.torque_unit(self.robot.joint_index(joint)),
+            )
+            for joint, fit in self.residual.items()
+        ]
+        told = f"{self.robot.name}: {len(parameters)} parameters by {self.estimator}"
+        return "".join(
+            (
+                paragraph(f"{told}, condition number {self.condition_number:.4g}"),
+                table(("joint", "residual rms", "noise rms", "unit"), fits),
+                table(("parameter", "value", "sigma", "unit", "meaning"), parameters),
+                listed(self.notes),
+            )
+        )
 
     def to_dict(self) -> dict[str, Any]:
         """Return the contents of `model.yaml`, the same as `identify --json` prints."""

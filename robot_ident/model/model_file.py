@@ -2,8 +2,9 @@
 
 from __future__ import annotations
 
+from collections.abc import Iterable
 from pathlib import Path
-from typing import Any
+from typing import Annotated, Any, Literal
 
 import numpy as np
 from pydantic import Field
@@ -13,9 +14,14 @@ from robot_ident.errors import InputError
 from robot_ident.files import write_text
 from robot_ident.model.model import Fit, Model, NoiseLevel
 from robot_ident.model.structure import Structure
+from robot_ident.motion import Array
 from robot_ident.robot import load_robot
 from robot_ident.robot.load import robot_of
+from robot_ident.robot.rigid_body import STANDARD
 from robot_ident.robot.robot import Definition, Robot
+
+Positive = Annotated[float, Field(gt=0)]
+NotNegative = Annotated[float, Field(ge=0)]
 
 
 class ParameterFile(Closed):
@@ -33,19 +39,42 @@ class ParameterFile(Closed):
 class FitFile(Closed):
     """The residual of a joint in `model.yaml`."""
 
-    mse: float
-    rms: float
-    noise_variance: float | None
-    relative: float
+    mse: NotNegative
+    rms: NotNegative
+    noise_variance: NotNegative | None
+    relative: NotNegative
 
 
 class NoiseFile(Closed):
     """The noise in `model.yaml`."""
 
-    torque_variance: list[float | None]
-    position_variance: list[float | None]
+    torque_variance: list[NotNegative | None]
+    position_variance: list[NotNegative | None]
     periods: int = Field(ge=1)
     samples_per_period: int = Field(ge=1)
+
+
+class ProcessingFile(Closed):
+    """How recordings were processed, in `model.yaml`; what is left out is as the program has it."""
+
+    base_frequency: Positive | None = None
+    periodic: bool | None = None
+    low_pass: Positive | None = None
+    derivative_bandwidth: Positive | None = None
+    decimate: int = Field(1, ge=1)
+    minimum_speed: list[NotNegative] | None = None
+    anti_alias: tuple[NotNegative, NotNegative] | None = None
+
+
+class PhysicalFile(Closed):
+    """Physically consistent inertias in `model.yaml`."""
+
+    distance: NotNegative
+    residual_rise: float
+    violated: list[str]
+    covariance: Literal["data", "constrained"]
+    inertias: dict[str, dict[str, float]]
+    rotor_inertia: dict[str, float]
 
 
 class DefinitionFile(Closed):
@@ -60,7 +89,7 @@ class ModelFile(Closed):
 
     schema_: schema("robot_ident/model/1") = Field(alias="schema")  # type: ignore[valid-type]
     robot: str
-    estimator: str
+    estimator: Literal["ls", "wls", "ml", "iv"]
     effects: list[str]
     parameters: list[ParameterFile]
     noise: NoiseFile
@@ -70,12 +99,21 @@ class ModelFile(Closed):
     chi_square: float | None = None
     dof: float | None = None
     per_period: list[dict[str, Any]] = []
-    physical: dict[str, Any] | None = None
-    processing: dict[str, Any] = {}
+    physical: PhysicalFile | None = None
+    processing: ProcessingFile = ProcessingFile()
     provenance: dict[str, Any] = {}
     notes: list[str] = []
     covariance: list[list[float]]
     robot_definition: DefinitionFile | None = None
+
+
+def is_model(path: Path | str) -> bool:
+    """Tell a model from a recording by its content."""
+    try:
+        with open(path, encoding="utf-8") as file:
+            return any("robot_ident/model/" in line for line in (file.readline() for _ in range(5)))
+    except (OSError, UnicodeDecodeError):
+        return False
 
 
 def write_model(model: Model, path: Path | str, *, force: bool = False) -> None:
@@ -92,6 +130,8 @@ def read_model(path: Path | str) -> Model:
     covariance = np.array(file.covariance) if all(len(row) == p for row in file.covariance) else np.empty(0)
     if covariance.shape != (p, p):
         raise InputError(f"{path}: covariance must be {p} x {p}, one row a parameter")
+    _check_covariance(covariance, file, path)
+    _check_joints(file, robot, path)
     return Model(
         structure=structure,
         values=np.array([parameter.value for parameter in file.parameters]),
@@ -106,14 +146,54 @@ def read_model(path: Path | str) -> Model:
         residual={joint: Fit(**fit.model_dump()) for joint, fit in file.residual.items()},
         condition_number=file.condition_number,
         log10_det_covariance=file.log10_det_covariance,
-        processing=file.processing,
+        processing=file.processing.model_dump(),
         provenance=file.provenance,
         notes=tuple(file.notes),
         per_period=tuple(file.per_period),
         chi_square=file.chi_square,
         dof=file.dof,
-        physical=file.physical,
+        physical=None if file.physical is None else file.physical.model_dump(),
     )
+
+
+def _check_covariance(covariance: Array, file: ModelFile, path: Path | str) -> None:
+    """Raise InputError where the matrix can't be a covariance, or is that of other standard deviations."""
+    scale = np.sqrt(np.maximum(np.diag(covariance), 0.0))
+    if np.any(np.diag(covariance) < 0):
+        name = file.parameters[int(np.argmin(np.diag(covariance)))].name
+        raise InputError(f"{path}: covariance: the variance of {name} is negative")
+    unit = np.outer(scale, scale) + 1e-300
+    if np.abs((covariance - covariance.T) / unit).max() > 1e-6:
+        raise InputError(f"{path}: covariance is not symmetric")
+    if np.abs(covariance / unit).max() > 1.0 + 1e-6:
+        raise InputError(f"{path}: covariance holds a correlation above 1")
+    for parameter, own in zip(file.parameters, scale, strict=True):
+        if abs(parameter.std - own) > 1e-6 * max(own, parameter.std):
+            raise InputError(
+                f"{path}: {parameter.name}: std {parameter.std:.6g} is not the root of its variance, {own:.6g}"
+            )
+
+
+def _check_joints(file: ModelFile, robot: Robot, path: Path | str) -> None:
+    """Raise InputError where what is kept by joint is not of the robot's joints."""
+    by_joint: dict[str, Iterable[str]] = {"residual": file.residual}
+    if file.physical is not None:
+        by_joint |= {"physical.inertias": file.physical.inertias}
+        by_joint |= {"physical.rotor_inertia": file.physical.rotor_inertia}
+        for joint, ten in file.physical.inertias.items():
+            if set(ten) != set(STANDARD):
+                raise InputError(f"{path}: physical.inertias.{joint} must hold {', '.join(STANDARD)} and nothing else")
+    for field, names in by_joint.items():
+        if set(names) != set(robot.joints):
+            raise InputError(
+                f"{path}: {field} is of {', '.join(names) or 'no joint'}, not of {', '.join(robot.joints)}"
+            )
+    for field in ("torque_variance", "position_variance"):
+        if len(getattr(file.noise, field)) != robot.n:
+            raise InputError(f"{path}: noise.{field} must have {robot.n} values, one a joint")
+    speeds = file.processing.minimum_speed
+    if speeds is not None and len(speeds) != robot.n:
+        raise InputError(f"{path}: processing.minimum_speed must have {robot.n} values, one a joint")
 
 
 def _robot(file: ModelFile, path: Path | str) -> Robot:

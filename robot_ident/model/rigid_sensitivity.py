@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterator
 from dataclasses import dataclass
 from functools import cached_property
 from typing import Any
@@ -69,23 +68,25 @@ class RigidSensitivity:
 
         model = self.robot.rigid.model.copy()
         model.armature = np.zeros(self.robot.n)
-        for link, ten in enumerate(self._standard()):
+        for link, ten in enumerate(standard_parameters(self.robot, self.base, self.values)):
             model.inertias[1 + link] = pinocchio.Inertia.FromDynamicParameters(ten)
         return model
 
-    def _standard(self) -> Iterator[Array]:
-        """Yield the ten standard parameters of every link: the URDF's, with the selected ones set right.
 
-        A selected parameter regroups into itself alone, so what its base parameter lacks is what it has to change by.
-        """
-        n = self.robot.n
-        standard = self.robot.rigid.parameters.copy()
-        selected = list(self.base.columns)
-        for mass in range(0, 10 * n, 10):
-            if mass not in selected and standard[mass] <= 0.0:
-                standard[mass] = _MASSLESS
-        standard[selected] += self.values - self.base.regrouping[:, : 10 * n] @ standard
-        for mass in range(0, 10 * n, 10):
-            if standard[mass] == 0.0:
-                standard[mass] = _MASSLESS
-        yield from standard.reshape(n, 10)
+def standard_parameters(robot: Robot, base: BaseParameters, values: Array) -> Array:
+    """Return the ten standard parameters of every link [n, 10] that give base parameters values [b]: the URDF's, with
+    the selected ones set right.
+
+    A selected parameter regroups into itself alone, so what its base parameter lacks is what it has to change by.
+    """
+    n = robot.n
+    standard = robot.rigid.parameters.copy()
+    selected = list(base.columns)
+    for mass in range(0, 10 * n, 10):
+        if mass not in selected and standard[mass] <= 0.0:
+            standard[mass] = _MASSLESS
+    standard[selected] += values - base.regrouping[:, : 10 * n] @ standard
+    for mass in range(0, 10 * n, 10):
+        if standard[mass] == 0.0:
+            standard[mass] = _MASSLESS
+    return np.asarray(standard.reshape(n, 10))

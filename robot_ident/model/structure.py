@@ -4,7 +4,6 @@ from __future__ import annotations
 
 from collections.abc import Iterable, Sequence
 from dataclasses import dataclass, replace
-from types import SimpleNamespace
 from typing import Any
 
 import numpy as np
@@ -120,20 +119,20 @@ class Structure:
             parts.append(effect.columns(motion, torques) if effect.uses_torque else next(rest))
         return np.concatenate(parts, axis=2)
 
-    def torques(self, motion: Motion, values: Array) -> Torques:
-        """Return the torques [N, n] that effects may depend on."""
-        rigid = self.rigid_columns(motion)
+    def torques(self, motion: Motion, values: Array, rigid: Array | None = None) -> Torques:
+        """Return the torques [N, n] that effects may depend on; rigid: as for `columns`."""
+        rigid = self.rigid_columns(motion) if rigid is None else rigid
         return self._torques(motion, [rigid, *(e.columns(motion) for e in self.effects if not e.uses_torque)], values)
 
     def _torques(self, motion: Motion, plain: Sequence[Array], values: Array | None) -> Torques:
         if values is None:
             nothing = np.zeros(plain[0].shape[:2])
             return Torques(nothing, nothing)
-        load, total, dry = self._load_total_dry(plain, values)
+        load, total, dry = self.load_total_dry(plain, values)
         rigid = RigidSensitivity(self.robot, self.base, values[: len(self.base.columns)], motion)
         return Torques(load, total, rigid, dry)
 
-    def _load_total_dry(self, plain: Sequence[Any], values: Array) -> tuple[Any, Any, Any]:
+    def load_total_dry(self, plain: Sequence[Any], values: Array) -> tuple[Any, Any, Any]:
         """Return the torque of what loads the gear, of all effects that don't depend on torque, and of dry friction.
 
         plain: columns (numbers or expressions) of the base parameters and of those effects, values [p or more].
@@ -158,30 +157,13 @@ class Structure:
     def symbolic(self, sign: Any = None, values: Array | None = None) -> Any:
         """Return the CasADi function (q, dq, ddq) -> Phi [n, p]; `sign` may be a smooth stand-in for the sign function.
 
-        values [p or more] are needed where an effect depends on the model's torque. Raises InputError where they are
-        missing, and where an effect has memory.
+        values [p or more] are needed where an effect depends on the model's torque. An effect with memory counts as its
+        smooth stand-in, and the function then takes the third and fourth derivative of q too. Raises InputError where
+        values are missing, and where no motion shows an effect.
         """
-        import casadi as ca
+        from robot_ident.model.expressions import columns_function
 
-        from robot_ident.robot.symbolic import regressor_expression
-
-        n = self.robot.n
-        q, dq, ddq = ca.SX.sym("q", n), ca.SX.sym("dq", n), ca.SX.sym("ddq", n)
-        m = SimpleNamespace(
-            sin=ca.sin, cos=ca.cos, exp=ca.exp, sqrt=ca.sqrt, sign=sign or ca.sign, fabs=ca.fabs, tanh=ca.tanh
-        )
-        x = Signals(ca.vertsplit(q), ca.vertsplit(dq), ca.vertsplit(ddq))
-        rigid = regressor_expression(self.robot, q, dq, ddq)[:, list(self.base.columns)]
-        plain = [rigid, *(_expressions(effect, x, m, ca.SX) for effect in self.effects if not effect.uses_torque)]
-        if self.uses_torque:
-            if values is None:
-                first = next(effect.label for effect in self.effects if effect.uses_torque)
-                raise InputError(f"the columns of {first} depend on the model's torque: a first model is needed")
-            load, total, _ = self._load_total_dry(plain, values)
-            x = replace(x, load=ca.vertsplit(load), total=ca.vertsplit(total))
-        rest = iter(plain[1:])
-        columns = [_expressions(e, x, m, ca.SX) if e.uses_torque else next(rest) for e in self.effects]
-        return ca.Function("phi", [q, dq, ddq], [ca.horzcat(rigid, *columns)])
+        return columns_function(self, sign, values)
 
     def true_values(self) -> Array:
         """Return theta [p] of the simulated robot.
@@ -219,18 +201,6 @@ def _merges(effect: Effect, base: BaseParameters) -> str:
     column = 10 * effect.robot.n + effect.joint
     into = [name for name, row in zip(base.names, base.regrouping, strict=True) if row[column] != 0.0]
     return ", ".join(into)
-
-
-def _expressions(effect: Effect, x: Signals, m: Any, matrix: Any) -> Any:
-    """Return the columns of an effect [n, k] as a matrix of expressions."""
-    if not effect.symbolic:
-        raise InputError(f"no excitation can be designed for {effect.label}: its column is no function of the state")
-    terms = effect.terms(x, m)
-    columns = matrix(effect.robot.n, len(terms))
-    for k, term in enumerate(terms):
-        for joint, value in term.items():
-            columns[joint, k] = value
-    return columns
 
 
 def _linear(robot: Robot, base: BaseParameters, effects: Sequence[Effect]) -> tuple[Parameter, ...]:

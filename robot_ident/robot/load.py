@@ -2,13 +2,9 @@
 
 from __future__ import annotations
 
-import os
-import sys
-from collections.abc import Iterable, Iterator
-from contextlib import contextmanager
+from collections.abc import Iterable
 from pathlib import Path
 from typing import Annotated, Any, Literal
-from xml.etree import ElementTree
 
 import numpy as np
 from pydantic import Field, ValidationInfo, field_validator
@@ -17,15 +13,16 @@ from robot_ident.configuration import Closed, parse, read_yaml, schema
 from robot_ident.errors import InputError, did_you_mean
 from robot_ident.motion import Array, frozen_array
 from robot_ident.robot import workspace
+from robot_ident.robot.geometry import CLEARANCE, Geometry
+from robot_ident.robot.packages import find_resource
 from robot_ident.robot.rigid_body import RigidBody
 from robot_ident.robot.robot import AntiAlias, Definition, Drives, Limits, Noise, Robot, Spring
+from robot_ident.robot.urdf import ENDLESS, check_serial, lock, parse_urdf, refuse_mimics
 from robot_ident.share import config_file
 
 Positive = Annotated[float, Field(gt=0)]
 NotNegative = Annotated[float, Field(ge=0)]
 Vector = tuple[float, float, float]
-
-_ENDLESS = 1e9  # rad, the limit that stands for none
 
 
 class JointFile(Closed):
@@ -67,7 +64,7 @@ class RuleFile(Closed):
     """A workspace rule in a robot YAML."""
 
     kind: Literal["half_space", "cylinder", "box"] = Field(
-        description="half_space: kept; cylinder: forbidden; box: either"
+        description="half_space: kept; cylinder and box: kept or forbidden"
     )
     frame: str | None = Field(None, description="the frame that is meant; default the end effector")
     normal: Vector | None = Field(None, description="half_space: direction that is allowed")
@@ -77,7 +74,9 @@ class RuleFile(Closed):
     radius: Positive | None = Field(None, description="cylinder: radius, m")
     lower: float | Vector | None = Field(None, description="cylinder: its lower end along the axis, m; box: corner, m")
     upper: float | Vector | None = Field(None, description="cylinder: its upper end along the axis, m; box: corner, m")
-    inside: bool = Field(True, description="box: stay inside (true) or outside (false)")
+    inside: bool | None = Field(
+        None, description="cylinder (default false) and box (default true): stay inside or outside"
+    )
 
     def rule(self, end_effector: str) -> workspace.WorkspaceRule:
         """Return the rule; ValueError where a field is missing or of the wrong form."""
@@ -89,10 +88,21 @@ class RuleFile(Closed):
         if self.kind == "cylinder":
             if self.radius is None or isinstance(self.lower, tuple) or isinstance(self.upper, tuple):
                 raise ValueError("a cylinder needs 'radius', and 'lower' and 'upper' as numbers")
-            return workspace.cylinder(frame, self.point, self.axis, self.radius, self.lower, self.upper)
+            return workspace.cylinder(
+                frame, self.point, self.axis, self.radius, self.lower, self.upper, inside=self.inside is True
+            )
         if not isinstance(self.lower, tuple) or not isinstance(self.upper, tuple):
             raise ValueError("a box needs 'lower' and 'upper' as [x, y, z]")
-        return workspace.box(frame, self.lower, self.upper, inside=self.inside)
+        return workspace.box(frame, self.lower, self.upper, inside=self.inside is not False)
+
+
+class SelfCollisionFile(Closed):
+    """What a robot YAML says about its links touching each other."""
+
+    clearance: NotNegative = Field(CLEARANCE, description="smallest distance between two links, m")
+    srdf: str | None = Field(None, description="SRDF whose disable_collisions name links that may touch")
+    ignore: list[tuple[str, str]] = Field([], description="further pairs of links that may touch")
+    check: bool = Field(True, description="false: links may touch")
 
 
 class SpringFile(Closed):
@@ -122,6 +132,9 @@ class RobotFile(Closed):
     )
     locked: dict[str, float] = Field({}, description="angles at which other joints of the URDF are held, rad")
     workspace: list[RuleFile] = Field([], description="rules on the position of frames")
+    self_collision: SelfCollisionFile | None = Field(
+        None, description="distance between links; looked at wherever the URDF has collision geometry"
+    )
     springs: dict[str, SpringFile] = Field({}, description="gravity springs by joint")
     effects: list[str] = Field([], description="effects known to be there, as name@joint; @* means every joint")
     base_parameters: dict[str, str] = Field({}, description="shown name: standard parameter, e.g. p1: Izz1")
@@ -163,13 +176,30 @@ def load_robot(name: str | Path = "kuka_ir361") -> Robot:
         path = config_file("robots", f"{name}.yaml")
     data = read_yaml(path)
     file = parse(RobotFile, data, path)
-    text = _read_text(path.parent / file.urdf)
+    text = _read_text(_located(file.urdf, path))
     return _build(file, text, path, None if builtin else Definition(data, text))
 
 
 def robot_of(definition: Definition, source: str) -> Robot:
     """Return the robot of a definition that a model carries; `source` names the model's file in messages."""
     return _build(parse(RobotFile, dict(definition.yaml), source), definition.urdf, Path(source), definition)
+
+
+def _located(name: str, path: Path) -> Path:
+    """Return the file that a robot YAML at `path` names: relative to it, or in a package (`package://NAME/...`)."""
+    found = find_resource(name, path.parent)
+    if found is None and "://" in name:
+        raise InputError(f"{path}: {name!r} was not found")
+    return found or path.parent / name
+
+
+def definition_of(robot: Robot) -> Definition:
+    """Return what a robot was read from, of one that comes with the package too."""
+    if robot.definition is not None:
+        return robot.definition
+    path = Path(robot.source)
+    data = read_yaml(path)
+    return Definition(data, _read_text(_located(parse(RobotFile, data, path).urdf, path)))
 
 
 def _read_text(path: Path) -> str:
@@ -181,95 +211,13 @@ def _read_text(path: Path) -> str:
         raise InputError(f"{path}: can't be read as text ({error})") from error
 
 
-def _parse_urdf(text: str, path: Path) -> Any:
-    import pinocchio
-
-    try:
-        with _quiet():
-            return pinocchio.buildModelFromXML(_endless(text))
-    except (ValueError, RuntimeError, ElementTree.ParseError) as error:
-        raise InputError(f"{path}: not a URDF that can be used ({str(error).splitlines()[0]})") from error
-
-
-@contextmanager
-def _quiet() -> Iterator[None]:
-    """Keep the parser's own lines off standard error: our one line says what is wrong."""
-    sys.stderr.flush()
-    kept = os.dup(2)
-    nothing = os.open(os.devnull, os.O_WRONLY)
-    try:
-        os.dup2(nothing, 2)
-        yield
-    finally:
-        os.dup2(kept, 2)
-        os.close(kept)
-        os.close(nothing)
-
-
-def _refuse_mimics(text: str, moving: Iterable[str], path: Path) -> None:
-    """Raise InputError where a joint that mimics another is to move by itself."""
-    names = set(moving)
-    for joint in ElementTree.fromstring(text).iter("joint"):
-        if joint.find("mimic") is not None and joint.get("name", "") in names:
-            raise InputError(
-                f"{path}: joint {joint.get('name')!r} mimics another; lock it under 'locked' in a robot YAML"
-            )
-
-
-def _endless(text: str) -> str:
-    """Return the URDF with continuous joints as revolute ones without a position limit: one number then tells their
-    angle.
-    """
-    if '"continuous"' not in text:
-        return text
-    tree = ElementTree.fromstring(text)
-    for joint in tree.iter("joint"):
-        if joint.get("type") == "continuous":
-            joint.set("type", "revolute")
-            limit = joint.find("limit")
-            if limit is None:
-                limit = ElementTree.SubElement(joint, "limit", {"velocity": "0", "effort": "0"})
-            limit.set("lower", str(-_ENDLESS))
-            limit.set("upper", str(_ENDLESS))
-    return ElementTree.tostring(tree, encoding="unicode")
-
-
-def _lock(model: Any, moving: Iterable[str], angles: dict[str, float], path: Path) -> Any:
-    """Return the model with every joint that isn't moving held at its angle (0 unless told)."""
-    import pinocchio
-
-    names = list(model.names)[1:]
-    for word in (*moving, *angles):
-        if word not in names:
-            raise InputError(f"{path}: joint {word!r} is not in the URDF{did_you_mean(word, names)}")
-    q = pinocchio.neutral(model)
-    lock = [name for name in names if name not in moving]
-    for name, angle in angles.items():
-        q[model.joints[model.getJointId(name)].idx_q] = angle
-    return pinocchio.buildReducedModel(model, [model.getJointId(name) for name in lock], q) if lock else model
-
-
-def _check_serial(model: Any, path: Path) -> None:
-    for joint in range(1, model.njoints):
-        kind = model.joints[joint].shortname()
-        if model.joints[joint].nq != 1 or model.joints[joint].nv != 1 or "Mimic" in kind:
-            raise InputError(
-                f"{path}: joint {model.names[joint]!r} is of type {kind}; only revolute joints and prismatic"
-                " ones can move (lock it in a robot YAML, or give it limits in the URDF)"
-            )
-        if model.parents[joint] != joint - 1:
-            raise InputError(
-                f"{path}: the joints branch at {model.names[joint]!r}; list one chain under 'joints' in a robot YAML"
-            )
-
-
 def _build(file: RobotFile, text: str, path: Path, definition: Definition | None) -> Robot:
-    urdf = path if path.suffix == ".urdf" else path.parent / file.urdf
-    model = _parse_urdf(text, urdf)
+    urdf = path if path.suffix == ".urdf" else find_resource(file.urdf, path.parent) or path.parent / file.urdf
+    model = parse_urdf(text, urdf)
     moving = tuple(file.joints) or tuple(name for name in list(model.names)[1:] if name not in file.locked)
-    model = _lock(model, moving, file.locked, path)
-    _check_serial(model, urdf)
-    _refuse_mimics(text, moving, urdf)
+    model = lock(model, moving, file.locked, path)
+    check_serial(model, urdf)
+    refuse_mimics(text, moving, urdf)
     joints = tuple(list(model.names)[1:])
     if not joints:
         raise InputError(f"{urdf}: no joint moves")
@@ -284,13 +232,15 @@ def _build(file: RobotFile, text: str, path: Path, definition: Definition | None
     for rule in rules:
         if not model.existFrame(rule.frame):
             raise InputError(f"{path}: workspace: frame {rule.frame!r} is not in the URDF")
+    limits = _limits(model, records)
     return Robot(
         name=file.name,
         source=str(path),
         definition=definition,
         joints=joints,
         rigid=RigidBody(model),
-        limits=_limits(model, records),
+        limits=limits,
+        geometry=_geometry(file, text, urdf, path, joints, limits),
         drives=Drives(
             gear_ratio=_column(record.gear_ratio for record in records),
             armature=_column(record.armature for record in records),
@@ -319,6 +269,31 @@ def _build(file: RobotFile, text: str, path: Path, definition: Definition | None
     )
 
 
+def _geometry(
+    file: RobotFile, text: str, urdf: Path, path: Path, moving: tuple[str, ...], limits: Limits
+) -> Geometry | None:
+    """Return what the links' bodies are read from, or None where there are none or nobody minds."""
+    told = file.self_collision
+    if told is not None and not told.check:
+        return None
+    asked = told or SelfCollisionFile()
+    out = Geometry(
+        text,
+        urdf,
+        moving,
+        dict(file.locked),
+        limits.lower,
+        limits.upper,
+        asked.clearance,
+        frozenset(frozenset(pair) for pair in asked.ignore),
+        None if asked.srdf is None else find_resource(asked.srdf, path.parent) or path.parent / asked.srdf,
+        asked=told is not None,
+    )
+    if told is not None and not out.given:
+        raise InputError(f"{path}: self_collision: {urdf} has no collision geometry")
+    return out if out.given else None
+
+
 def _last_frame(model: Any) -> str:
     last = [frame.name for frame in model.frames if frame.parentJoint == model.njoints - 1]
     return last[-1]
@@ -335,7 +310,7 @@ def _limits(model: Any, records: list[JointFile]) -> Limits:
     velocity = np.array(model.upperVelocityLimit if newer else model.velocityLimit)
     torque = np.array(model.upperEffortLimit if newer else model.effortLimit)
     acceleration = np.full(len(records), np.inf)
-    lower[lower <= -_ENDLESS], upper[upper >= _ENDLESS] = -np.inf, np.inf
+    lower[lower <= -ENDLESS], upper[upper >= ENDLESS] = -np.inf, np.inf
     velocity[velocity <= 0] = np.inf
     torque[torque <= 0] = np.inf
     for k, record in enumerate(records):

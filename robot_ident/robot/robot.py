@@ -12,6 +12,7 @@ import numpy as np
 
 from robot_ident.errors import InputError, did_you_mean
 from robot_ident.motion import Array
+from robot_ident.robot.geometry import Geometry
 from robot_ident.robot.rigid_body import RigidBody
 from robot_ident.robot.workspace import WorkspaceRule
 
@@ -78,8 +79,9 @@ class Robot:
     """A serial arm, from URDF and YAML.
 
     `simulation` holds the true values of effects in the simulated robot: effect -> joint -> parameter -> value.
-    `known_effects` are part of every model of this robot, as `name@joint`. `base_parameters` gives names to base
-    parameters: shown name -> standard parameter. `minimum_speed` [n] rad/s: slower samples aren't used to identify.
+    `geometry`: the bodies of its links, None where the URDF has none or they may touch. `known_effects` are part of
+    every model of this robot, as `name@joint`. `base_parameters` gives names to base parameters: shown name -> standard
+    parameter. `minimum_speed` [n] rad/s: slower samples aren't used to identify.
     Measuring chain of the torque: `anti_alias` (the filter in it, None: none), `effort` (what is reported: torque or
     current), `torque_delay` [n] s by which torque lags position, `torque_curves` (A, Nm) by joint for a constant.
     `definition` is what it was read from, None for a robot that comes with the package.
@@ -95,6 +97,7 @@ class Robot:
     end_effector: str
     definition: Definition | None = None
     workspace: tuple[WorkspaceRule, ...] = ()
+    geometry: Geometry | None = None
     springs: Mapping[str, Spring] = field(default_factory=dict)
     simulation: Mapping[str, Mapping[str, Mapping[str, float]]] = field(default_factory=dict)
     known_effects: tuple[str, ...] = ()

@@ -29,7 +29,7 @@ def _rotation(axis: Array, angle: Any) -> Any:
     return ca.cos(angle) * (ca.DM.eye(3) - outer) + ca.sin(angle) * ca.sparsify(_skew(k)) + outer
 
 
-def _joint_axis(robot: Robot, joint: int) -> tuple[Array, Array]:
+def joint_axis(robot: Robot, joint: int) -> tuple[Array, Array]:
     """Return the linear and angular part of a joint's motion subspace in its own frame."""
     model = robot.rigid.model
     data = model.joints[1 + joint].createData()
@@ -50,7 +50,7 @@ def _placements(robot: Robot, q: Any) -> list[tuple[Any, Any, Any, Any]]:
     out = []
     for joint in range(robot.n):
         placement = robot.rigid.model.jointPlacements[1 + joint]
-        linear, angular = _joint_axis(robot, joint)
+        linear, angular = joint_axis(robot, joint)
         r, p = _clean(placement.rotation), ca.sparsify(ca.DM(np.array(placement.translation)))
         if robot.prismatic[joint]:
             out.append((r, p + ca.mtimes(r, ca.DM(linear) * q[joint]), _clean(linear), ca.DM.zeros(3)))
@@ -79,10 +79,14 @@ def _wrench_columns(w: Any, dw: Any, a: Any) -> tuple[Any, Any]:
     return force, moment
 
 
-def regressor_expression(robot: Robot, q: Any, dq: Any, ddq: Any) -> Any:
-    """Return Y [n, 10 n] as an expression in q, dq, ddq [n]: tau = Y pi by Newton-Euler, outward then inward."""
+def regressor_expression(robot: Robot, q: Any, dq: Any, ddq: Any, gravity: Array | None = None) -> Any:
+    """Return Y [n, 10 n] as an expression in q, dq, ddq [n]: tau = Y pi by Newton-Euler, outward then inward.
+
+    gravity [3] m/s^2 in the base: that of the robot where none is given.
+    """
+    down = robot.rigid.model.gravity.linear if gravity is None else gravity
     w, dw = ca.SX(3, 1), ca.SX(3, 1)
-    a = -ca.SX(ca.sparsify(ca.DM(np.array(robot.rigid.model.gravity.linear))))
+    a = -ca.SX(ca.sparsify(ca.DM(np.array(down, dtype=float))))
     chain = _placements(robot, q)
     wrenches = []
     for joint, (r, p, linear, angular) in enumerate(chain):
@@ -145,3 +149,17 @@ def frame_function(robot: Robot, frame: str) -> Any:
     for r, offset, _, _ in reversed(chain[: found.parentJoint]):
         p = offset + ca.mtimes(r, p)
     return ca.Function("frame", [q], [p])
+
+
+def placements_function(robot: Robot) -> Any:
+    """Return the CasADi function q -> (R [3, 3 n], p [3, n] m): the joints' frames in the base."""
+    q = ca.SX.sym("q", robot.n)
+    rotation, position = ca.SX.eye(3), ca.SX(3, 1)
+    rotations, positions = [], []
+    for r, p, _, _ in _placements(robot, q):
+        position = position + ca.mtimes(rotation, p)
+        rotation = ca.mtimes(rotation, r)
+        rotations.append(rotation)
+        positions.append(position)
+    outputs = [ca.densify(ca.horzcat(*rotations)), ca.densify(ca.horzcat(*positions))]
+    return ca.Function("placements", [q], outputs)

@@ -29,18 +29,22 @@ class Plane:
 
 @dataclass(frozen=True)
 class Radial:
-    """Distance from a line (point, unit axis) less a radius [m]: positive outside of the cylinder."""
+    """Distance from a line (point, unit axis) less a radius [m]: positive outside of the cylinder; `inside`: its
+    negative.
+    """
 
     point: tuple[float, float, float]
     axis: tuple[float, float, float]
     radius: float
+    inside: bool = False
 
     def value(self, x: Any, y: Any, z: Any, sqrt: Callable[[Any], Any] = np.sqrt) -> Any:
         """Return the signed distance of (x, y, z), arrays or CasADi expressions."""
         dx, dy, dz = x - self.point[0], y - self.point[1], z - self.point[2]
         along = dx * self.axis[0] + dy * self.axis[1] + dz * self.axis[2]
         across = dx * dx + dy * dy + dz * dz - along * along
-        return sqrt(across + 1e-18) - self.radius  # the 1e-18 keeps the derivative finite on the axis
+        distance = sqrt(across + 1e-18) - self.radius  # the 1e-18 keeps the derivative finite on the axis
+        return -distance if self.inside else distance
 
 
 Alternative = Plane | Radial
@@ -84,19 +88,29 @@ def cylinder(
     radius: float,
     lower: float | None,
     upper: float | None,
+    *,
+    inside: bool = False,
 ) -> WorkspaceRule:
-    """Keep out of a cylinder of `radius` about a line, between `lower` and `upper` [m] along its axis (None:
-    endless).
+    """Keep out of (or inside) a cylinder of `radius` about a line, between `lower` and `upper` [m] along its axis
+    (None: endless).
     """
     u = _unit(axis)
     start = float(np.dot(u, point))
+    span = f" between {'-inf' if lower is None else lower} and {'inf' if upper is None else upper} m"
+    text = f"{frame} {'inside' if inside else 'outside'} {radius:g} m of the axis {list(axis)}{span}"
+    if inside:
+        clauses: tuple[Clause, ...] = ((Radial(point, u, radius, inside=True),),)
+        if lower is not None:
+            clauses += ((Plane(u, start + lower),),)
+        if upper is not None:
+            clauses += ((Plane((-u[0], -u[1], -u[2]), -(start + upper)),),)
+        return WorkspaceRule(frame, clauses, text)
     clause: tuple[Alternative, ...] = (Radial(point, u, radius),)
     if upper is not None:
         clause += (Plane(u, start + upper),)
     if lower is not None:
         clause += (Plane((-u[0], -u[1], -u[2]), -(start + lower)),)
-    span = f" between {'-inf' if lower is None else lower} and {'inf' if upper is None else upper} m"
-    return WorkspaceRule(frame, (clause,), f"{frame} outside {radius:g} m of the axis {list(axis)}{span}")
+    return WorkspaceRule(frame, (clause,), text)
 
 
 def box(

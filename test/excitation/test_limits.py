@@ -70,6 +70,8 @@ def test_every_kind_of_rule_on_slide_and_arm(seed: int, gantry: Robot) -> None:
         cylinder("tip", (0.1, 0.0, 0.0), (0.0, 1.0, 0.1), 0.2, -0.5, 0.4),
         box("tip", (-0.9, -0.1, -0.2), (0.7, 0.1, 0.9), inside=True),
         box("tip", (0.3, -0.1, 0.2), (0.4, 0.1, 0.6), inside=False),
+        cylinder("tip", (0.1, 0.0, 0.3), (0.2, 1.0, 0.0), 0.5, -0.5, 0.4, inside=True),
+        cylinder("tip", (0.0, 0.0, 0.0), (0.0, 0.0, 1.0), 0.8, None, None, inside=True),
         half_space("carriage", (1.0, 0.0, 0.0), -0.45),
     )
     robot, rng = replace(gantry, workspace=rules), np.random.default_rng(seed)
@@ -144,7 +146,7 @@ def test_margins_as_json(kuka: Robot, random_excitation: Callable[..., Excitatio
     assert set(data["velocity"]["joint_2"]) == {"margin", "value", "limit", "time", "unit", "proven"}
     assert [rule["rule"] for rule in data["workspace"]] == [rule.text for rule in kuka.workspace]
     assert data["workspace"][0]["proven"] is True
-    assert data["torque"]["joint_1"]["proven"] is False
+    assert data["torque"]["joint_1"]["proven"] is True
 
 
 def test_limits_that_a_robot_does_not_give_are_said_to_be_unknown(

@@ -16,11 +16,11 @@ from robot_ident.excitation.objective import (
     inverse_factor_function,
     log_det_function,
     smooth_log_condition,
-    smooth_regressor,
     smooth_sign,
 )
-from robot_ident.excitation.problem import SIGN_WIDTH, Problem, Setting, reachable_speed
+from robot_ident.excitation.problem import Problem
 from robot_ident.excitation.search import random_start
+from robot_ident.excitation.setting import SIGN_WIDTH, Setting, family_of
 from robot_ident.model.structure import Structure
 from robot_ident.motion import Motion
 from robot_ident.robot import Robot
@@ -28,14 +28,13 @@ from robot_ident.robot import Robot
 
 @pytest.fixture(scope="module")
 def setting(kuka: Robot) -> Setting:
-    structure = Structure.build(kuka)
+    structure, family = Structure.build(kuka), family_of(0.1, 150.0)
     return Setting(
         robot=kuka,
-        smooth=smooth_regressor(structure, SIGN_WIDTH * reachable_speed(kuka, 0.1)),
+        family=family,
+        structure=structure,
+        smooth=structure.symbolic(smooth_sign(SIGN_WIDTH * family.reachable_speed(kuka))),
         exact=structure.symbolic(),
-        base_frequency=0.1,
-        harmonics=5,
-        sample_rate=150.0,
         variances=np.array([25.0, 26.0, 10.0]),
         criterion="d-optimal",
         poses=allowed_poses(kuka),

@@ -1,0 +1,106 @@
+"""`robot_ident design --bound --page`: how good the best is, and the design as a page."""
+
+from __future__ import annotations
+
+import argparse
+import time
+from dataclasses import replace
+from typing import TYPE_CHECKING, Any
+
+from robot_ident.cli.output import Progress, say
+from robot_ident.errors import InputError
+
+if TYPE_CHECKING:
+    from robot_ident.excitation.bound import Bound
+    from robot_ident.excitation.design import DesignResult
+    from robot_ident.excitation.target import Target
+    from robot_ident.motion import Array
+
+_SHARE = 0.4  # of a time limit that is left for the bound
+
+
+def add_bound_arguments(parser: argparse.ArgumentParser) -> None:
+    """Add `--bound` and `--page`."""
+    parser.add_argument(
+        "--bound",
+        action="store_true",
+        help="also bound what any motion within the limits could reach (up to a minute), and print the D-efficiency",
+    )
+    parser.add_argument("--page", metavar="PAGE", help="page.html to write: the motion, its limits, what it tells")
+
+
+def check_bound_arguments(args: argparse.Namespace) -> None:
+    """Raise InputError where the options don't go together, or the page can't be written."""
+    from robot_ident.files import refuse_existing
+
+    for option, given in (("--bound", args.bound), ("--page", args.page)):
+        if given and args.tell:
+            raise InputError(f"{option} goes with a criterion, not with --tell")
+    if args.page:
+        refuse_existing(args.page, force=args.force)
+
+
+def until_bound(args: argparse.Namespace, deadline: float | None) -> float | None:
+    """Return when the search has to end so that the bound fits into the time limit."""
+    from robot_ident.excitation.bound import TIME_LIMIT
+
+    if deadline is None or not args.bound:
+        return deadline
+    return deadline - min(TIME_LIMIT, _SHARE * max(0.0, deadline - time.monotonic()))
+
+
+def bounded(
+    args: argparse.Namespace, found: DesignResult, target: Target, prior: Array | None, deadline: float | None
+) -> tuple[DesignResult, Bound | None]:
+    """Return the design with the bound in what its files say was achieved."""
+    if not args.bound:
+        return found, None
+    from robot_ident.excitation.bound import TIME_LIMIT, Proof, determinant_bound
+    from robot_ident.excitation.setting import family_of
+
+    time_limit = TIME_LIMIT if deadline is None else min(TIME_LIMIT, max(1.0, deadline - time.monotonic()))
+    started = time.monotonic()
+    band = found.excitation.reproduce.get("bandwidth")
+    family = family_of(
+        args.base_frequency, args.sample_rate, args.harmonics, (band[0], band[1]) if band else None, args.symmetric
+    )
+    with Progress("bound", 1.0) as bar:
+
+        def show(proof: Proof) -> None:
+            done = min(1.0, (time.monotonic() - started) / time_limit)
+            bar.reach(done, f"within {(proof.upper - proof.lower) / 2.302585:.2f} decades")
+
+        bound = determinant_bound(
+            target, family, trajectories=len(found.excitations), prior=prior, time_limit=time_limit, progress=show
+        )
+    kept = bound.to_json(found.log10_det_covariance)
+    excitations = [replace(one, achieved={**one.achieved, "bound": kept}) for one in found.excitations]
+    return replace(found, excitations=tuple(excitations)), bound
+
+
+def say_bound(bound: Bound, found: DesignResult) -> None:
+    """Print the efficiency, what it is measured by, and what the bound rests on."""
+    efficiency = bound.efficiency(found.log10_det_covariance)
+    say(
+        f"D-efficiency at least {100 * efficiency:.0f} %: no motion within the limits gets below"
+        f" {bound.log10_det_covariance:.2f} ({bound.seconds:.0f} s)"
+    )
+    say(bound.explanation())
+
+
+def write_design_page(args: argparse.Namespace, found: DesignResult, target: Target, bound: Bound | None) -> None:
+    """Write the page of `--page`."""
+    from robot_ident.report.design import design_sections
+    from robot_ident.report.page import write_page
+
+    units = tuple(parameter.unit for parameter in target.structure.parameters)
+    first = found.excitation
+    series = f"{first.harmonics} harmonics of {first.base_frequency:g} Hz, sampled at {first.sample_rate:g} Hz"
+    subtitle = f"{first.criterion}, {series}"
+    sections = design_sections(found, target.robot, units, bound)
+    write_page(args.page, f"Excitation of {first.robot}", sections, subtitle=subtitle, force=args.force)
+
+
+def bound_json(bound: Bound | None, found: DesignResult) -> dict[str, Any] | None:
+    """Return the bound as plain values."""
+    return None if bound is None else bound.to_json(found.log10_det_covariance)

@@ -1,0 +1,90 @@
+"""`robot_ident design --tell`: the motion that best tells two effects apart."""
+
+from __future__ import annotations
+
+import argparse
+from collections.abc import Sequence
+from typing import TYPE_CHECKING, Any
+
+from robot_ident.cli.design import with_sources
+from robot_ident.cli.margin_table import margin_table
+from robot_ident.cli.output import Progress, print_json, say, tell
+from robot_ident.errors import InputError
+
+if TYPE_CHECKING:
+    from robot_ident.excitation.target import Target
+    from robot_ident.excitation.tell import Telling
+    from robot_ident.motion import Array
+
+
+def run_tell(
+    args: argparse.Namespace, target: Target, prior: Array | None, deadline: float | None, files: Sequence[str]
+) -> int:
+    """Design the motion that tells two effects apart."""
+    from robot_ident.excitation.tell import NEEDED, tell_apart
+
+    if args.trajectories > 1 or args.symmetric or args.bandwidth or args.harmonics:
+        raise InputError(
+            "--tell chooses its motion's form itself: leave out --trajectories, --symmetric, --bandwidth and"
+            " --harmonics"
+        )
+    first, second = args.tell
+    with Progress("tell", 1.0) as bar:
+
+        def show(tried: int, planned: int, best: float) -> None:
+            bar.reach(min(1.0, tried / planned), f"noncentrality {best:.1f}")
+
+        found = tell_apart(
+            target,
+            first,
+            second,
+            base_frequency=args.base_frequency,
+            sample_rate=args.sample_rate,
+            prior=prior,
+            seed=args.seed,
+            deadline=float("inf") if deadline is None else deadline,
+            progress=show,
+        )
+    excitation = with_sources(found.excitation, args)
+    for file in files:
+        excitation.write(file, force=args.force)
+    if args.json:
+        print_json(_tell_json(found, target, files, args.tell))
+        return 0
+    for note in target.notes:
+        tell(note)
+    state = "enough" if found.separable else f"not separable by motion: {NEEDED:g} is needed"
+    say(f"{first} against {second}: noncentrality {found.noncentrality:.1f}, {state} (a motion of kind: {found.kind})")
+    for label, text in found.otherwise.items():
+        say(f"  {label}: {text}")
+    say(margin_table(found.margins))
+    for file in files:
+        say(f"written: {file}")
+    return 0
+
+
+def _tell_json(found: Telling, target: Target, files: Sequence[str], labels: Sequence[str]) -> dict[str, Any]:
+    from robot_ident.excitation.tell import NEEDED
+
+    values = found.evaluation
+    return {
+        "schema": "robot_ident/design/1",
+        "files": list(files),
+        "log10_det_covariance": values.log10_det_covariance,
+        "condition_number": values.condition_number,
+        "seconds": found.seconds,
+        "margins": found.margins.to_json(),
+        "bound": None,
+        "page": None,
+        "sigma": dict(zip(found.parameters, values.sigma.tolist(), strict=True)),
+        "notes": list(target.notes),
+        "tell": {
+            "effects": list(labels),
+            "noncentrality": found.noncentrality,
+            "of_each": list(found.of_each),
+            "needed": NEEDED,
+            "separable": found.separable,
+            "motion": found.kind,
+            "otherwise": found.otherwise,
+        },
+    }

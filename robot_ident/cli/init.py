@@ -1,0 +1,184 @@
+"""`robot_ident init`."""
+
+from __future__ import annotations
+
+import argparse
+import os
+from pathlib import Path
+from typing import TYPE_CHECKING
+
+from robot_ident.cli.output import add_json, add_output, print_json, say, tell
+from robot_ident.errors import InputError, did_you_mean
+
+if TYPE_CHECKING:
+    from robot_ident.robot.draft import Draft, Evidence
+    from robot_ident.robot.inventory import Inventory
+
+
+def add_arguments(parser: argparse.ArgumentParser) -> None:
+    """Add the verb's options."""
+    parser.add_argument("--urdf", metavar="X", help="a URDF (a xacro's output); default: the /robot_description in BAG")
+    parser.add_argument("--bag", metavar="BAG", help="a recording of the robot: which joints it has, its noise")
+    parser.add_argument("--topic", metavar="T", help="topic of the joint states in BAG")
+    parser.add_argument("--name", help="name of the robot; default the URDF's")
+    placed = parser.add_mutually_exclusive_group()
+    placed.add_argument("--mount", choices=("floor", "wall", "ceiling"), help="where the base is fixed")
+    placed.add_argument("--gravity", metavar="X,Y,Z", help="gravity in the base frame, m/s^2")
+    parser.add_argument(
+        "--acceleration", metavar="A[,A...]", help="limits, rad/s^2: one for all joints that move, or one for each"
+    )
+    parser.add_argument(
+        "--hold", action="append", default=[], metavar="JOINT=ANGLE", help="a joint that doesn't move, rad or m"
+    )
+    add_output(parser, "ROBOT", "robot.yaml to write", required=True)
+    add_json(parser)
+
+
+def run(args: argparse.Namespace) -> int:
+    """Write a robot YAML with what was found, guessed and is missing."""
+    from robot_ident.files import refuse_existing, write_text
+    from robot_ident.robot.draft import draft_robot
+    from robot_ident.robot.inventory import read_inventory
+
+    output = Path(args.output)
+    refuse_existing(output, force=args.force)
+    evidence = _evidence(args.bag, args.topic) if args.bag else None
+    text, source = _urdf(args)
+    inventory = read_inventory(text, source, evidence.joints if evidence else ())
+    name = args.name or inventory.robot or output.stem
+    urdf = Path(args.urdf) if args.urdf else output.with_name(f"{output.stem}.urdf")
+    if not args.urdf:
+        refuse_existing(urdf, force=args.force)
+    held = _held(args.hold, inventory)
+    moving = [j.name for j in inventory.chain if j.name not in held and (not evidence or j.name in evidence.joints)]
+    if not moving:
+        raise InputError(f"{args.bag or source}: none of {', '.join(j.name for j in inventory.chain)} is left to move")
+    draft = draft_robot(
+        inventory,
+        os.path.relpath(urdf, output.parent or "."),
+        name=name,
+        mount=args.mount,
+        gravity=_numbers(args.gravity, "--gravity", (3,)) if args.gravity else None,
+        acceleration=_by_joint(args.acceleration, moving),
+        held=held,
+        evidence=evidence,
+    )
+    if not args.urdf:
+        write_text(urdf, text, force=args.force)
+    write_text(output, draft.text, force=args.force)
+    _check(output)
+    if args.json:
+        print_json(_to_dict(draft, inventory, name, output))
+        return 0
+    _print(draft, inventory, output)
+    return 0
+
+
+def _urdf(args: argparse.Namespace) -> tuple[str, str]:
+    """Return the URDF and where it is from."""
+    if args.urdf:
+        try:
+            return Path(args.urdf).read_text(encoding="utf-8"), args.urdf
+        except FileNotFoundError as error:
+            raise InputError(f"--urdf {args.urdf}: no such file") from error
+        except (OSError, UnicodeDecodeError) as error:
+            raise InputError(f"--urdf {args.urdf}: can't be read as text ({error})") from error
+    if not args.bag:
+        raise InputError("--urdf or --bag is needed: a URDF, or a recording with /robot_description in it")
+    from robot_ident.bags import read_robot_description
+
+    return read_robot_description(args.bag), args.bag
+
+
+def _evidence(bag: str, topic: str | None) -> Evidence:
+    """Return what a recording says of the robot's joints."""
+    import numpy as np
+
+    from robot_ident.bags import read_recording
+    from robot_ident.recording.resolution import position_step
+    from robot_ident.recording.summary import summarise
+    from robot_ident.robot.draft import Evidence
+
+    recording = read_recording(bag, topic=topic)
+    summary = summarise(recording)
+    unknown = np.full(len(recording.names), np.nan)
+    torque, position = summary.torque_variance, summary.position_variance
+    return Evidence(
+        source=os.path.basename(bag.rstrip("/")),
+        joints=recording.names,
+        position=recording.q.mean(axis=0),
+        torque_variance=unknown if torque is None else torque,
+        position_variance=unknown if position is None else position,
+        encoder_step=position_step(recording.q),
+    )
+
+
+def _held(words: list[str], inventory: Inventory) -> dict[str, float]:
+    known = [joint.name for joint in inventory.joints if joint.moves]
+    out = {}
+    for word in words:
+        name, sign, angle = word.partition("=")
+        if name not in known:
+            raise InputError(f"--hold {word}: no joint {name!r} moves in the URDF{did_you_mean(name, known)}")
+        try:
+            out[name] = float(angle)
+        except ValueError as error:
+            raise InputError(f"--hold {word}: JOINT=ANGLE was expected") from error
+    return out
+
+
+def _numbers(text: str, option: str, lengths: tuple[int, ...]) -> list[float]:
+    try:
+        values = [float(word) for word in text.split(",")]
+    except ValueError as error:
+        raise InputError(f"{option} {text}: numbers separated by commas were expected") from error
+    if len(values) not in lengths or any(value - value != 0.0 for value in values):
+        raise InputError(f"{option} {text}: {' or '.join(map(str, lengths))} finite numbers were expected")
+    return values
+
+
+def _by_joint(text: str | None, moving: list[str]) -> dict[str, float]:
+    if text is None:
+        return {}
+    values = _numbers(text, "--acceleration", (1, len(moving)))
+    if any(value <= 0 for value in values):
+        raise InputError(f"--acceleration {text}: limits must be above 0")
+    return dict(zip(moving, values * len(moving) if len(values) == 1 else values, strict=True))
+
+
+def _check(output: Path) -> None:
+    """Load what was written, so that what is still wrong with the robot is told now."""
+    from robot_ident.robot import load_robot
+
+    try:
+        load_robot(output)
+    except InputError as error:
+        tell(f"written, but it can't be used yet: {error}")
+
+
+def _to_dict(draft: Draft, inventory: Inventory, name: str, output: Path) -> dict[str, object]:
+    return {
+        "schema": "robot_ident/init/1",
+        "path": str(output),
+        "name": name,
+        "moving": list(draft.moving),
+        "held": dict(draft.held),
+        "fixed": list(inventory.of_kind("fixed")),
+        "mimic": dict(inventory.mimics),
+        "guesses": list(draft.guesses),
+        "missing": list(draft.missing),
+    }
+
+
+def _print(draft: Draft, inventory: Inventory, output: Path) -> None:
+    say(f"moving:  {', '.join(draft.moving)}")
+    for joint, why in draft.held.items():
+        say(f"held:    {joint} ({why})")
+    fixed = inventory.of_kind("fixed")
+    if fixed:
+        say(f"fixed:   {', '.join(fixed)}")
+    for guess in draft.guesses:
+        say(f"guessed: {guess}")
+    for what in draft.missing:
+        say(f"missing: {what}")
+    say(f"written: {output}")

@@ -1,0 +1,30 @@
+"""The margins of a motion as users read them."""
+
+from __future__ import annotations
+
+from typing import TYPE_CHECKING
+
+from robot_ident.cli.output import table
+
+if TYPE_CHECKING:
+    from robot_ident.excitation.margins import Margins
+
+_HEAD = ("limit", "joint, rule or links", "reached", "allowed", "margin", "unit", "at t [s]", "by")
+
+
+def margin_table(margins: Margins) -> str:
+    """Return the tightest point of every limit, and below what was not looked at."""
+    rows = [
+        (
+            m.quantity.replace("_", "-"),
+            m.where,
+            f"{m.value:.5g}",
+            f"{m.limit:.5g}",
+            f"{m.margin:.2e}",
+            m.unit,
+            f"{m.time:.3f}",
+            "proof" if m.proven else "samples",
+        )
+        for m in margins.items
+    ]
+    return "\n".join([table(_HEAD, rows), *(f"not checked: {text}" for text in margins.unknown), *margins.notes])

@@ -1,0 +1,1 @@
+"""Figures: one file a figure, each a function from core objects to a plotly figure; plotly itself comes late."""

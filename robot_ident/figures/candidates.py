@@ -1,0 +1,62 @@
+"""Candidates for what a model lacks: how much of its error each predicts on motion that it was not fitted to."""
+
+from __future__ import annotations
+
+from typing import TYPE_CHECKING
+
+from robot_ident.diagnosis.diagnosis import Diagnosis, Suspect
+from robot_ident.figures.models import plain
+from robot_ident.figures.theme import BLUE, GREY, themed
+
+if TYPE_CHECKING:
+    from plotly.graph_objects import Figure
+
+_BAR = 34  # px
+
+
+def candidates_figure(found: Diagnosis) -> Figure:
+    """Return a bar for each candidate: the share [%] of the excess on its joints that it removes on trajectories left
+    out of the fit; those named missing are filled, the others hatched.
+    """
+    from plotly.graph_objects import Bar, Figure
+
+    figure = Figure()
+    for label, suspects, colour, pattern in (
+        ("named missing", found.missing, BLUE, ""),
+        ("not named", found.others, GREY, "/"),
+    ):
+        if suspects:
+            figure.add_trace(
+                Bar(
+                    y=[plain(suspect.label) for suspect in suspects],
+                    x=[100.0 * suspect.explained for suspect in suspects],
+                    orientation="h",
+                    name=label,
+                    text=[_share(suspect) for suspect in suspects],
+                    textposition="outside",
+                    cliponaxis=False,
+                    marker={"color": colour, "pattern": {"shape": pattern}},
+                    hovertemplate="%{y}: %{x:.1f} %<extra>" + label + "</extra>",
+                )
+            )
+    order = [plain(suspect.label) for suspect in (*found.missing, *found.others)]
+    figure.update_yaxes(categoryorder="array", categoryarray=order[::-1], automargin=True)
+    figure.update_xaxes(
+        title_text="of the excess error explained on motion left out [%]",
+        range=[0, 112],
+        tickvals=[0, 20, 40, 60, 80, 100],
+    )
+    return themed(figure, height=130 + _BAR * len(order))
+
+
+def _share(suspect: Suspect) -> str:
+    tied = f", tied with {len(suspect.tied_with)}" if suspect.tied_with else ""
+    return f"{100 * suspect.explained:.0f} %{tied}"
+
+
+def candidates_text(found: Diagnosis) -> str:
+    """Return the candidates with their shares, in their order."""
+    listed = [(suspect, "named") for suspect in found.missing] + [(suspect, "not named") for suspect in found.others]
+    if not listed:
+        return "No candidate explains anything."
+    return "; ".join(f"{s.label}, {word}: {100 * s.explained:.0f} %" for s, word in listed) + " of the excess."

@@ -1,0 +1,157 @@
+"""Where a model fails: its mean residual over velocity, position and load, beside what noise alone leaves."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Mapping, Sequence
+from dataclasses import dataclass
+from typing import TYPE_CHECKING
+
+import numpy as np
+
+from robot_ident.diagnosis.beside import Beside
+from robot_ident.figures.binned import Binned, binned
+from robot_ident.figures.models import NOISE, model_colour, plain
+from robot_ident.figures.theme import themed
+from robot_ident.motion import Array
+from robot_ident.robot.robot import Robot
+
+if TYPE_CHECKING:
+    from plotly.graph_objects import Figure, Scatter
+
+_BINS = 24
+_ROW = 250  # px of a joint
+_SURE = 2.0  # standard deviations of a bin's mean
+
+
+@dataclass(frozen=True)
+class _Variable:
+    """A variable of a joint; directed: with a curve for either direction of its motion."""
+
+    name: str
+    values: Callable[[Beside, int], Array]
+    unit: Callable[[Robot, int], str]
+    directed: bool
+
+
+def _length(robot: Robot, joint: int) -> str:
+    return "m" if robot.prismatic[joint] else "rad"
+
+
+_VARIABLES = (
+    _Variable("velocity", lambda b, j: b.dq[:, j], lambda r, j: f"{_length(r, j)}/s", False),
+    _Variable("position", lambda b, j: b.q[:, j], _length, True),
+    _Variable("load torque", lambda b, j: b.load[:, j], lambda r, j: r.torque_unit(j), True),
+)
+
+_SIDES = {
+    0: ("", "solid", "circle"),
+    1: (", forward", "solid", "triangle-right"),
+    -1: (", backward", "dot", "triangle-left"),
+}
+"""How the curve of a direction is named and drawn."""
+
+
+def residual_over_figure(besides: Mapping[str, Sequence[Beside]]) -> Figure:
+    """Return each joint's mean residual [Nm] over velocity, position and load torque, recordings together.
+
+    besides: by the name of the model, its recordings. Bins hold equally many rows; over position and load either
+    direction of motion has its curve, as friction does. The band is what noise alone leaves of a bin's mean, +- 2
+    standard deviations.
+    """
+    from plotly.subplots import make_subplots
+
+    robot = next(iter(besides.values()))[0].robot
+    figure = make_subplots(rows=robot.n, cols=len(_VARIABLES), horizontal_spacing=0.07, vertical_spacing=0.25 / robot.n)
+    for joint, name in enumerate(robot.joints):
+        for column, variable in enumerate(_VARIABLES):
+            place, first = {"row": joint + 1, "col": column + 1}, joint == column == 0
+            curves = _curves(besides, joint, variable)
+            band = _band(list(curves.values())[-1], shown=first)
+            if band is not None:
+                figure.add_trace(band, **place)
+            for (model, side), curve in curves.items():
+                number = list(besides).index(model)
+                colour = model_colour(number, len(besides))
+                shown = joint == 0 and (column == 0 or (column == 1 and side != 0))
+                figure.add_trace(_line(curve, model, side, colour, shown, robot.torque_unit(joint)), **place)
+            figure.update_xaxes(title_text=f"{variable.name} [{variable.unit(robot, joint)}]", **place)
+        figure.update_yaxes(title_text=f"{plain(name)}<br>residual [{robot.torque_unit(joint)}]", row=joint + 1, col=1)
+    return themed(figure, height=110 + _ROW * robot.n)
+
+
+def _curves(besides: Mapping[str, Sequence[Beside]], joint: int, variable: _Variable) -> dict[tuple[str, int], Binned]:
+    """Return the curves of a panel by model and direction."""
+    return {
+        (model, side): _along(found, joint, variable, side)
+        for model, found in besides.items()
+        for side in ((1, -1) if variable.directed else (0,))
+    }
+
+
+def _along(found: Sequence[Beside], joint: int, variable: _Variable, side: int) -> Binned:
+    used = [b.used[:, joint] & ((b.dq[:, joint] * side > 0.0) if side else True) for b in found]
+    return binned(
+        [variable.values(b, joint) for b in found],
+        [b.residual[:, joint] for b in found],
+        used,
+        [float(b.sigma[joint] ** 2 / b.independent) for b in found],
+        _BINS,
+    )
+
+
+def _line(curve: Binned, model: str, side: int, colour: str, shown: bool, unit: str) -> Scatter:
+    from plotly.graph_objects import Scatter
+
+    words, dash, symbol = _SIDES[side]
+    label = f"{plain(model)}{words}"
+    return Scatter(
+        x=curve.middle,
+        y=curve.mean,
+        name=label,
+        legendgroup=label,
+        showlegend=shown,
+        mode="lines+markers",
+        line={"color": colour, "dash": dash, "width": 1.3},
+        marker={"symbol": symbol, "size": 6, "color": colour},
+        hovertemplate=f"%{{x:.4g}}: %{{y:.3g}} {unit}<extra>{label}</extra>",
+    )
+
+
+def _band(curve: Binned, *, shown: bool) -> Scatter | None:
+    from plotly.graph_objects import Scatter
+
+    if not len(curve.middle) or not np.all(np.isfinite(curve.spread)):
+        return None
+    label = f"noise of a bin's mean, ± {_SURE:g} sigma"
+    wide = _SURE * float(np.median(curve.spread))
+    start, end = float(curve.middle[0]), float(curve.middle[-1])
+    return Scatter(
+        x=[start, end, end, start],
+        y=[-wide, -wide, wide, wide],
+        fill="toself",
+        fillcolor=NOISE,
+        line={"width": 0},
+        mode="lines",
+        name=label,
+        legendgroup=label,
+        showlegend=shown,
+        hoverinfo="skip",
+    )
+
+
+def residual_over_text(besides: Mapping[str, Sequence[Beside]]) -> str:
+    """Return what the figure shows: for the last model, where over each variable the mean residual is largest."""
+    model, found = list(besides.items())[-1]
+    robot = found[0].robot
+    parts = []
+    for joint, name in enumerate(robot.joints):
+        told = []
+        for variable in _VARIABLES:
+            curves = _curves({model: found}, joint, variable).values()
+            curve = max(curves, key=lambda c: float(np.max(np.abs(c.mean), initial=0.0)))
+            if len(curve.mean):
+                k = int(np.argmax(np.abs(curve.mean)))
+                size = f"{curve.mean[k]:.3g} {robot.torque_unit(joint)}"
+                told.append(f"{size} at a {variable.name} of {curve.middle[k]:.3g} {variable.unit(robot, joint)}")
+        parts.append(f"{name}: {', '.join(told)}")
+    return f"Largest mean residual of {model}. {'; '.join(parts)}."

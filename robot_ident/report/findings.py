@@ -1,0 +1,126 @@
+"""All that a report tells, gathered through the core's one-call steps before a word of it is written."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Mapping, Sequence
+from dataclasses import dataclass
+from typing import Any
+
+from robot_ident.diagnosis.diagnose import diagnose
+from robot_ident.diagnosis.diagnosis import Diagnosis
+from robot_ident.diagnosis.staircase import Foreseen, Level, Step, foresee, staircase
+from robot_ident.excitation.excitation import Excitation
+from robot_ident.excitation.limits import certify
+from robot_ident.excitation.margins import Margins
+from robot_ident.model.model import Model
+from robot_ident.recording.source import Source
+from robot_ident.robot.robot import Robot
+
+
+@dataclass(frozen=True)
+class Played:
+    """An excitation that was played, and how far it stays from the robot's limits."""
+
+    path: str
+    excitation: Excitation
+    margins: Margins
+
+
+@dataclass(frozen=True)
+class Findings:
+    """Models in their order beside recordings, and what the first and the last of them lack.
+
+    training: recordings to compare with; validation: those that no fit has seen. diagnoses: by the number of the model,
+    from 0. command: what was typed.
+    """
+
+    steps: tuple[Step, ...]
+    training: tuple[Source, ...]
+    validation: tuple[Source, ...]
+    diagnoses: Mapping[int, Diagnosis]
+    played: tuple[Played, ...] = ()
+    command: str = ""
+
+    @property
+    def robot(self) -> Robot:
+        """The robot of all models."""
+        return self.steps[0].model.robot
+
+    @property
+    def last(self) -> Step:
+        """The last model, which the verdict is about."""
+        return self.steps[-1]
+
+    @property
+    def ends(self) -> tuple[Step, ...]:
+        """The first and the last model, or the only one."""
+        return self.steps if len(self.steps) == 1 else (self.steps[0], self.steps[-1])
+
+    @property
+    def diagnosis(self) -> Diagnosis:
+        """What the last model lacks."""
+        return self.diagnoses[len(self.steps) - 1]
+
+    @property
+    def foreseen(self) -> Foreseen | None:
+        """What adding that to the last model is predicted to do."""
+        return foresee(self.last, self.diagnosis, self.validation)
+
+    def to_dict(self) -> dict[str, Any]:
+        """Return the steps with their errors, and where they come from, as plain data."""
+        foreseen = self.foreseen
+        return {
+            "steps": [
+                {"model": step.path, "added": list(step.added)} | _errors(step.training, step.validation)
+                for step in self.steps
+            ],
+            "predicted": None
+            if foreseen is None
+            else {"added": list(foreseen.added)} | _errors(foreseen.training, foreseen.validation),
+            "remaining_rms": dict(self.diagnosis.remaining_rms),
+            "recordings": [_source(source) for source in self.training],
+            "validation": [_source(source) for source in self.validation],
+            "excitations": [{"path": one.path, "kept": one.margins.kept} for one in self.played],
+            "notes": list(dict.fromkeys((*self.diagnosis.notes, *self.last.comparison.notes))),
+        }
+
+
+def _errors(training: Mapping[str, Level], validation: Mapping[str, Level]) -> dict[str, Any]:
+    out: dict[str, Any] = {}
+    for key, levels in (("", training), ("validation_", validation)):
+        out[f"{key}mse"] = {joint: level.mse for joint, level in levels.items()} or None
+        out[f"{key}noise_variance"] = {joint: level.noise_variance for joint, level in levels.items()} or None
+    return out
+
+
+def _source(source: Source) -> dict[str, Any]:
+    rows = source.measured.motion.samples
+    return {"path": source.path, "sha256": source.sha256, "samples": source.recording.samples, "rows": rows}
+
+
+def gather(
+    models: Sequence[tuple[str, Model]],
+    training: Sequence[Source],
+    validation: Sequence[Source] = (),
+    excitations: Sequence[tuple[str, Excitation]] = (),
+    *,
+    command: str = "",
+    heard: Callable[[str], None] = lambda what: None,
+) -> Findings:
+    """Return what models (path, model) tell beside recordings; InputError where they are of several robots.
+
+    excitations: (path, excitation) that were played. heard: is told what is done next.
+    """
+    heard("comparing")
+    steps = staircase(models, training, validation)
+    diagnoses = {}
+    for place in sorted({0, len(steps) - 1}):
+        heard(f"diagnosing {steps[place].name}")
+        structure = steps[place].model.structure
+        seen, unseen = ([source.measured for source in sources] for sources in (training, validation))
+        diagnoses[place] = diagnose(seen, structure, unseen)
+    played = []
+    for path, excitation in excitations:
+        heard(f"certifying {path}")
+        played.append(Played(path, excitation, certify(excitation, steps[0].model.robot)))
+    return Findings(steps, tuple(training), tuple(validation), diagnoses, tuple(played), command)

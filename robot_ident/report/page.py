@@ -1,0 +1,113 @@
+"""The frame of a self-contained HTML page: it opens from disk, with no network, on a light or a dark screen."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from datetime import datetime, timezone
+from pathlib import Path
+from typing import Any
+
+from robot_ident import __version__
+from robot_ident.figures.theme import FONT, recoloured
+from robot_ident.files import write_text
+from robot_ident.report.section import Plot, Section, Table
+
+_TEMPLATES = Path(__file__).parent / "templates"
+_CONFIG = {"responsive": True, "displaylogo": False, "modeBarButtonsToRemove": ["select2d", "lasso2d"]}
+
+
+def render_page(title: str, sections: Sequence[Section], *, subtitle: str = "") -> str:
+    """Return the page; plotly.js stands in it once, and everything that isn't a template is escaped."""
+    from jinja2 import Environment, FileSystemLoader, StrictUndefined
+    from plotly.offline import get_plotlyjs
+
+    environment = Environment(
+        loader=FileSystemLoader(_TEMPLATES),
+        autoescape=True,
+        undefined=StrictUndefined,
+        trim_blocks=True,
+        lstrip_blocks=True,
+    )
+    drawing = _Drawing(environment)
+    parts = [
+        {
+            "heading": section.heading,
+            "anchor": section.anchor,
+            "body": _safe(
+                environment.get_template(section.template).render(
+                    **section.context(), plot=drawing.plot, table=drawing.table
+                )
+            ),
+        }
+        for section in sections
+    ]
+    return environment.get_template("page.html.j2").render(
+        title=title,
+        subtitle=subtitle,
+        sections=parts,
+        library=_packed(get_plotlyjs()) if drawing.plots else "",
+        plots=_json(drawing.plots),
+        config=_json(_CONFIG),
+        font=_safe(FONT),
+        version=__version__,
+        written=datetime.now(timezone.utc).strftime("%Y-%m-%d %H:%M UTC"),
+    )
+
+
+def write_page(
+    path: Path | str, title: str, sections: Sequence[Section], *, subtitle: str = "", force: bool = False
+) -> None:
+    """Write the page, whole or not at all."""
+    write_text(path, render_page(title, sections, subtitle=subtitle), force=force)
+
+
+class _Drawing:
+    """Places plots and tables, and gathers what plotly draws when the page has loaded."""
+
+    def __init__(self, environment: Any) -> None:
+        self._environment = environment
+        self.plots: list[dict[str, Any]] = []
+
+    def plot(self, plot: Plot) -> Any:
+        """Return the place of a plot."""
+        import json
+
+        spec = json.loads(plot.figure.to_json())
+        axes = [key for key in spec["layout"] if key.startswith(("xaxis", "yaxis"))]
+        shades = {shade: recoloured(shade, axes) for shade in ("light", "dark")}
+        notes = [f"annotations[{k}].font.color" for k in range(len(spec["layout"].get("annotations", [])))]
+        for tone in shades.values():
+            tone |= dict.fromkeys(notes, tone["font.color"])
+        identity = f"plot-{len(self.plots) + 1}"
+        self.plots.append({"id": identity, "data": spec["data"], "layout": spec["layout"], "shades": shades})
+        height = spec["layout"]["height"]
+        template = self._environment.get_template("plot.html.j2")
+        return _safe(template.render(id=identity, text=plot.text, caption=plot.caption, height=height))
+
+    def table(self, table: Table) -> Any:
+        """Return a table."""
+        return _safe(self._environment.get_template("table.html.j2").render(table=table))
+
+
+def _packed(text: str) -> Any:
+    """Return a text as base64 of its gzip, which the page unpacks: plotly.js takes 2 MB instead of 5."""
+    import base64
+    import gzip
+
+    return _safe(base64.b64encode(gzip.compress(text.encode(), mtime=0)).decode())
+
+
+def _safe(text: str) -> Any:
+    from markupsafe import Markup
+
+    return Markup(text)
+
+
+def _json(data: Any) -> Any:
+    """Return data for a script: no `<` that could end it, no line separators that JavaScript once minded."""
+    import json
+
+    text = json.dumps(data, separators=(",", ":"), allow_nan=False)
+    for character in "<>&\u2028\u2029":
+        text = text.replace(character, f"\\u{ord(character):04x}")
+    return _safe(text)

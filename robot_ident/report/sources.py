@@ -1,0 +1,36 @@
+"""Recordings and motions that a report rests on, read from disk."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Sequence
+from pathlib import Path
+
+from robot_ident.bags import read_recording
+from robot_ident.excitation.excitation import Excitation
+from robot_ident.model.model import Model
+from robot_ident.provenance import fingerprint
+from robot_ident.recording.measurement import Processing
+from robot_ident.recording.process import process
+from robot_ident.recording.source import Source
+
+
+def read_sources(
+    bags: Sequence[str], model: Model, *, topic: str | None = None, heard: Callable[[str], None] = lambda what: None
+) -> tuple[Source, ...]:
+    """Return recordings as read and as measured for a model; InputError where one can't be used."""
+    processing = Processing(**dict(model.processing)) if model.processing else Processing()
+    out = []
+    for bag in bags:
+        heard(f"reading {bag}")
+        recording = read_recording(bag, topic=topic)
+        out.append(Source(str(bag), fingerprint(bag), recording, process(recording, model.robot, processing)))
+    return tuple(out)
+
+
+def read_excitations(named: Sequence[str], models: Sequence[Model]) -> list[tuple[str, Excitation]]:
+    """Return the excitations that are named; where none is, those that the models say and that are still there."""
+    paths = list(named)
+    if not paths:
+        noted = [model.provenance.get("options", {}).get("trajectory") for model in models]
+        paths = list(dict.fromkeys(str(path) for path in noted if path and Path(str(path)).is_file()))
+    return [(path, Excitation.read(path)) for path in paths]

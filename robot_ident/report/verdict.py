@@ -1,0 +1,99 @@
+"""The verdict in one sentence: what was added, what it did to the error, and what the model still lacks."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+
+from robot_ident.diagnosis.diagnosis import Diagnosis, Suspect
+from robot_ident.diagnosis.staircase import Level, Step
+from robot_ident.report.findings import Findings
+from robot_ident.report.words import joined, short
+from robot_ident.robot.robot import Robot
+
+
+def verdict(found: Findings) -> str:
+    """Return one sentence that a reader who stops here can act on."""
+    parts = [part for part in (_gained(found), _lacking(found)) if part]
+    text = "; ".join(parts)
+    return text[0].upper() + text[1:] + "."
+
+
+def fall(before: Level, after: Level, unit: str) -> str:
+    """Return `from 8.1 to 5.2 Nm rms, where the noise alone leaves 5.0`."""
+    floor = "" if after.noise is None else f", where noise alone leaves {short(after.noise)}"
+    return f"from {short(before.rms)} to {short(after.rms)} {unit} rms{floor}"
+
+
+def _gained(found: Findings) -> str:
+    """Return what the last model has gained over the first; nothing where there is one model."""
+    first, last = found.ends[0], found.ends[-1]
+    added = [label for label in last.model.structure.labels if label not in first.model.structure.labels]
+    if first is last or not added:
+        return ""
+    unseen = bool(last.validation)
+    before, after = (first.validation, last.validation) if unseen else (first.training, last.training)
+    joint = max(after, key=lambda name: (before[name].mse - after[name].mse) / before[name].mse)
+    where = " on a motion that no fit has seen" if unseen else ""
+    unit = found.robot.torque_unit(found.robot.joint_index(joint))
+    if after[joint].mse >= before[joint].mse:
+        return f"adding {joined(added)} lowers no joint's error{where}"
+    return f"adding {joined(added)} takes the error of {joint}{where} {fall(before[joint], after[joint], unit)}"
+
+
+def _lacking(found: Findings) -> str:
+    diagnosis, last = found.diagnosis, found.last
+    if diagnosis.verdict == "missing":
+        return _missing(diagnosis, last, found.robot)
+    if diagnosis.verdict == "unexplained":
+        return _unexplained(diagnosis)
+    if diagnosis.verdict == "not_decidable":
+        why = f": {diagnosis.notes[0]}" if diagnosis.notes else ""
+        return f"these recordings can't tell whether the model lacks anything{why}"
+    failing = [joint for joint in last.comparison.joints if joint.fails]
+    if not failing:
+        return "the model is adequate: what it leaves over is noise"
+    worst = max(failing, key=lambda joint: joint.excess)
+    unit = found.robot.torque_unit(found.robot.joint_index(worst.name))
+    return (
+        f"the model has all the effects it needs, but as it stands its values miss {worst.name} by"
+        f" {worst.excess:.3g} {unit} rms beyond the noise: identify it anew from these recordings"
+    )
+
+
+def _missing(diagnosis: Diagnosis, last: Step, robot: Robot) -> str:
+    names = [suspect.label for suspect in diagnosis.missing]
+    named = {name for suspect in diagnosis.missing for name in suspect.tied_with} - {*names}
+    tied = f" (or {joined(sorted(named))}, which these recordings can't tell apart)" if named else ""
+    text = f"the model lacks {joined(names)}{tied}"
+    predicted = _predicted(diagnosis.missing, last, robot)
+    rest = {joint: value for joint, value in diagnosis.remaining_rms.items() if value > 0.0}
+    if diagnosis.unexplained is not None and rest:
+        joint = diagnosis.unexplained.joint
+        unit = robot.torque_unit(robot.joint_index(joint))
+        size = rest.get(joint, max(rest.values()))
+        text += predicted + f"; {size:.3g} {unit} rms of {joint} stay unexplained ({diagnosis.unexplained.where})"
+        return text
+    return text + predicted
+
+
+def _predicted(missing: Sequence[Suspect], last: Step, robot: Robot) -> str:
+    """Return the predicted fall of the joint that gains most, nothing where no column shows the effect."""
+    before, after = last.training, missing[0].mse_after
+    joint = max(after, key=lambda name: (before[name].mse - after[name]) / before[name].mse)
+    if after[joint] >= before[joint].mse:
+        return ""
+    unit = robot.torque_unit(robot.joint_index(joint))
+    predicted = Level(after[joint], before[joint].noise_variance)
+    them = "them" if len(missing) > 1 else "it"
+    return f": adding {them} is predicted to take the residual of {joint} {fall(before[joint], predicted, unit)}"
+
+
+def _unexplained(diagnosis: Diagnosis) -> str:
+    if diagnosis.unexplained is None:
+        return "none of the known effects accounts for the error"
+    found = diagnosis.unexplained
+    remains = diagnosis.remaining_rms.get(found.joint, 0.0)
+    return (
+        f"none of the known effects accounts for the error of {found.joint}, {remains:.3g} rms beyond the noise; it"
+        f" sits at {found.where}"
+    )

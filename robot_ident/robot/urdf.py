@@ -1,0 +1,132 @@
+"""URDF text as a Pinocchio model of the joints that move."""
+
+from __future__ import annotations
+
+import os
+import sys
+from collections.abc import Iterable, Iterator, Mapping
+from contextlib import contextmanager
+from pathlib import Path
+from typing import Any
+from xml.etree import ElementTree
+
+from robot_ident.errors import InputError, did_you_mean
+
+ENDLESS = 1e9  # rad, the limit that stands for none
+
+
+def parse_urdf(text: str, path: Path) -> Any:
+    """Return the Pinocchio model of a URDF; InputError that names `path` when it can't be used."""
+    import pinocchio
+
+    try:
+        with quiet():
+            return pinocchio.buildModelFromXML(prepared(text))
+    except (ValueError, RuntimeError, ElementTree.ParseError) as error:
+        raise InputError(f"{path}: not a URDF that can be used ({str(error).splitlines()[0]})") from error
+
+
+@contextmanager
+def quiet() -> Iterator[None]:
+    """Keep the parsers' own lines off standard error: our one line says what is wrong."""
+    sys.stderr.flush()
+    kept = os.dup(2)
+    nothing = os.open(os.devnull, os.O_WRONLY)
+    try:
+        os.dup2(nothing, 2)
+        yield
+    finally:
+        os.dup2(kept, 2)
+        os.close(kept)
+        os.close(nothing)
+
+
+def refuse_mimics(text: str, moving: Iterable[str], path: Path) -> None:
+    """Raise InputError where a joint that mimics another is to move by itself."""
+    names = set(moving)
+    for joint in ElementTree.fromstring(text).iter("joint"):
+        if joint.find("mimic") is not None and joint.get("name", "") in names:
+            raise InputError(
+                f"{path}: joint {joint.get('name')!r} mimics another; lock it under 'locked' in a robot YAML"
+            )
+
+
+def endless(text: str) -> str:
+    """Return the URDF with continuous joints as revolute ones without a position limit: one number then tells their
+    angle.
+    """
+    if '"continuous"' not in text:
+        return text
+    tree = ElementTree.fromstring(text)
+    for joint in tree.iter("joint"):
+        if joint.get("type") == "continuous":
+            joint.set("type", "revolute")
+            limit = joint.find("limit")
+            if limit is None:
+                limit = ElementTree.SubElement(joint, "limit", {"velocity": "0", "effort": "0"})
+            limit.set("lower", str(-ENDLESS))
+            limit.set("upper", str(ENDLESS))
+    return ElementTree.tostring(tree, encoding="unicode")
+
+
+def prepared(text: str) -> str:
+    """Return the URDF as Pinocchio takes it: see `endless`; links that bear the name of a joint are renamed."""
+    return _apart(endless(text))
+
+
+def _apart(text: str) -> str:
+    """Return the URDF with links renamed that bear the name of a joint, which Pinocchio can't tell apart."""
+    tree = ElementTree.fromstring(text)
+    joints = {joint.get("name") for joint in tree.findall("joint")}
+    both = {name: f"{name}_link" for link in tree.findall("link") if (name := link.get("name", "")) in joints}
+    if not both:
+        return text
+    for element in (*tree.findall("link"), *tree.findall("joint/parent"), *tree.findall("joint/child")):
+        key = "name" if element.tag == "link" else "link"
+        element.set(key, both.get(element.get(key, ""), element.get(key, "")))
+    return ElementTree.tostring(tree, encoding="unicode")
+
+
+def lock(model: Any, moving: Iterable[str], angles: Mapping[str, float], path: Path) -> Any:
+    """Return the model with every joint that isn't moving held at its angle (0 unless told)."""
+    import pinocchio
+
+    names = list(model.names)[1:]
+    for word in (*moving, *angles):
+        if word not in names:
+            raise InputError(f"{path}: joint {word!r} is not in the URDF{did_you_mean(word, names)}")
+    held, q = _held(model, moving, angles)
+    return pinocchio.buildReducedModel(model, held, q) if held else model
+
+
+def lock_geometry(model: Any, geometry: Any, moving: Iterable[str], angles: Mapping[str, float]) -> Any:
+    """Return the geometry of a model after `lock`."""
+    import pinocchio
+
+    held, q = _held(model, moving, angles)
+    return pinocchio.buildReducedModel(model, geometry, held, q)[1] if held else geometry
+
+
+def _held(model: Any, moving: Iterable[str], angles: Mapping[str, float]) -> tuple[list[int], Any]:
+    """Return the indices of the joints that are held, and the configuration at which they are."""
+    import pinocchio
+
+    kept, q = set(moving), pinocchio.neutral(model)
+    for name, angle in angles.items():
+        q[model.joints[model.getJointId(name)].idx_q] = angle
+    return [model.getJointId(name) for name in list(model.names)[1:] if name not in kept], q
+
+
+def check_serial(model: Any, path: Path) -> None:
+    """Raise InputError unless the joints are revolute or prismatic ones in a chain."""
+    for joint in range(1, model.njoints):
+        kind = model.joints[joint].shortname()
+        if model.joints[joint].nq != 1 or model.joints[joint].nv != 1 or "Mimic" in kind:
+            raise InputError(
+                f"{path}: joint {model.names[joint]!r} is of type {kind}; only revolute joints and prismatic"
+                " ones can move (lock it in a robot YAML, or give it limits in the URDF)"
+            )
+        if model.parents[joint] != joint - 1:
+            raise InputError(
+                f"{path}: the joints branch at {model.names[joint]!r}; list one chain under 'joints' in a robot YAML"
+            )

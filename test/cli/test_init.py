@@ -1,0 +1,106 @@
+"""`robot_ident init`: what a URDF and a recording say, what is guessed, what is missing; and the result is a robot."""
+
+from __future__ import annotations
+
+import struct
+from collections.abc import Callable
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import pytest
+
+from robot_ident.bags import BagWriter, Qos, Topic, qos_text
+from robot_ident.recording.resolution import position_step
+from robot_ident.robot import load_robot
+from robot_ident.share import config_file
+
+Run = Callable[..., Any]
+KUKA = str(config_file("robots", "kuka_ir361.urdf"))
+
+
+def test_from_a_urdf(run: Run, tmp_path: Path) -> None:
+    out = tmp_path / "robot.yaml"
+    done = run("init", "--urdf", KUKA, "--acceleration", "3", "-o", str(out), "--mount", "ceiling", "--json")
+    data = done.json
+    assert data["moving"] == ["joint_1", "joint_2", "joint_3"]
+    robot, known = load_robot(out), load_robot()
+    np.testing.assert_allclose(robot.limits.acceleration, 3.0)
+    np.testing.assert_allclose(robot.limits.velocity, known.limits.velocity)
+    np.testing.assert_allclose(robot.rigid.model.gravity.linear, [0, 0, 9.81])
+    assert "GUESS" in out.read_text() and not any("acceleration" in what for what in data["missing"])
+
+
+def test_accelerations_are_asked_for_never_invented(run: Run, tmp_path: Path) -> None:
+    out = tmp_path / "robot.yaml"
+    done = run("init", "--urdf", KUKA, "-o", str(out))
+    assert done.out.count("missing: acceleration limit of joint_") == 3
+    assert "# acceleration: VALUE  # MISSING: rad/s^2" in out.read_text()
+    assert not np.isfinite(load_robot(out).limits.acceleration).any()
+
+
+def test_joints_that_are_held(run: Run, tmp_path: Path) -> None:
+    out = tmp_path / "robot.yaml"
+    run("init", "--urdf", KUKA, "--hold", "joint_3=0.25", "-o", str(out))
+    robot = load_robot(out)
+    assert robot.joints == ("joint_1", "joint_2")
+    straight = tmp_path / "straight.yaml"
+    run("init", "--urdf", KUKA, "--hold", "joint_3=0", "-o", str(straight))
+    assert not np.allclose(load_robot(straight).rigid.parameters, robot.rigid.parameters)
+
+
+@pytest.fixture
+def bag(tmp_path: Path) -> Path:
+    """A driver's bag: the URDF on /robot_description, states of two of the joints and of a gripper, encoder steps."""
+    path = tmp_path / "drive"
+    t = np.arange(0.0, 4.0, 0.01)
+    q = np.stack([0.3 * np.sin(3 * t), 0.2 * np.cos(2 * t), 0.04 + 0 * t], axis=1)
+    q[:, :2] = np.round(q[:, :2] / 1e-4) * 1e-4
+    states, description = "/arm/joint_states", "/arm/robot_description"
+    text = Path(KUKA).read_bytes() + b"\0"
+    topics = [
+        Topic(states, "sensor_msgs/msg/JointState", qos=qos_text([Qos()])),
+        Topic(description, "std_msgs/msg/String", qos=qos_text([Qos(durability="transient_local")])),
+    ]
+    stamps = 1_700_000_000_000_000_000 + np.rint(1e9 * t).astype(np.int64)
+    with BagWriter(path, topics, chunked=True, shown_as=path) as writer:
+        message = b"\0\1\0\0" + struct.pack("<I", len(text)) + text
+        writer.write(description, message, int(stamps[0]), int(stamps[0]), 1)
+        writer.write_joint_states(states, ("joint_2", "joint_1", "grip"), stamps, q, None, np.ones_like(q))
+    return path
+
+
+def test_from_a_bag_alone(run: Run, bag: Path, tmp_path: Path) -> None:
+    out = tmp_path / "robot.yaml"
+    data = run("init", "--bag", bag, "-o", out, "--json").json
+    assert data["moving"] == ["joint_1", "joint_2"], "in the order of the chain, not of the bag"
+    assert data["held"] == {"joint_3": "drive has no such joint"}
+    assert (tmp_path / "robot.urdf").read_text() == Path(KUKA).read_text()
+    robot = load_robot(out)
+    np.testing.assert_allclose(robot.drives.encoder_step, 1e-4, rtol=1e-3)
+
+
+def test_what_is_refused(run: Run, bag: Path, tmp_path: Path) -> None:
+    out = str(tmp_path / "robot.yaml")
+    for words, why in (
+        ([], "--urdf or --bag is needed"),
+        (["--urdf", str(tmp_path / "no.urdf")], "no such file"),
+        (["--urdf", KUKA, "--acceleration", "1,2"], "1 or 3 finite numbers were expected"),
+        (["--urdf", KUKA, "--acceleration", "-1"], "must be above 0"),
+        (["--urdf", KUKA, "--hold", "joint_9=0"], "no joint 'joint_9' moves"),
+        (["--urdf", KUKA, "--hold", "joint_1"], "JOINT=ANGLE was expected"),
+        (["--urdf", KUKA, "--gravity", "0,9.81"], "3 finite numbers were expected"),
+    ):
+        done = run("init", *words, "-o", out)
+        assert done.code == 2 and why in done.err and len(done.err.strip().splitlines()) == 1, done.err
+    assert not Path(out).exists()
+
+
+def test_the_step_of_an_encoder_is_seen() -> None:
+    rng = np.random.default_rng(0)
+    t = np.arange(0.0, 20.0, 0.005)
+    smooth = 0.5 * np.sin(1.3 * t)
+    stepped = np.round(smooth / 2.3e-4) * 2.3e-4
+    noisy = np.round((smooth + rng.normal(0, 3e-4, len(t))) / 2.3e-4) * 2.3e-4
+    found = position_step(np.stack([smooth, stepped, noisy, 0 * t], axis=1))
+    np.testing.assert_allclose(found, [0.0, 2.3e-4, 2.3e-4, 0.0], rtol=1e-6)

@@ -1,0 +1,93 @@
+"""What a design takes for an effect's columns, against the columns that an identification uses."""
+
+from __future__ import annotations
+
+from typing import Any
+
+import numpy as np
+import pytest
+
+from robot_ident.effects import CATALOGUE
+from robot_ident.errors import InputError
+from robot_ident.excitation.design import design
+from robot_ident.excitation.setting import family_of
+from robot_ident.excitation.target import Target
+from robot_ident.model.structure import Structure
+from robot_ident.motion import Array
+from robot_ident.robot import Robot
+
+LIKENESS = {"presliding": 0.8, "backlash": 0.95}
+"""Correlation of a stand-in with the exact column along a usual motion; every other effect's is one."""
+
+HIDDEN = ("temperature_drift", "payload")
+"""What no periodic motion shows."""
+
+
+def label(name: str) -> str:
+    return name if CATALOGUE[name].scope == "robot" else f"{name}@joint_2"
+
+
+def designed_and_exact(kuka: Robot, name: str) -> tuple[Array, Array]:
+    """Return the columns of an effect [N n, k] as designs and as identifications take them, on a random motion."""
+    structure = Structure.build(kuka, [label(name)])
+    base = Structure.build(kuka)
+    values = np.zeros(len(structure.parameters))
+    values[: len(base.parameters)] = base.true_values()
+    family, points = family_of(0.1, 150.0), 3000
+    table = 0.25 * np.random.default_rng(0).normal(size=(11, 3))
+    phi = structure.symbolic(values=values)
+    bases = family.bases(np.arange(points) / points * 10.0, phi.n_in() - 1)
+    flat = np.array(phi.map(points)(*((basis @ table).T for basis in bases)))
+    smooth = flat.reshape(3, points, -1).transpose(1, 0, 2)
+    exact = structure.columns(family.motion(table, points), values)
+    place = len(base.parameters)
+    return smooth[:, :, place:].reshape(3 * points, -1), exact[:, :, place:].reshape(3 * points, -1)
+
+
+@pytest.mark.parametrize("name", [n for n in CATALOGUE if n not in (*HIDDEN, "viscous", "coulomb")])
+def test_every_effect_of_the_catalogue_can_be_designed_for(kuka: Robot, name: str) -> None:
+    at = kuka
+    try:
+        Structure.build(at, [label(name)])
+    except InputError as error:
+        assert "merges" in str(error) or "no gear_ratio" in str(error)  # not an effect of this joint
+        return
+    smooth, exact = designed_and_exact(at, name)
+    for mine, true in zip(smooth.T, exact.T, strict=True):
+        size = np.linalg.norm(true)
+        assert size > 0.0
+        assert mine @ true / (size * np.linalg.norm(mine)) > LIKENESS.get(name, 0.9999)
+        assert np.linalg.norm(mine) == pytest.approx(size, rel=0.15 if name in LIKENESS else 0.01)
+
+
+@pytest.mark.parametrize(
+    ("labels", "words"),
+    [
+        (
+            ["temperature_drift@joint_1"],
+            "no excitation can be designed for temperature_drift@joint_1: the average over",
+        ),
+        (["payload"], "invisible in one run"),
+    ],
+)
+def test_what_no_motion_shows_is_one_line(kuka: Robot, labels: list[str], words: str) -> None:
+    with pytest.raises(InputError, match=words):
+        design(kuka, effects=labels, workers=1)
+
+
+def test_a_design_for_effects_with_memory_and_of_the_load(kuka: Robot) -> None:
+    seen: list[Any] = []
+    found = design(
+        kuka,
+        effects=["presliding@joint_2", "joint_elasticity@joint_3"],
+        harmonics=3,
+        starts=1,
+        workers=1,
+        progress=seen.append,
+        cancel=lambda: len(seen) > 0,
+    )
+    assert found.parameters[-2:] == ("presliding.level@joint_2", "joint_elasticity@joint_3")
+    assert np.all(np.isfinite(found.sigma))
+    assert found.notes[0].startswith("the columns of joint_elasticity@joint_3 depend on the torque: taken from")
+    target = Target.of_robot(kuka, ["presliding@joint_2", "joint_elasticity@joint_3"])
+    assert target.judge(found.excitations).log10_det_covariance == found.log10_det_covariance

@@ -1,0 +1,82 @@
+"""model.yaml: read back to the last digit; what can't be right in it is named."""
+
+from __future__ import annotations
+
+import re
+from collections.abc import Callable
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import pytest
+import yaml
+
+from robot_ident.errors import InputError
+from robot_ident.estimation.identify import identify
+from robot_ident.estimation.solve import ESTIMATORS
+from robot_ident.model.model_file import ModelFile, ProcessingFile, read_model, write_model
+from robot_ident.recording import Processing
+
+
+@pytest.fixture(scope="module")
+def written(arm: Any, tmp_path_factory: pytest.TempPathFactory) -> Path:
+    path = tmp_path_factory.mktemp("model") / "model.yaml"
+    write_model(identify([arm.record(3, periods=4)], arm.robot, physical=True), path)
+    return path
+
+
+def test_what_is_read_is_what_was_written(arm: Any, written: Path) -> None:
+    model, again = identify([arm.record(3, periods=4)], arm.robot, physical=True), read_model(written)
+    np.testing.assert_array_equal(again.values, model.values)
+    np.testing.assert_array_equal(again.covariance, model.covariance)
+    assert again.physical == model.physical
+    assert again.notes == model.notes
+    assert Processing(**again.processing) == Processing()
+
+
+def test_the_files_words_are_the_programs() -> None:
+    estimator = ModelFile.model_fields["estimator"].annotation
+    assert set(estimator.__args__) == set(ESTIMATORS)  # type: ignore[union-attr]
+    assert set(ProcessingFile.model_fields) == set(Processing.__dataclass_fields__)
+
+
+def broken(data: dict[str, Any], change: Callable[[dict[str, Any]], object]) -> str:
+    change(data)
+    return yaml.safe_dump(data)
+
+
+CHANGES: dict[str, Callable[[dict[str, Any]], object]] = {
+    "estimator = 'wsl'": lambda d: d.update(estimator="wsl"),
+    "processing.decimate = 0": lambda d: d["processing"].update(decimate=0),
+    "processing.low_pass = -3": lambda d: d["processing"].update(low_pass=-3),
+    "unknown key 'processing.filter'": lambda d: d["processing"].update(filter=3),
+    "processing.minimum_speed must have 3 values": lambda d: d["processing"].update(minimum_speed=[0.1]),
+    "covariance must be 21 x 21": lambda d: d["covariance"].pop(),
+    "the variance of p2 is negative": lambda d: d["covariance"][1].__setitem__(1, -1.0),
+    "covariance is not symmetric": lambda d: d["covariance"][0].__setitem__(3, 7.0),
+    "p1: std 9 is not the root of its variance": lambda d: d["parameters"][0].update(std=9.0),
+    "residual is of elbow, joint_1, joint_2": lambda d: d["residual"].update(elbow=d["residual"].pop("joint_3")),
+    "noise.torque_variance must have 3 values": lambda d: d["noise"]["torque_variance"].pop(),
+    "physical.inertias.joint_2 must hold m, mx": lambda d: d["physical"]["inertias"]["joint_2"].pop("Ixy"),
+    "physical.covariance = 'none'": lambda d: d["physical"].update(covariance="none"),
+    "its parameters are not those of robot kuka_ir361": lambda d: d["parameters"][0].update(name="p99"),
+    "parameters.4.value = inf": lambda d: d["parameters"][4].update(value=float("inf")),
+}
+
+
+@pytest.mark.parametrize("message", CHANGES)
+def test_what_cannot_be_is_refused_in_one_line(written: Path, tmp_path: Path, message: str) -> None:
+    path = tmp_path / "broken.yaml"
+    path.write_text(broken(yaml.safe_load(written.read_text()), CHANGES[message]))
+    with pytest.raises(InputError, match=re.escape(message)) as caught:
+        read_model(path)
+    assert "\n" not in str(caught.value)
+
+
+@pytest.mark.parametrize("share", [0.1, 0.5, 0.9])
+def test_a_file_that_breaks_off_is_refused(written: Path, tmp_path: Path, share: float) -> None:
+    path, text = tmp_path / "cut.yaml", written.read_text()
+    path.write_text(text[: int(share * len(text))])
+    with pytest.raises(InputError, match="cut.yaml") as caught:
+        read_model(path)
+    assert "\n" not in str(caught.value)
