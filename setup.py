@@ -41,11 +41,14 @@ setup(
     install_requires=[
         "casadi>=3.6.7,<4",
         "clarabel>=0.9",
+        "dash>=4,<5",
+        "Jinja2>=3.1",
         "joblib>=1.3",
         "lz4>=4.3",
         "mcap>=1.1",
         "numpy>=1.26,<3",
         "pin>=4,<5",
+        "plotly>=6",
         "pydantic>=2.6,<3",
         "PyYAML>=6.0.1",
         "rosbags>=0.10.4",
@@ -56,10 +59,14 @@ setup(
     extras_require={
         # ROS 2 Jazzy from wheels; not a requirement, since an installed ROS 2 brings its own.
         "ros": ["ros-jazzy-rclpy[fastrtps]==7.1.6", "ros-jazzy-common-interfaces==5.3.6"],
+        # --cluster: the same cases on a Dask scheduler
+        "cluster": ["distributed>=2024.1"],
         "test": [
             "build>=1.2",
+            "distributed>=2024.1",
             "example-robot-data>=4.1",
             "mypy>=1.11",
+            "playwright>=1.45",
             "pytest>=9",
             "ruff>=0.9",
             "types-PyYAML",

@@ -1,6 +1,6 @@
 """Estimation by brute force: intervals, bias, efficiency and the noise estimate, over hundreds of recordings.
 
-Run by `make acceptance`; about six minutes on two cores. ROBOT_IDENT_RUNS changes the number of runs.
+Run by `make acceptance`; about ten minutes on two cores. ROBOT_IDENT_RUNS changes the number of runs.
 """
 
 from __future__ import annotations
@@ -20,12 +20,14 @@ from robot_ident.estimation.solve import solve
 from robot_ident.excitation.fourier import FourierSeries
 from robot_ident.model.structure import Structure
 from robot_ident.recording import Measurement, Processing, Recording, process
+from robot_ident.recording.noise import NoiseSpectrum
 from robot_ident.robot import load_robot
 
 RUNS = int(os.environ.get("ROBOT_IDENT_RUNS", "500"))
 WORKERS = max(1, min(4, os.cpu_count() or 1))
 RATE, BASE, SAMPLES = 150.0, 0.1, 1500
 POLE = 0.8  # of the coloured noise
+CONVERTER = 2.0**-11  # of the largest torque: a step of the 12-bit converter
 
 
 @dataclass(frozen=True)
@@ -52,7 +54,7 @@ def plant() -> tuple[Structure, FourierSeries, np.ndarray]:
 
 
 def record(case: Case, seed: int) -> Recording:
-    """Record steady periods: torque noise, position noise, the encoder's steps."""
+    """Record steady periods: torque noise, position noise, the steps of encoder and torque converter."""
     structure, series, exact = plant()
     robot = structure.robot
     rng = np.random.default_rng(seed)
@@ -63,6 +65,8 @@ def record(case: Case, seed: int) -> Recording:
     # a single period has the noise of an averaged one, as in the paper
     size = np.sqrt(robot.noise.torque_variance / (16 if case.periods == 1 else 1))
     tau = np.tile(exact, (case.periods, 1)) + noise[200:] * size
+    step = CONVERTER * robot.limits.torque
+    tau = np.round(tau / step) * step
     t = np.arange(count) / RATE
     q = np.tile(series.motion(t[:SAMPLES]).q, (case.periods, 1))
     q = q + rng.normal(size=q.shape) * np.sqrt(robot.noise.position_variance)
@@ -85,7 +89,23 @@ def measure(case: Case, seed: int) -> Measurement:
     tau = np.tile(recording.tau, (2, 1))
     made = process(Recording(recording.names, np.arange(2 * SAMPLES) / RATE, q, tau), structure.robot, options)
     known = structure.robot.noise.torque_variance / 16
-    return replace(made, torque_variance=known, averages=1.0, noise=None, quantisation=None, period_torque=None)
+    rounding = (CONVERTER * structure.robot.limits.torque) ** 2 / 12.0
+    return replace(
+        made,
+        torque_variance=known,
+        averages=1.0,
+        noise=spectrum(known) if case.coloured else None,
+        quantisation=rounding,
+        period_torque=None,
+    )
+
+
+def spectrum(variance: np.ndarray) -> NoiseSpectrum:
+    """Return the true spectrum of the coloured noise: that of a first-order autoregression."""
+    z = np.exp(-2j * np.pi * np.arange(SAMPLES // 2 + 1) / SAMPLES)
+    shape = (1.0 - POLE**2) / np.abs(1.0 - POLE * z) ** 2
+    density = (shape[:, None, None] * np.diag(variance)).astype(complex)
+    return NoiseSpectrum(density, SAMPLES, np.inf, (True,) * len(variance), False, variance, np.inf)
 
 
 def one_run(job: tuple[Case, int]) -> dict[str, tuple[np.ndarray, np.ndarray, float]]:
@@ -116,7 +136,7 @@ def bound(case: Case) -> np.ndarray:
     return np.linalg.inv(information)
 
 
-CASES = [Case(1, False), Case(16, False), Case(16, True)]
+CASES = [Case(1, False), Case(1, True), Case(16, False), Case(16, True)]
 
 
 @cache

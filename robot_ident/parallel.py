@@ -1,17 +1,28 @@
-"""Runs independent cases in parallel processes."""
+"""Runs independent cases in parallel: in processes of this machine, or on a Dask cluster."""
 
 from __future__ import annotations
 
+import importlib
 import os
+import pickle
 import signal
 import threading
 import warnings
 from collections.abc import Callable, Generator, Iterator, Sequence
 from contextlib import closing, contextmanager
-from typing import TypeVar
+from contextvars import ContextVar
+from typing import Any, TypeVar
+
+from robot_ident.errors import InputError
 
 Case = TypeVar("Case")
 Result = TypeVar("Result")
+Preparation = tuple[Callable[..., object], tuple[Any, ...]]
+
+_CONNECT = 10.0  # s to wait for a scheduler, and then for a worker
+_preparations: list[Preparation] = []
+_prepared: set[bytes] = set()
+_cluster: ContextVar[Any] = ContextVar("cluster", default=None)
 
 
 def available_workers() -> int:
@@ -22,29 +33,91 @@ def available_workers() -> int:
         return os.cpu_count() or 1
 
 
+def prepare(function: Callable[..., object], *arguments: Any) -> None:
+    """Have every worker call function(*arguments) before its first case, as this process has done for itself."""
+    if (function, arguments) not in _preparations:
+        _preparations.append((function, arguments))
+
+
+@contextmanager
+def on_cluster(address: str | None) -> Iterator[None]:
+    """Hand all cases inside to the Dask scheduler at an address (`tcp://HOST:PORT`); None: to local processes.
+
+    Raises InputError where Dask isn't installed, the scheduler doesn't answer or has no worker.
+    """
+    if not address:
+        yield
+        return
+    client = _client(address)
+    token = _cluster.set(client)
+    try:
+        yield
+    finally:
+        _cluster.reset(token)
+        client.close()
+
+
+def _client(address: str) -> Any:
+    try:
+        distributed: Any = importlib.import_module("distributed")
+    except ImportError:
+        raise InputError("--cluster needs Dask: pip install 'robot_ident[cluster]'") from None
+    try:
+        client = distributed.Client(address, timeout=_CONNECT, set_as_default=False)
+    except (OSError, ValueError) as error:
+        reason = str(error).splitlines()[0] if str(error) else type(error).__name__
+        raise InputError(f"--cluster {address}: no Dask scheduler answers there ({reason})") from error
+    try:
+        client.wait_for_workers(1, timeout=_CONNECT)
+    except TimeoutError:
+        client.close()
+        raise InputError(
+            f"--cluster {address}: the scheduler has no worker; start one by: dask worker {address}"
+        ) from None
+    return client
+
+
+def _dask_backend(client: Any) -> Any:
+    """Return joblib's way to a Dask cluster; one that hands its work over even where there is a single worker."""
+    dask: Any = importlib.import_module("joblib._dask")
+
+    class Backend(dask.DaskDistributedBackend):  # type: ignore[misc]
+        def effective_n_jobs(self, n_jobs: int) -> int:
+            return max(2, int(super().effective_n_jobs(n_jobs)))  # of a single job joblib would make a plain loop here
+
+    return Backend(client=client)
+
+
 def completed(
     function: Callable[[Case], Result], cases: Sequence[Case], workers: int | None = None
 ) -> Generator[tuple[int, Result], None, None]:
     """Yield (index, function(case)) as cases are completed, in any order.
 
-    `function` and `cases` must be picklable when there are several workers; each worker computes with one thread. An
+    `function` and `cases` must be picklable when there are several workers. Each local worker computes with one thread;
+    `workers` limits them and means nothing on a cluster, where a lost worker's unfinished cases are run by another. An
     exception of a case is raised here. Closing the iterator gives up what hasn't begun.
     """
+    client = _cluster.get()
     workers = min(workers or available_workers(), len(cases))
-    if workers <= 1:
+    if not cases:
+        return
+    if workers <= 1 and client is None:
         for index, case in enumerate(cases):
             yield index, function(case)
         return
     from joblib import Parallel, delayed, parallel_config
 
-    with parallel_config(backend="loky", inner_max_num_threads=1):
-        pool = Parallel(
-            n_jobs=workers, return_as="generator_unordered", batch_size=1, pre_dispatch=2 * workers, max_nbytes=None
-        )
+    here = {"backend": "loky", "inner_max_num_threads": 1}
+    preparations = pickle.dumps(tuple(_preparations))
+    # bytes, lest the cluster keep a part of the work on one worker alone and lose it with that
+    work = (delayed(_run)(preparations, i, pickle.dumps((function, case))) for i, case in enumerate(cases))
+    with parallel_config(**(here if client is None else {"backend": _dask_backend(client)})):
+        size = {"n_jobs": workers, "max_nbytes": None} if client is None else {"n_jobs": -1}
+        pool = Parallel(return_as="generator_unordered", batch_size=1, pre_dispatch="2 * n_jobs", **size)
         with warnings.catch_warnings():
             warnings.filterwarnings("ignore", ".*have been cancelled.*", UserWarning)  # on purpose, when closed early
             with _interrupt_ignored():
-                results = pool(delayed(_numbered)(function, i, case) for i, case in enumerate(cases))
+                results = pool(work)
             with closing(results):
                 yield from results
 
@@ -79,5 +152,11 @@ def run_parallel(
     return [results[index] for index in range(len(cases))]
 
 
-def _numbered(function: Callable[[Case], Result], index: int, case: Case) -> tuple[int, Result]:
+def _run(preparations: bytes, index: int, work: bytes) -> tuple[int, Any]:
+    """Run one case in a worker, which is prepared for it first."""
+    if preparations not in _prepared:
+        for prepare_worker, arguments in pickle.loads(preparations):
+            prepare_worker(*arguments)
+        _prepared.add(preparations)
+    function, case = pickle.loads(work)
     return index, function(case)

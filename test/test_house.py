@@ -16,14 +16,17 @@ FLOORS: tuple[frozenset[str], ...] = tuple(
     frozenset(floor.split())
     for floor in (
         "errors",
-        "configuration files motion parallel share",
+        "configuration files markup motion parallel provenance share",
         "robot",
         "effects",
         "model",
         "excitation recording",
         "estimation playing simulation",
-        "diagnosis",
+        "diagnosis export",
         "bags",
+        "figures",
+        "report",
+        "workbench",
         "nodes",
         "cli",
     )
@@ -32,6 +35,11 @@ FLOORS: tuple[frozenset[str], ...] = tuple(
 
 SHELL = {"bags", "nodes", "cli"}
 ROS = ("rclpy", "builtin_interfaces", "rosgraph_msgs", "rcl_interfaces", "ament_index_python", "launch", "launch_ros")
+WEB = ("dash", "flask", "werkzeug")
+PAGES = tuple(
+    f"robot_ident.workbench.{name}" for name in ("app", "callbacks", "guard", "layout", "pages", "panels", "server")
+)
+"""The part of the workbench that is a web application; the rest of it knows no web."""
 PLOTS = ("matplotlib", "plotly", "bokeh", "seaborn", "pyqtgraph")
 TERMINAL = ("argparse", "tqdm", "rich", "click", "curses", "getpass")
 HEAVY = ("casadi", "pinocchio", "scipy", "rclpy", "mcap", "rosbags", "joblib")
@@ -157,7 +165,19 @@ def test_bag_libraries_are_known_in_bags_alone() -> None:
 
 
 def test_core_knows_no_terminal_and_no_plots() -> None:
-    assert not violations((*TERMINAL, *PLOTS), {*ROOMS} - {"cli"})
+    assert not violations(TERMINAL, {*ROOMS} - {"cli"})
+    assert not violations(PLOTS, {*ROOMS} - {"figures", "report", "workbench"})
+
+
+def test_the_web_is_known_in_the_workbenchs_pages_alone() -> None:
+    known = [
+        f"{m}:{line} imports {name}"
+        for m in FILES
+        if not m.startswith(PAGES)
+        for name, line in imports(m)
+        if name.partition(".")[0] in WEB or (m.startswith("robot_ident.workbench.") and name.startswith(PAGES))
+    ]
+    assert not known
 
 
 def calls(module: str) -> Iterator[tuple[str, int]]:
@@ -220,7 +240,8 @@ def run_imports(modules: list[str], blocked: tuple[str, ...], heavy: tuple[str, 
 
 
 def test_all_but_the_nodes_imports_without_ros_and_plots() -> None:
-    run_imports([m for m in FILES if room(m) not in ("nodes", "__main__")], (*ROS, *PLOTS))
+    modules = [m for m in FILES if room(m) not in ("nodes", "__main__") and not m.startswith(PAGES)]
+    run_imports(modules, (*ROS, *PLOTS, *WEB))
 
 
 def test_nodes_import_silently() -> None:

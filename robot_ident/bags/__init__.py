@@ -7,9 +7,11 @@ so that a killed process loses none, `write_recording` writes a recording whole,
 from __future__ import annotations
 
 from robot_ident.bags.describe import BagInfo, TopicInfo, describe
+from robot_ident.bags.prediction import write_prediction
 from robot_ident.bags.qos import Qos, qos_text
 from robot_ident.bags.read import RawMessage, read_messages, read_recording
 from robot_ident.bags.recover import Recovery, recover
+from robot_ident.bags.robot_description import read_robot_description
 from robot_ident.bags.storage import JOINT_STATE, Topic
 from robot_ident.bags.write import write_recording
 from robot_ident.bags.writer import BagWriter
@@ -27,6 +29,8 @@ __all__ = [
     "qos_text",
     "read_messages",
     "read_recording",
+    "read_robot_description",
     "recover",
+    "write_prediction",
     "write_recording",
 ]

@@ -15,6 +15,10 @@ from robot_ident.errors import InputError, did_you_mean
 from robot_ident.motion import Array
 from robot_ident.recording.recording import Recording
 
+_BURSTS = 0.1  # of the samples: as many that come with another are no accident
+_CLOSE = 0.05  # of the long steps between stamps: what is nearer came in one burst
+_LONGEST = 100  # samples of a burst
+
 
 @dataclass(frozen=True)
 class Samples:
@@ -31,27 +35,70 @@ class Samples:
 
 
 def in_order(samples: Samples) -> tuple[Samples, list[str]]:
-    """Sort by stamp and drop what has the stamp of its predecessor; say both in notes."""
+    """Sort by stamp, drop what came twice, spread what came in bursts; say each in notes."""
     notes: list[str] = []
     stamp = samples.stamp
-    if len(stamp) < 2 or np.all(np.diff(stamp) > 0):
+    if len(stamp) < 2:
         return samples, notes
-    late = int(np.sum(stamp[1:] < np.maximum.accumulate(stamp)[:-1]))
-    if late:
-        notes.append(f"{late} of {len(stamp)} samples came later than their stamps say and were sorted")
-        samples = samples[np.argsort(stamp, kind="stable")]
+    if not np.all(np.diff(stamp) > 0):
+        late = int(np.sum(stamp[1:] < np.maximum.accumulate(stamp)[:-1]))
+        if late:
+            notes.append(f"{late} of {len(stamp)} samples came later than their stamps say and were sorted")
+            samples = samples[np.argsort(stamp, kind="stable")]
+        samples = _once(samples, notes)
+    follows = _bursts(samples.stamp)
+    if follows.any():
+        notes.append(f"{int(follows.sum())} samples came in bursts; they are spread over the time since the last one")
+        return _spread(samples, follows), notes
     again = np.concatenate([[False], np.diff(samples.stamp) == 0])
     if again.any():
-        rows = np.flatnonzero(again)
-        equal = np.all(samples.q[rows] == samples.q[rows - 1], axis=1)
-        equal &= np.all(samples.tau[rows] == samples.tau[rows - 1], axis=1)
-        if equal.any():
-            notes.append(f"{int(equal.sum())} samples came again with the same stamp and content; dropped")
-        if not equal.all():
-            unlike = int((~equal).sum())
-            notes.append(f"{unlike} samples have the stamp of another with different content; the first one is kept")
-        samples = samples[~again]
-    return samples, notes
+        unlike = int(again.sum())
+        notes.append(f"{unlike} samples have the stamp of another with different content; the first one is kept")
+    return samples[~again] if again.any() else samples, notes
+
+
+def _once(samples: Samples, notes: list[str]) -> Samples:
+    """Return sorted samples without those that equal their predecessor, stamp and content."""
+    again = np.concatenate([[False], np.diff(samples.stamp) == 0])
+    rows = np.flatnonzero(again)
+    equal = np.all(samples.q[rows] == samples.q[rows - 1], axis=1)
+    equal &= np.all(samples.tau[rows] == samples.tau[rows - 1], axis=1)
+    again[rows[~equal]] = False
+    if again.any():
+        notes.append(f"{int(again.sum())} samples came again with the same stamp and content; dropped")
+    return samples[~again] if again.any() else samples
+
+
+def _bursts(stamp: NDArray[np.int64] | Array) -> NDArray[np.bool_]:
+    """Return which samples [N] come with the one before, in a burst; none where that is rare.
+
+    Steps far below the usual long ones, in short runs: two sample rates in one recording make long runs.
+    """
+    none = np.zeros(len(stamp), dtype=bool)
+    if len(stamp) < 20:
+        return none
+    steps = np.diff(stamp)
+    follows = np.concatenate([[False], steps < _CLOSE * np.percentile(steps, 95.0)])
+    if follows.mean() < _BURSTS:
+        return none
+    edges = np.flatnonzero(~follows)
+    return follows if np.diff(edges, append=len(stamp)).max() <= _LONGEST else none
+
+
+def _spread(samples: Samples, follows: NDArray[np.bool_]) -> Samples:
+    """Return samples whose bursts, stamped when they arrived, are spread evenly since the stamp before.
+
+    The first burst takes the pace of the next.
+    """
+    start = samples.stamp[0]
+    burst = np.cumsum(~follows) - 1
+    size = np.bincount(burst)
+    first = np.cumsum(size) - size
+    stamp = (samples.stamp - start)[first]
+    length = np.diff(stamp, prepend=stamp[0] - (stamp[1] - stamp[0]) * size[0] / size[1])
+    since = stamp[burst] - length[burst] * (1.0 - (np.arange(len(burst)) - first[burst] + 1.0) / size[burst])
+    even = np.asarray(since if samples.stamp.dtype.kind == "f" else np.rint(since).astype(np.int64))
+    return replace(samples, stamp=even + start)
 
 
 def assemble(

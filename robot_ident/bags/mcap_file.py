@@ -170,8 +170,13 @@ class McapFile:
         if self.truncated:
             lost = len(self._data) - self._scan.end
             what = self._scan.damage or ("its last record is cut" if self._scan.cut else "its end is missing")
-            rest = f", {lost} bytes after it are lost or unreadable" if lost else ""
-            lines.append(f"{self.path.name} is truncated: {what}{rest}; everything before is used")
+            if self._scan.cut and self._scan.cut[0] == records.CHUNK:
+                rest = f", of whose {lost} bytes what can be unpacked is used, as is everything before"
+            else:
+                rest = (
+                    f", {lost} bytes after it are lost or unreadable" if lost else ""
+                ) + "; everything before is used"
+            lines.append(f"{self.path.name} is truncated: {what}{rest}")
         lines += [f"{self.path.name}: {note}" for note in self._chunk_notes.values()]
         if self._unknown_channels:
             lines.append(f"{self.path.name}: {self._unknown_channels} messages of an unknown channel are left out")

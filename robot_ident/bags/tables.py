@@ -8,6 +8,7 @@ import warnings
 import zipfile
 import zlib
 from collections.abc import Mapping, Sequence
+from itertools import islice
 from pathlib import Path
 from typing import Any
 
@@ -48,7 +49,10 @@ def read_csv(path: Path, joints: Sequence[str] | None = None) -> Recording:
         notes.append("dq is given for some joints only and is not used")
         velocities = []
     wanted = ["t", *(f"q_{n}" for n in names), *(f"tau_{n}" for n in names), *(f"dq_{n}" for n in velocities)]
-    values = _cells(path, [header.index(name) for name in wanted], wanted, delimiter, line)
+    torn = _torn_rows(path, line)
+    if torn is not None:
+        notes.append("the last row has no line end and is left out: the file may break off in it")
+    values = _cells(path, [header.index(name) for name in wanted], wanted, delimiter, line, torn)
     n = len(names)
     dq = values[:, 2 * n + 1 :] if velocities else None
     return _recording(path, names, Samples(values[:, 0], values[:, 1 : n + 1], values[:, n + 1 : 2 * n + 1], dq), notes)
@@ -90,12 +94,31 @@ def _joints_of(path: Path, header: list[str], joints: Sequence[str] | None) -> t
     return names, [f"columns not used: {one_line(*others)}"] if others else []
 
 
-def _cells(path: Path, columns: list[int], names: list[str], delimiter: str, skip: int) -> Array:
+def _torn_rows(path: Path, skip: int) -> int | None:
+    """Return how many rows follow the header before one without a line end, None where the last row has its own."""
+    with path.open("rb") as file:
+        file.seek(-1, 2)
+        if file.read(1) in b"\r\n":
+            return None
+        file.seek(0)
+        rows = sum(bool(text.partition(b"#")[0].strip()) for text in islice(file, skip, None))
+    return rows - 1 if rows > 1 else None
+
+
+def _cells(path: Path, columns: list[int], names: list[str], delimiter: str, skip: int, rows: int | None) -> Array:
+    """Return the columns [N, k] of at most `rows` lines after the first `skip`; InputError names a cell."""
     try:
         with warnings.catch_warnings():
             warnings.simplefilter("ignore", UserWarning)  # of a table without rows, which is told below
             values: Array = np.loadtxt(
-                path, delimiter=delimiter, skiprows=skip, usecols=columns, ndmin=2, dtype=float, encoding="utf-8"
+                path,
+                delimiter=delimiter,
+                skiprows=skip,
+                usecols=columns,
+                ndmin=2,
+                dtype=float,
+                encoding="utf-8",
+                max_rows=rows,
             )
     except (ValueError, OSError) as error:
         _complain(path, columns, names, delimiter, skip)

@@ -12,17 +12,16 @@ from robot_ident.errors import CheckFailed, InputError
 if TYPE_CHECKING:
     from robot_ident.cli.loop import Inputs
     from robot_ident.diagnosis.comparison import Comparison, JointComparison
-    from robot_ident.diagnosis.regions import Region
     from robot_ident.robot.robot import Robot
 
 _BAR = 20  # characters of a whole bar
 _BARS = 8  # variables shown for a joint
+_LEAST = 0.005  # of a share that is worth a bar
 _SENTENCES = 4
 
 
 def add_arguments(parser: argparse.ArgumentParser) -> None:
     """Add the verb's options."""
-    from robot_ident.cli.effects_from import add_effects_from
 
     parser.add_argument("inputs", nargs="+", metavar="model.yaml BAG", help="models and recordings, in any order")
     parser.add_argument("--topic", metavar="T", help="topic of the joint states")
@@ -35,20 +34,17 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
         "--fail-on-misfit", action="store_true", help="exit with 3 when the first model does not fit at some joint"
     )
     parser.add_argument("--force", action="store_true", help="replace what is there")
-    add_effects_from(parser)
     add_json(parser)
 
 
 def run(args: argparse.Namespace) -> int:
     """Show models beside measurements."""
-    from robot_ident.cli.effects_from import register_effects
     from robot_ident.cli.loop import read_inputs
     from robot_ident.diagnosis.comparison import compare
     from robot_ident.files import refuse_existing
 
     if args.mcap:
         refuse_existing(args.mcap, force=args.force)
-    register_effects(args)
     inputs = read_inputs(args.inputs, [], args.topic)
     if not inputs.measurements:
         raise InputError(f"{', '.join(args.inputs)}: models only; compare takes at least one recording")
@@ -124,73 +120,39 @@ def _print(inputs: Inputs, found: Sequence[Comparison]) -> None:
 
 
 def _row(path: str, joint: JointComparison) -> tuple[object, ...]:
-    fit = joint.misfit
-    word = "not judged" if fit is None else "does not fit" if fit.fails else "fits"
-    return (
-        joint.name,
-        path,
-        joint.residual_mse**0.5,
-        None if joint.noise_variance is None else joint.noise_variance**0.5,
-        joint.excess,
-        None if fit is None else fit.statistic,
-        None if fit is None else f"{fit.p_value:.2g}",
-        word,
-    )
+    name, *figures = joint.row()
+    return (name, path, *figures[:-1])
 
 
 def _print_joint(joint: JointComparison, robot: Robot, number: int, model: str) -> None:
     unit = robot.torque_unit(number)
     say(f"\n{joint.name}{model}: {joint.excess:.3g} {unit} rms beyond the noise")
     for region in joint.worst[:_SENTENCES]:
-        say(f"  {sentence(region, joint.name, robot, number)}")
+        say(f"  {joint.name}, {region.in_words(robot, number)}")
     ranked = sorted(joint.explained_by.items(), key=lambda item: -item[1])[:_BARS]
-    say("  a curve over each variable explains, on motion it has not seen:")
-    say(_indented(_bars([(name.replace("_", " "), share) for name, share in ranked])))
-    if joint.by_frequency:
-        say("  by frequency:")
-        named = [(f"{low:g} to {high:g} Hz", share) for low, high, share in joint.by_frequency]
-        say(_indented(_bars(named)))
+    _print_bars(
+        "a curve over each variable explains, on motion it has not seen:",
+        [(name.replace("_", " "), share) for name, share in ranked],
+        "no single variable",
+    )
+    bands = [(f"{low:g} to {high:g} Hz", share) for low, high, share in joint.by_frequency]
+    if bands:
+        _print_bars("by frequency:", bands, "no band alone")
     if joint.odd is not None and joint.even is not None:
         odd, even = 100 * joint.odd, 100 * joint.even
         say(f"  under time reversal: {odd:.0f} % odd (friction), {even:.0f} % even (forces, inertia)")
 
 
-def _bars(rows: Sequence[tuple[str, float]]) -> str:
-    width = max(len(name) for name, _ in rows)
-    filled = [(name, ("█" * round(_BAR * share)).ljust(_BAR, "·"), share) for name, share in rows]
-    return "\n".join(f"{name.ljust(width)}  {bar} {100 * share:3.0f} %" for name, bar, share in filled)
-
-
-def _indented(text: str) -> str:
-    return "\n".join(f"    {line}" for line in text.splitlines())
-
-
-def sentence(region: Region, joint: str, robot: Robot, number: int) -> str:
-    """Return a region in words: `joint_3, |dq| < 0.05 rad/s: 61 % of the excess`."""
-    length = "m" if robot.prismatic[number] else "rad"
-    symbols = {
-        "position": ("q", length),
-        "velocity": ("dq", f"{length}/s"),
-        "speed": ("|dq|", f"{length}/s"),
-        "acceleration": ("ddq", f"{length}/s^2"),
-        "load": ("load torque", robot.torque_unit(number)),
-        "time_since_reversal": ("time since reversal", "s"),
-        "time": ("t", "s"),
-    }
-    if " of " in region.what:
-        kind, _, other = region.what.partition(" of ")
-        place = robot.joint_index(other)
-        length = "m" if robot.prismatic[place] else "rad"
-        symbol, unit = (f"q of {other}", length) if kind == "position" else (f"dq of {other}", f"{length}/s")
-    else:
-        symbol, unit = symbols[region.what]
-    if region.lower <= 0.0 and region.what in ("speed", "time_since_reversal"):
-        where = f"{symbol} < {region.upper:.3g} {unit}"
-    else:
-        where = f"{region.lower:.3g} < {symbol} < {region.upper:.3g} {unit}"
-    source = f" of {region.recording}" if region.recording else ""
-    share, time = 100 * region.share, 100 * region.of_time
-    return f"{joint}, {where}{source}: {share:.0f} % of the excess in {time:.0f} % of the time"
+def _print_bars(title: str, rows: Sequence[tuple[str, float]], nothing: str) -> None:
+    """Print the shares that round to 1 % or more, the rest as one line."""
+    shown = [(name, share) for name, share in rows if share >= _LEAST]
+    say(f"  {title}" if shown else f"  {title} {nothing}")
+    if not shown:
+        return
+    width = max(len(name) for name, _ in shown)
+    for name, share in shown:
+        bar = ("█" * round(_BAR * share)).ljust(_BAR, "·")
+        say(f"    {name.ljust(width)}  {bar} {100 * share:3.0f} %")
 
 
 def _write_mcap(args: argparse.Namespace, inputs: Inputs) -> None:

@@ -68,15 +68,14 @@ def run(args: argparse.Namespace) -> int:
     runs = design_motions(robot, folder, periods=args.periods, seconds=args.design_time, seed=args.seed)
     record(runs, folder, seed=args.seed, hidden=args.hidden)
     models, found, validations = _identify(robot, runs, folder)
+    page = _write_page(runs, len(models), folder)
     seconds = time.monotonic() - started
     truth = _truth(models[-1], args.hidden)
     if args.json:
-        print_json(_to_dict(models, found, validations, truth, runs, seconds))
+        print_json({**_to_dict(models, found, validations, truth, runs, seconds), "report": str(page)})
         return 0
-    report = _report(models, found, validations, truth)
-    (folder / "report.txt").write_text(report + "\n", encoding="utf-8")
-    say(report)
-    say(f"\nThe report: {folder}/report.txt, beside excitations, recordings (rosbag2 MCAP), models and logs.")
+    say(_summary(models, found, validations, truth))
+    say(f"\nThe report: {page} (open it in a browser), beside excitations, recordings (rosbag2 MCAP), models and logs.")
     say(f"{seconds:.0f} s in all.")
     return 0
 
@@ -102,12 +101,12 @@ def _folder(folder: Path, force: bool) -> Path:
 def _identify(robot: Robot, runs: list[Run], folder: Path) -> tuple[list[Model], Diagnosis, list[Validation]]:
     """Identify the paper's model, diagnose it, add what is missing, validate both on the unseen motion."""
     from robot_ident.bags import read_recording
-    from robot_ident.cli.provenance import provenance
     from robot_ident.diagnosis.diagnose import diagnose
     from robot_ident.estimation.identify import estimate
     from robot_ident.estimation.validate import validate
     from robot_ident.model.model_file import write_model
     from robot_ident.model.structure import Structure
+    from robot_ident.provenance import provenance
     from robot_ident.recording.process import process
 
     tell("[3/5] Identifying the paper's 21 parameters from the recordings, by weighted least squares")
@@ -126,6 +125,32 @@ def _identify(robot: Robot, runs: list[Run], folder: Path) -> tuple[list[Model],
     return models, found, [validate(model, unseen) for model in models]
 
 
+def _write_page(runs: list[Run], count: int, folder: Path) -> Path:
+    """Write the report on the models beside the recordings, from what is on disk."""
+    import shlex
+
+    from robot_ident.model.model_file import read_model
+    from robot_ident.report.findings import gather
+    from robot_ident.report.report import write_report
+    from robot_ident.report.sources import read_excitations, read_sources
+
+    page, paths = folder / "report.html", [str(folder / f"model_{number}.yaml") for number in range(1, count + 1)]
+    models = [(path, read_model(path)) for path in paths]
+    *fitted, unseen = [str(motion.bag) for motion in runs]
+    played = [str(motion.file) for motion in runs[:-1]]
+    words = ["robot_ident", "report", *paths, "--bag", *fitted, "--validation", unseen]
+    words += [word for file in played for word in ("--trajectory", file)]
+    found = gather(
+        models,
+        read_sources(fitted, models[0][1]),
+        read_sources([unseen], models[0][1]),
+        read_excitations(played, []),
+        command=shlex.join([*words, "-o", str(page)]),
+    )
+    write_report(page, found)
+    return page
+
+
 def _truth(model: Model, hidden: Sequence[str]) -> Array:
     """Return the true values [p] of a model's parameters, those of the hidden effects included."""
     truth = model.structure.true_values()
@@ -136,8 +161,7 @@ def _truth(model: Model, hidden: Sequence[str]) -> Array:
     return truth
 
 
-def _report(models: list[Model], found: Diagnosis, validations: list[Validation], truth: Array) -> str:
-    from robot_ident.cli.diagnose import sentence
+def _summary(models: list[Model], found: Diagnosis, validations: list[Validation], truth: Array) -> str:
     from robot_ident.cli.identify import fit_table
 
     model = models[-1]
@@ -147,7 +171,7 @@ def _report(models: list[Model], found: Diagnosis, validations: list[Validation]
     ]
     names = ["the paper's model", *(f"the model with {', '.join(s.label for s in found.missing)}" for _ in models[1:])]
     lines = ["The paper's model on the recordings it was fitted to, beside the noise told by the periods alone:"]
-    lines += [fit_table(models[0].robot, models[0].residual), "", f"Verdict: {sentence(found)}"]
+    lines += [fit_table(models[0].robot, models[0].residual), "", f"Verdict: {found.in_words}"]
     for suspect in found.missing:
         share = f"{100 * suspect.explained:.0f} % of the excess on trajectories left out of the fit"
         lines.append(f"  {suspect.label} explains {share}")

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import argparse
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, Any
 
 from robot_ident.cli.output import print_json, say, table, tell
 from robot_ident.errors import InputError
@@ -11,6 +11,7 @@ from robot_ident.errors import InputError
 if TYPE_CHECKING:
     from robot_ident.cli.loop import Inputs
     from robot_ident.diagnosis.diagnosis import Diagnosis, Suspect
+    from robot_ident.model.model import Model
 
 
 def add_arguments(parser: argparse.ArgumentParser) -> None:
@@ -32,75 +33,142 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
 
 def run(args: argparse.Namespace) -> int:
     """Say which physical effect is missing."""
-    from robot_ident.cli.effects_from import register_effects
     from robot_ident.cli.loop import read_inputs
     from robot_ident.diagnosis.diagnose import diagnose
     from robot_ident.files import refuse_existing
 
+    if args.output and not args.add_until_adequate:
+        raise InputError(f"-o {args.output}: only with --add-until-adequate is there a model to write")
     if args.output:
         refuse_existing(args.output, force=args.force)
-    register_effects(args)
     inputs = read_inputs(args.inputs, args.validation, args.topic)
     if len(inputs.models) != 1 or not inputs.measurements:
         raise InputError("diagnose takes one model and at least one recording")
     found = diagnose(inputs.measurements, inputs.models[0].structure, inputs.validation)
+    steps = _added(found, inputs) if args.add_until_adequate else []
+    if args.output:
+        _write(steps or [inputs.models[0]], args)
     if args.json:
-        print_json(found.to_dict())
-    else:
-        _print(found, inputs)
-    if args.add_until_adequate and found.missing:
-        _staircase(found, inputs, args)
+        print_json(_to_dict(found, inputs, steps))
+        return 0
+    _print(found, inputs)
+    if steps:
+        _print_staircase(found, inputs, steps)
+    elif args.add_until_adequate:
+        say("\nnothing to add")
+    if args.output:
+        say(f"written: {args.output}")
     return 0
 
 
-def sentence(found: Diagnosis) -> str:
-    """Return the verdict in one sentence."""
-    if found.verdict == "adequate":
-        return "adequate: what is left over is noise"
-    if found.verdict == "missing":
-        return "missing: " + ", ".join(s.label for s in found.missing)
-    if found.verdict == "not_decidable":
-        return "not decidable from these recordings"
-    where = f"; {found.unexplained.joint}: {found.unexplained.where}" if found.unexplained else ""
-    return f"unexplained: none of the known effects accounts for the error{where}"
+def _added(found: Diagnosis, inputs: Inputs) -> list[Model]:
+    """Return the model as it was and with one of the named effects more each time, those that a column can show."""
+    from robot_ident.estimation.extend import extend
+
+    columns = [s.effect for s in found.missing if s.effect.regression]
+    return extend(inputs.models[0], inputs.measurements, columns) if columns else []
+
+
+def _write(steps: list[Model], args: argparse.Namespace) -> None:
+    from robot_ident.model.model_file import write_model
+
+    write_model(steps[-1], args.output, force=args.force)
+
+
+def _to_dict(found: Diagnosis, inputs: Inputs, steps: list[Model]) -> dict[str, Any]:
+    from robot_ident.cli.add import validation_errors
+
+    data = found.to_dict()
+    if steps:
+        data["staircase"] = [
+            {
+                "added": None if number == 0 else model.structure.labels[-1],
+                "residual_mse": {joint: fit.mse for joint, fit in model.residual.items()},
+                "validation_mse": validation_errors(model, inputs),
+            }
+            for number, model in enumerate(steps)
+        ]
+    return data
 
 
 def _print(found: Diagnosis, inputs: Inputs) -> None:
-    for note in found.notes:
-        tell(note)
-    say(sentence(found))
-    if found.missing or found.others:
-        rows = [_row(rank, s, True) for rank, s in enumerate(found.missing, 1)]
-        rows += [_row(rank, s, False) for rank, s in enumerate(found.others, len(found.missing) + 1)]
-        say()
-        say(table(("rank", "effect", "named", "explains", "mse before", "mse after"), rows))
+    robot = inputs.models[0].robot
+    say(found.in_words)
     for suspect in found.missing:
-        say(f"\n{suspect.label}: {suspect.effect.meaning}")
-        for p in suspect.parameters:
-            say(f"  {p.name} = {p.value:.4g}{f' +- {p.std:.2g}' if p.std else ''} {p.unit}".rstrip())
-        if suspect.tied_with:
-            say(f"  these recordings can't tell it from {', '.join(suspect.tied_with)}")
-        if suspect.tied_with and suspect.experiment:
-            say(f"  what would tell: {suspect.experiment}")
+        _print_named(suspect, inputs)
+    if found.unexplained is not None and found.verdict == "missing":
+        say(f"\nnot explained: {found.unexplained.joint}, {found.unexplained.where}")
+    floors = _floors(inputs)
+    rows = [
+        (joint, found.remaining_rms[joint], floors[joint], robot.torque_unit(number))
+        for number, joint in enumerate(robot.joints)
+    ]
+    known = all(floor is not None for floor in floors.values())
     say()
-    say(table(("joint", "remains, Nm rms beyond noise"), list(found.remaining_rms.items())))
+    say(
+        table(("joint", "remains, rms beyond noise" if known else "remains, rms with noise", "noise rms", "unit"), rows)
+    )
+    if found.missing or found.others:
+        say()
+        listed = [*found.missing, *found.others]
+        header = ("rank", "candidate", "", "explains", "p", "rms before", "rms after", "tied with")
+        say(table(header, [_row(rank, s, s in found.missing) for rank, s in enumerate(listed, 1)]))
+    for note in found.notes:
+        tell(f"note: {note}")
+
+
+def _print_named(suspect: Suspect, inputs: Inputs) -> None:
+    """Say what an effect is, how large, and what adding it will do."""
+    joint = _joint(suspect)
+    unit = inputs.models[0].robot.torque_unit(inputs.models[0].robot.joint_index(joint))
+    say(f"\n{suspect.label}: {suspect.effect.meaning}")
+    for p in suspect.parameters:
+        say(f"  {p.in_words}")
+    kinds = [("on the data", suspect.mse_before, suspect.mse_after)]
+    if suspect.validation_before is not None and suspect.validation_after is not None:
+        kinds.append(("on the validation", suspect.validation_before, suspect.validation_after))
+    falls = [f"{kind} {before[joint] ** 0.5:.3g} -> {after[joint] ** 0.5:.3g} {unit}" for kind, before, after in kinds]
+    say(f"  adding it to the rest: rms at {joint} {', '.join(falls)}")
+    if suspect.tied_with:
+        common = f" (all {suspect.family})" if suspect.family else ""
+        say(f"  these recordings can't tell it from {', '.join(suspect.tied_with)}{common}")
+    if suspect.tied_with and suspect.experiment:
+        say(f"  what would tell: {suspect.experiment}")
+
+
+def _joint(suspect: Suspect) -> str:
+    """Return the joint of an effect; of one on the whole robot, where it does most."""
+    before, after = suspect.mse_before, suspect.mse_after
+    return suspect.effect.place or max(before, key=lambda name: before[name] - after[name])
 
 
 def _row(rank: int, s: Suspect, named: bool) -> tuple[object, ...]:
-    joint = s.effect.place or max(s.mse_before, key=lambda name: s.mse_before[name] - s.mse_after[name])
+    joint = _joint(s)
     share = f"{100 * s.explained:.0f} %"
-    return (rank, s.label, "missing" if named else "-", share, s.mse_before[joint], s.mse_after[joint])
+    before, after = s.mse_before[joint] ** 0.5, s.mse_after[joint] ** 0.5
+    tied = ", ".join(s.tied_with) or None
+    return (rank, s.label, "missing" if named else None, share, f"{s.p_value:.1g}", before, after, tied)
 
 
-def _staircase(found: Diagnosis, inputs: Inputs, args: argparse.Namespace) -> None:
-    from robot_ident.cli.add import extend, staircase
-    from robot_ident.model.model_file import write_model
+def _floors(inputs: Inputs) -> dict[str, float | None]:
+    """Return the rms noise of the averaged data by joint, None where it is unknown."""
+    import numpy as np
 
-    steps = extend(inputs, [s.effect for s in found.missing])
-    if not args.json:
-        say()
-        say(staircase(inputs, steps))
-    if args.output:
-        write_model(steps[-1], args.output, force=args.force)
-        if not args.json:
-            say(f"written: {args.output}")
+    variance = np.mean([measured.averaged_variance for measured in inputs.measurements], axis=0)
+    joints = inputs.models[0].robot.joints
+    return {joint: float(np.sqrt(v)) if np.isfinite(v) else None for joint, v in zip(joints, variance, strict=True)}
+
+
+def _print_staircase(found: Diagnosis, inputs: Inputs, steps: list[Model]) -> None:
+    """Print the falling error, and what had been predicted of it beside what came."""
+    from robot_ident.cli.add import staircase, validation_errors
+
+    say()
+    say(staircase(inputs, steps))
+    told = validation_errors(steps[-1], inputs)
+    last = next((s for s in reversed(found.missing) if s.validation_after is not None), None)
+    if told is None or last is None or last.validation_after is None:
+        return
+    rows = [(joint, last.validation_after[joint] ** 0.5, told[joint] ** 0.5) for joint in told]
+    say()
+    say(table(("validation", "rms predicted", "rms with all added"), rows))

@@ -5,7 +5,6 @@ from __future__ import annotations
 import argparse
 from typing import TYPE_CHECKING, Any
 
-from robot_ident.cli.effects_from import add_effects_from, register_effects
 from robot_ident.cli.output import add_json, print_json, say, table
 
 if TYPE_CHECKING:
@@ -15,13 +14,11 @@ if TYPE_CHECKING:
 def add_arguments(parser: argparse.ArgumentParser) -> None:
     """Add the verb's options."""
     parser.add_argument("name", nargs="?", metavar="NAME", help="one effect; all when left out")
-    add_effects_from(parser)
     add_json(parser)
 
 
 def run(args: argparse.Namespace) -> int:
     """Print the catalogue, or all about one effect."""
-    register_effects(args)
     from robot_ident.effects import CATALOGUE
     from robot_ident.errors import InputError, did_you_mean
 

@@ -3,6 +3,8 @@
 from __future__ import annotations
 
 import argparse
+from collections.abc import Sequence
+from pathlib import Path
 
 
 def add_effects_from(parser: argparse.ArgumentParser) -> None:
@@ -11,10 +13,21 @@ def add_effects_from(parser: argparse.ArgumentParser) -> None:
     parser.add_argument("--effects-from", action="append", default=[], metavar="FILE.py", help=text)
 
 
-def register_effects(args: argparse.Namespace) -> None:
-    """Add the effects of the files named to the catalogue of this process; call it before anything makes an effect."""
-    if args.effects_from:
-        from robot_ident.effects import load_effects, register
+def register_effects(files: Sequence[str]) -> None:
+    """Add the effects of files to the catalogue of this process and of its workers; call it before one is made."""
+    if not files:
+        return
+    from robot_ident.effects import load_effects, register
+    from robot_ident.parallel import prepare
 
-        for path in args.effects_from:
-            register(load_effects(path))
+    for file in files:
+        register(load_effects(file))
+        path = Path(file).resolve()
+        prepare(_register_source, str(path), path.read_bytes())
+
+
+def _register_source(path: str, source: bytes) -> None:
+    """Add the effects of a file's contents to the catalogue of a worker, which needn't have the file."""
+    from robot_ident.effects import load_effects, register
+
+    register(load_effects(path, source))

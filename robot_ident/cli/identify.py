@@ -40,10 +40,10 @@ def run(args: argparse.Namespace) -> int:
     """Identify and print the parameters with their uncertainty."""
     from robot_ident.bags import read_recording
     from robot_ident.cli.processing import processing_of
-    from robot_ident.cli.provenance import provenance
     from robot_ident.estimation.identify import identify
     from robot_ident.files import refuse_existing
     from robot_ident.model.model_file import write_model
+    from robot_ident.provenance import provenance
     from robot_ident.robot import load_robot
 
     if args.output:

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import argparse
+from dataclasses import asdict
 from typing import TYPE_CHECKING
 
 from robot_ident.cli.output import add_json, add_robot, print_json, say, table, tell
@@ -29,13 +30,17 @@ def run(args: argparse.Namespace) -> int:
 
     bag = describe(args.bag)
     robot = load_robot(args.robot) if args.robot else None
-    summary, trouble = None, None
+    summary, trouble, declared = None, None, []
     try:
         recording = read_recording(args.bag, topic=args.topic)
         if robot is not None:
             recording = recording.with_joints(robot.joints)
             check_plausible(recording, robot)
         summary = summarise(recording)
+        if robot is not None:
+            from robot_ident.estimation.declaration import judge_declaration
+
+            declared = judge_declaration(recording, robot)
     except InputError as error:
         if robot is not None or args.topic:
             raise
@@ -50,7 +55,14 @@ def run(args: argparse.Namespace) -> int:
             "topics": topics,
         }
         notes = [*bag.notes, *([trouble] if trouble else [])]
-        print_json({**data, "recording": summary.to_dict() if summary else None, "notes": notes})
+        print_json(
+            {
+                **data,
+                "recording": summary.to_dict() if summary else None,
+                "declaration": [asdict(one) for one in declared],
+                "notes": notes,
+            }
+        )
         return 0
     say(f"{bag.path}: {bag.form}{', breaks off' if bag.truncated else ''}")
     say(
@@ -64,6 +76,10 @@ def run(args: argparse.Namespace) -> int:
     if summary:
         say()
         _print(summary)
+    if declared:
+        say("\neffort against the rigid model of the URDF (share 1: torque in the declared unit)")
+        rows = [(one.joint, f"{one.share:.3f}", f"{one.std:.3f}", one.verdict, one.hint) for one in declared]
+        say(table(("joint", "share", "sigma", "verdict", "look at"), rows))
     return 0
 
 

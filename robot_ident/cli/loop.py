@@ -16,14 +16,12 @@ if TYPE_CHECKING:
 
 def add_common(parser: argparse.ArgumentParser) -> None:
     """Add the options that the three verbs share."""
-    from robot_ident.cli.effects_from import add_effects_from
     from robot_ident.cli.output import add_json
 
     parser.add_argument(
         "--validation", action="append", default=[], metavar="BAG2", help="recordings that never enter a fit"
     )
     parser.add_argument("--topic", metavar="T", help="topic of the joint states")
-    add_effects_from(parser)
     add_json(parser)
 
 
@@ -38,18 +36,9 @@ class Inputs:
     validation: tuple[Measurement, ...]
 
 
-def is_model(path: str) -> bool:
-    """Tell a model from a recording by its content."""
-    try:
-        with open(path, encoding="utf-8") as file:
-            return any("robot_ident/model/" in line for line in (file.readline() for _ in range(5)))
-    except (OSError, UnicodeDecodeError):
-        return False
-
-
 def read_inputs(words: Sequence[str], validation: Sequence[str], topic: str | None) -> Inputs:
     """Read models and recordings from one list; recordings are processed as the first model says."""
-    from robot_ident.model.model_file import read_model
+    from robot_ident.model.model_file import is_model, read_model
 
     paths = tuple(word for word in words if is_model(word))
     bags = tuple(word for word in words if word not in paths)

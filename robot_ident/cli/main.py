@@ -9,11 +9,14 @@ import sys
 from collections.abc import Sequence
 
 from robot_ident import __version__
+from robot_ident.cli.effects_from import add_effects_from, register_effects
 from robot_ident.cli.output import Parser
 from robot_ident.errors import RobotIdentError
+from robot_ident.parallel import on_cluster
 
 # verb: what it does, in the order in which they are used
 VERBS: dict[str, str] = {
+    "init": "describe your own robot: what a URDF and a recording say, what is guessed and what is missing",
     "demo": "the whole story on a simulated KUKA, with the real nodes",
     "design": "optimise an excitation within the robot's limits",
     "check": "certify the limits of an excitation over continuous time",
@@ -22,14 +25,22 @@ VERBS: dict[str, str] = {
     "recover": "make a whole bag of a truncated one",
     "info": "what is in a bag: topics, joints, rate, periods, noise",
     "identify": "estimate the parameters with their uncertainty",
+    "predict": "the model's torque along a recording, with its band",
     "validate": "predict an independent recording",
     "compare": "model beside measurement: where it fails, against the noise floor",
     "diagnose": "which physical effect is missing, with evidence",
     "add": "add effects to a model and print the error before and after",
+    "workbench": "the same loop in the browser: compare, see, learn, add, watch",
+    "report": "one page to read and to mail: the verdict, and all that it rests on",
     "effects": "the catalogue of physical effects",
     "trial": "hide effects in the simulated robot, and count how often they are named",
+    "export": "physically consistent URDF or MJCF, or C code for a controller",
     "montecarlo": "bias and efficiency of the estimator over repeated noise",
 }
+
+
+EFFECTLESS = ("demo", "replay", "recover")
+"""Verbs that make no effect; all others take `--effects-from`."""
 
 
 def build_parser(only: str | None = None) -> argparse.ArgumentParser:
@@ -44,6 +55,8 @@ def build_parser(only: str | None = None) -> argparse.ArgumentParser:
         verb = verbs.add_parser(name, help=text, description=text[0].upper() + text[1:] + ".")
         if only in (None, name):
             importlib.import_module(f"robot_ident.cli.{name}").add_arguments(verb)
+            if name not in EFFECTLESS:
+                add_effects_from(verb)
     return parser
 
 
@@ -54,7 +67,9 @@ def main(argv: Sequence[str] | None = None) -> int:
     parser = build_parser(verb if verb in VERBS else "")
     args = parser.parse_args(words)
     try:
-        return int(importlib.import_module(f"robot_ident.cli.{args.verb}").run(args) or 0)
+        register_effects(getattr(args, "effects_from", []))
+        with on_cluster(getattr(args, "cluster", None)):
+            return int(importlib.import_module(f"robot_ident.cli.{args.verb}").run(args) or 0)
     except RobotIdentError as error:
         print(f"robot_ident {args.verb}: {error}", file=sys.stderr)
         return error.exit_code

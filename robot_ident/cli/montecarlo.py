@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import argparse
 
-from robot_ident.cli.output import add_json, add_robot, print_json, say, table, within
+from robot_ident.cli.output import add_cluster, add_json, add_robot, print_json, say, table, within
 
 
 def add_arguments(parser: argparse.ArgumentParser) -> None:
@@ -21,6 +21,7 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
         "--effect", action="append", default=[], metavar="NAME@JOINT", help="further effects in the model"
     )
     parser.add_argument("--seed", type=within(0, 2**31, int), default=0, help="of the noise (default %(default)s)")
+    add_cluster(parser)
     add_json(parser)
 
 

@@ -4,9 +4,16 @@ from __future__ import annotations
 
 import argparse
 import json
+import os
+import re
+import shutil
 import sys
+import textwrap
 from collections.abc import Callable, Iterable, Sequence
 from typing import Any, NoReturn
+
+_RULE = re.compile(r"-+(  -+)*")  # the line below a table's header
+_NARROW = 16  # characters that a column of words keeps where a terminal is too narrow for the table
 
 
 class Parser(argparse.ArgumentParser):
@@ -41,6 +48,12 @@ def add_json(parser: argparse.ArgumentParser) -> None:
     )
 
 
+def add_cluster(parser: argparse.ArgumentParser) -> None:
+    """Add `--cluster`."""
+    text = "hand the work to a Dask scheduler (tcp://HOST:PORT) instead of processes here"
+    parser.add_argument("--cluster", metavar="ADDRESS", help=text)
+
+
 def add_robot(parser: argparse.ArgumentParser, default: str | None = "kuka_ir361") -> None:
     """Add `--robot`."""
     parser.add_argument(
@@ -58,8 +71,20 @@ def add_output(parser: argparse.ArgumentParser, metavar: str, text: str, *, requ
 
 
 def say(text: str = "") -> None:
-    """Print a result."""
-    print(text)
+    """Print a result; in a terminal with the headers of its tables in bold, unless NO_COLOR is set."""
+    print(_dressed(text) if _coloured() else text)
+
+
+def _coloured() -> bool:
+    return sys.stdout.isatty() and not os.environ.get("NO_COLOR") and os.environ.get("TERM") != "dumb"
+
+
+def _dressed(text: str) -> str:
+    lines = text.split("\n")
+    for k, line in enumerate(lines):
+        if k and _RULE.fullmatch(line):
+            lines[k - 1], lines[k] = f"\x1b[1m{lines[k - 1]}\x1b[0m", f"\x1b[2m{line}\x1b[0m"
+    return re.sub("(█+)", "\x1b[36m\\1\x1b[0m", "\n".join(lines))
 
 
 def tell(text: str) -> None:
@@ -83,17 +108,46 @@ def _finite(value: Any) -> Any:
 
 
 def table(header: Sequence[str], rows: Iterable[Sequence[Any]]) -> str:
-    """Return aligned columns: words to the left, numbers to the right."""
+    """Return aligned columns: words to the left, numbers to the right.
+
+    Where a terminal is too narrow, its widest columns of words are wrapped; what is piped stays on one line a row.
+    """
+    rows = list(rows)
     cells = [[_cell(value) for value in row] for row in rows]
     numeric = [all(isinstance(row[k], (int, float, type(None))) for row in rows) for k in range(len(header))]
     widths = [max([len(name), *(len(row[k]) for row in cells)]) for k, name in enumerate(header)]
+    if sys.stdout.isatty():
+        widths = _narrowed(widths, numeric, shutil.get_terminal_size().columns)
 
     def line(row: Sequence[str]) -> str:
         return "  ".join(
             c.rjust(w) if right else c.ljust(w) for c, w, right in zip(row, widths, numeric, strict=True)
         ).rstrip()
 
-    return "\n".join([line(header), "  ".join("-" * w for w in widths), *(line(row) for row in cells)])
+    lines = [line(row) for whole in (header, *cells) for row in _wrapped(whole, widths)]
+    head = len(_wrapped(header, widths))
+    return "\n".join([*lines[:head], "  ".join("-" * w for w in widths), *lines[head:]])
+
+
+def _narrowed(widths: Sequence[int], numeric: Sequence[bool], columns: int) -> list[int]:
+    """Return widths that fit a terminal, as far as its columns of words can give way."""
+    out = list(widths)
+    beyond = sum(out) + 2 * (len(out) - 1) - columns
+    while beyond > 0:
+        widest = max((k for k, right in enumerate(numeric) if not right), key=lambda k: out[k], default=None)
+        if widest is None or out[widest] <= _NARROW:
+            return out
+        out[widest] -= 1
+        beyond -= 1
+    return out
+
+
+def _wrapped(row: Sequence[str], widths: Sequence[int]) -> list[list[str]]:
+    """Return a row as the lines that its cells need."""
+    parts = [
+        [cell] if len(cell) <= width else textwrap.wrap(cell, width) for cell, width in zip(row, widths, strict=True)
+    ]
+    return [[part[k] if k < len(part) else "" for part in parts] for k in range(max(map(len, parts)))]
 
 
 def _cell(value: Any) -> str:

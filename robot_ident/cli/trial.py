@@ -11,7 +11,7 @@ from functools import partial
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
-from robot_ident.cli.output import Progress, add_json, add_robot, print_json, say, table, tell
+from robot_ident.cli.output import Progress, add_cluster, add_json, add_robot, print_json, say, table, tell
 from robot_ident.errors import InputError, did_you_mean
 
 if TYPE_CHECKING:
@@ -59,6 +59,7 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
         "--cases-file", metavar="F", help="keeps every finished case; a trial that was stopped goes on from it"
     )
     parser.add_argument("--workers", type=int, metavar="N", help="processes (default: one a processor)")
+    add_cluster(parser)
     parser.add_argument("--open", metavar="BAG.sealed", help="show what simulate --hidden has hidden, and do no more")
     add_json(parser)
 
@@ -264,7 +265,7 @@ def _report(args: argparse.Namespace, outcomes: Sequence[Outcome], least: float)
         )
     if result["not_added"]:
         say(f"{result['not_added']} times what was named could not be added")
-    say(f"one diagnosis: median {result['diagnosis_seconds']['median']:.1f} s")
+    say(f"one diagnosis: median {result['diagnosis_seconds']['median']:.1f} s of processor time")
     say()
     say(table(("hidden", "cases", "was named"), list(_confusion_rows(result["confusion"]))))
     failures = sorted({seed for r in result["rates"] for seed in r["exceptions"]})

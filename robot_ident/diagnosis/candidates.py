@@ -41,25 +41,21 @@ class Candidate:
 
     label: str
     columns: tuple[Columns, ...]
-    positive: tuple[bool, ...]
 
 
 def enumerate_candidates(evidence: Evidence, leave_out: Sequence[str] = ()) -> list[Candidate]:
     """Return the candidates that the model doesn't hold and the robot can have."""
-    structure = evidence.structure
-    torques = [structure.torques(t.motion, evidence.values) for t in evidence.trajectories]
-    present = {*structure.labels, *leave_out}
+    present = {*evidence.structure.labels, *leave_out}
+    made = [candidate_of(e, evidence) for e in candidates_of(evidence.structure) if e.label not in present]
+    return [candidate for candidate in made if candidate.columns]
+
+
+def candidate_of(effect: Effect, evidence: Evidence) -> Candidate:
+    """Return an effect with the columns of those of its settings that the motions show."""
     longest = max((t.motion for t in evidence.trajectories), key=lambda motion: motion.samples)
-    out = []
-    for effect in candidates_of(structure):
-        if effect.label in present:
-            continue
-        settings = effect.settings(longest) or [{}]
-        columns = [remembered(effect.at(setting), evidence, torques) for setting in settings]
-        columns = [c for c in columns if c.joints]
-        if columns:
-            out.append(Candidate(effect.label, tuple(columns), tuple(c.positive for c in effect.coefficients)))
-    return out
+    settings = effect.settings(longest) or [{}]
+    columns = [remembered(effect.at(setting), evidence, evidence.torques) for setting in settings]
+    return Candidate(effect.label, tuple(c for c in columns if c.joints))
 
 
 def remembered(effect: Effect, evidence: Evidence, torques: Sequence[object]) -> Columns:
@@ -103,11 +99,12 @@ def score(candidate: Candidate, evidence: Evidence, folds: Folds) -> Score:
 
 def score_grams(candidate: Candidate, grams: Sequence[Gram], folds: Folds) -> Score:
     """Return a candidate's score from Gram matrices that are known already."""
-    gains = [add(g, folds.whole, candidate.positive).gain for g in grams]
+    signs = [columns.effect.signs for columns in candidate.columns]
+    gains = [add(g, folds.whole, sign).gain for g, sign in zip(grams, signs, strict=True)]
     best = int(np.argmax(gains))
     by_joint = np.zeros(folds.base.power.shape[1])
     for left, fit in enumerate(folds.without):
-        additions = [add(g, fit, candidate.positive) for g in grams]
+        additions = [add(g, fit, sign) for g, sign in zip(grams, signs, strict=True)]
         chosen = int(np.argmax([addition.gain for addition in additions]))
         by_joint += folds.loss[left] - loss_with(grams[chosen], folds.base, additions[chosen], left)
     effect = candidate.columns[best].effect

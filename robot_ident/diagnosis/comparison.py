@@ -25,6 +25,7 @@ from robot_ident.recording.measurement import Measurement
 EDGES = (0.0, 0.5, 1.0, 2.0, 5.0, 10.0, 15.0, 30.0, np.inf)  # Hz
 _LISTED = 6  # regions named for a joint
 _DENSE = 0.05  # by which a region's share of the error must exceed its share of the time
+_LISTED_SHARE = 0.005  # of the excess: less is no dependence
 _OTHERS = 0.02  # of the excess that another joint's motion must explain to be listed
 
 
@@ -54,6 +55,29 @@ class JointComparison:
     def fails(self) -> bool | None:
         """Whether the model doesn't fit; None where the noise is unknown."""
         return None if self.misfit is None else self.misfit.fails
+
+    @property
+    def in_words(self) -> str:
+        """Whether the model fits: `fits`, `does not fit`, or `not judged` where the noise is unknown."""
+        return "not judged" if self.misfit is None else "does not fit" if self.misfit.fails else "fits"
+
+    def row(self) -> tuple[object, ...]:
+        """Return the joint as a row of a table.
+
+        Its name, residual and noise [rms], what is beyond the noise, chi2/dof, p, the word, and the variable that the
+        excess depends on most.
+        """
+        most = max(self.explained_by.items(), key=lambda item: item[1], default=None)
+        return (
+            self.name,
+            self.residual_mse**0.5,
+            None if self.noise_variance is None else self.noise_variance**0.5,
+            self.excess,
+            None if self.misfit is None else self.misfit.statistic,
+            None if self.misfit is None else f"{self.misfit.p_value:.2g}",
+            self.in_words,
+            "" if most is None or most[1] < _LISTED_SHARE else f"{most[0].replace('_', ' ')} ({100 * most[1]:.0f} %)",
+        )
 
     def to_dict(self) -> dict[str, Any]:
         """Return the joint as `compare --json` prints it."""
@@ -86,15 +110,23 @@ class Comparison:
     joints: tuple[JointComparison, ...]
     notes: tuple[str, ...]
 
+    def _repr_html_(self) -> str:
+        """Show every joint's residual beside its noise, and what the excess depends on, in a notebook."""
+        from robot_ident.markup import listed, table
+
+        header = ("joint", "residual rms", "noise rms", "beyond noise", "chi2/dof", "p", "", "depends most on")
+        rows = [joint.row() for joint in self.joints]
+        return table(header, rows, "rms in Nm, in N on a sliding joint") + listed(self.notes)
+
 
 def compare(model: Model, measurements: Sequence[Measurement]) -> Comparison:
     """Return where a model fails on measurements of its robot."""
     if not measurements:
         raise InputError("no recording was given")
     known = [_noise_known(measured) for measured in measurements]
-    judged = [_judged(measured, model) for measured in measurements]
-    evidence = _evidence(model, judged)
-    tested = [t for t, yes in zip(judged, known, strict=True) if yes]
+    trajectories = [judged(measured, model) for measured in measurements]
+    evidence = _evidence(model, trajectories)
+    tested = [t for t, yes in zip(trajectories, known, strict=True) if yes]
     fits = misfit(_evidence(model, tested), model.covariance) if tested else None
     joints = tuple(
         _joint(evidence, joint, None if fits is None else fits[joint]) for joint in range(evidence.structure.robot.n)
@@ -112,7 +144,7 @@ def _noise_known(measured: Measurement) -> bool:
     return bool(np.all(np.isfinite(variance)) and np.all(variance > 0))
 
 
-def _judged(measured: Measurement, model: Model) -> Trajectory:
+def judged(measured: Measurement, model: Model) -> Trajectory:
     """Return a measurement in units of its noise; of the model's, or of nothing known, where it doesn't tell it.
 
     Where no noise is known at all, the unit is 1 Nm and the whole residual counts as excess.
@@ -204,7 +236,7 @@ def _worst(
     used = [t.weight[:, joint] > 0 for t in trajectories]
     noise = [float(t.dof[joint]) / max(1, int(u.sum())) for t, u in zip(trajectories, used, strict=True)]
     found: list[Region | None] = [
-        densest(name, [_signed(one[name], name) for one in seen], squared, used, noise)
+        densest(name, [one[name].signed(name) for one in seen], squared, used, noise)
         for name in shares
         if not name.endswith("_and_direction")
     ]
@@ -213,13 +245,6 @@ def _worst(
     dense.sort(key=lambda region: -region.density)
     velocities = [region for region in dense if region.what in ("velocity", "speed")]
     return tuple(region for region in dense if region not in velocities[1:])[:_LISTED]
-
-
-def _signed(variable: Variable, name: str) -> Array:
-    """Return the values of a variable; a velocity, whose curve runs over its size, with its sign."""
-    if variable.side is None or not name.startswith("velocity"):
-        return variable.values
-    return variable.values * variable.side
 
 
 def _in_time(

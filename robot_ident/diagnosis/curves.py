@@ -25,6 +25,10 @@ class Variable:
         """Return some of the rows."""
         return Variable(self.values[rows], None if self.side is None else self.side[rows])
 
+    def signed(self, name: str) -> Array:
+        """Return the values; of a velocity, whose curve runs over its size, with their sign."""
+        return self.values * self.side if self.side is not None and name.startswith("velocity") else self.values
+
 
 def variables(structure: Structure, values: Array, motion: Motion, joint: int) -> dict[str, Variable]:
     """Return the variables over which the residual of a joint is looked at.

@@ -6,6 +6,7 @@ from collections.abc import Mapping
 from dataclasses import dataclass
 from typing import Any, Literal
 
+from robot_ident.diagnosis.families import family
 from robot_ident.effects import Effect
 
 Verdict = Literal["adequate", "missing", "unexplained", "not_decidable"]
@@ -20,13 +21,20 @@ class Estimate:
     std: float
     unit: str
 
+    @property
+    def in_words(self) -> str:
+        """The parameter with its standard deviation, where it has one, and its unit."""
+        spread = f" ± {self.std:.2g}" if self.std else ""
+        return f"{self.name} = {self.value:.4g}{spread} {self.unit}".rstrip()
+
 
 @dataclass(frozen=True)
 class Suspect:
     """One candidate: how much it explains and what adding it does.
 
     explained: share of the excess squared error on its joints that it removes on trajectories left out of the fit.
-    Mean squares by joint, (Nm)^2. experiment: what would tell it from those that it is tied with.
+    Mean squares by joint, (Nm)^2. experiment: the command that designs the motion which tells it from the first of
+    those that it is tied with.
     """
 
     effect: Effect
@@ -45,6 +53,15 @@ class Suspect:
         """`name@joint`."""
         return self.effect.label
 
+    @property
+    def family(self) -> str | None:
+        """What the effect and those that it is tied with have in common: `static in q`; None where nothing has."""
+        return (
+            family({self.effect.name, *(label.partition("@")[0] for label in self.tied_with)})
+            if self.tied_with
+            else None
+        )
+
     def to_dict(self, rank: int) -> dict[str, Any]:
         """Return the candidate as `diagnose --json` prints it."""
         return {
@@ -59,6 +76,7 @@ class Suspect:
             "validation_mse_after": None if self.validation_after is None else dict(self.validation_after),
             "parameters": [{"name": p.name, "value": p.value, "std": p.std, "unit": p.unit} for p in self.parameters],
             "tied_with": list(self.tied_with),
+            "family": self.family,
             "experiment": self.experiment,
         }
 
@@ -84,6 +102,37 @@ class Diagnosis:
     remaining_rms: Mapping[str, float]
     unexplained: Unexplained | None
     notes: tuple[str, ...] = ()
+
+    @property
+    def in_words(self) -> str:
+        """The verdict in one sentence."""
+        if self.verdict == "adequate":
+            return "adequate: what is left over is noise"
+        if self.verdict == "missing":
+            return "missing: " + ", ".join(suspect.label for suspect in self.missing)
+        if self.verdict == "not_decidable":
+            return "not decidable from these recordings"
+        where = f"; {self.unexplained.joint}: {self.unexplained.where}" if self.unexplained else ""
+        return f"unexplained: none of the known effects accounts for the error{where}"
+
+    def _repr_html_(self) -> str:
+        """Show the verdict, the candidates with their evidence and what remains, in a notebook."""
+        from robot_ident.markup import listed, paragraph, table
+
+        rows = [
+            (
+                rank,
+                suspect.label,
+                "missing" if suspect in self.missing else "",
+                f"{100 * suspect.explained:.0f} %",
+                "; ".join(p.in_words for p in suspect.parameters),
+                ", ".join(suspect.tied_with),
+            )
+            for rank, suspect in enumerate((*self.missing, *self.others), start=1)
+        ]
+        found = table(("rank", "effect", "named", "explains", "size", "tied with"), rows) if rows else ""
+        rest = table(("joint", "remains, Nm rms beyond noise"), list(self.remaining_rms.items()))
+        return paragraph(self.in_words) + found + rest + listed(self.notes)
 
     def to_dict(self) -> dict[str, Any]:
         """Return what `diagnose --json` prints."""

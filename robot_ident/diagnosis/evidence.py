@@ -2,11 +2,13 @@
 
 from __future__ import annotations
 
-from collections.abc import Hashable, Sequence
-from dataclasses import dataclass, field
+from collections.abc import Callable, Hashable, Sequence
+from dataclasses import dataclass, field, replace
+from functools import cached_property
 
 import numpy as np
 
+from robot_ident.effects import Effect, Torques
 from robot_ident.errors import InputError
 from robot_ident.model.structure import Structure
 from robot_ident.motion import Array, Mask, Motion
@@ -51,6 +53,15 @@ class Evidence:
         """Weighed residual [N, n] of each trajectory."""
         return tuple(t.y - phi @ self.values for t, phi in zip(self.trajectories, self.phi, strict=True))
 
+    @cached_property
+    def torques(self) -> tuple[Torques, ...]:
+        """The model's torques along each trajectory, for effects that depend on them."""
+        known: dict[int, Torques] = {}
+        for t, rigid in zip(self.trajectories, self.rigid, strict=True):
+            if id(t.measured) not in known:
+                known[id(t.measured)] = self.structure.torques(t.motion, self.values, rigid)
+        return tuple(known[id(t.measured)] for t in self.trajectories)
+
 
 def trajectory(measured: Measurement) -> Trajectory:
     """Return a measurement in units of its noise; InputError where the noise is unknown."""
@@ -60,11 +71,31 @@ def trajectory(measured: Measurement) -> Trajectory:
             f"{measured.source}: its noise is unknown without periods;"
             " record at least 2 (better 8 or more) periods of a motion"
         )
-    used: Mask = measured.used[measured.rows]
+    used: Mask = (measured.used & direction_known(measured))[measured.rows]
     # rows that a low pass has smeared share their noise: their weight in chi-square is that of the independent ones
     weight = used.astype(float) * np.sqrt(measured.independent / variance)
     y = measured.passed(measured.torque) * weight
     return Trajectory(measured, measured.motion, weight, y, used.sum(axis=0) * measured.independent)
+
+
+_KINK = 9.0  # (|c_k| / its noise)^2 below which a Fourier line may hide among noise
+
+
+def direction_known(measured: Measurement) -> Mask:
+    """Return the rows [N, n] where kinks of the path that noise hides can't have turned the direction of motion.
+
+    A drive that sticks or gives way as it reverses bends its velocity at once. Lines of such a kink fall with the third
+    power of frequency, so that those beyond the last one above the noise (at f_c, of amplitude c) add up to a velocity
+    of 2 pi c f_c^2 / f_0 beside the reversal. No more is given up than the motion usually gains within a sample.
+    """
+    variance, lines = measured.averaged_position_variance, measured.position_lines
+    if measured.base_frequency is None or variance is None or lines is None:
+        return np.ones(measured.used.shape, dtype=bool)
+    motion = measured.motion
+    amplitude = np.sqrt(_KINK * 4.0 * variance / len(motion.q))
+    hidden = 2.0 * np.pi * amplitude * lines.sum(axis=0) ** 2 * measured.base_frequency
+    usual = np.sqrt(np.mean(motion.ddq**2, axis=0)) * measured.dt
+    return np.asarray(np.abs(motion.dq) >= np.minimum(hidden, usual))
 
 
 def gather(measurements: Sequence[Measurement], structure: Structure) -> Evidence:
@@ -74,6 +105,21 @@ def gather(measurements: Sequence[Measurement], structure: Structure) -> Evidenc
     return fitted(structure, trajectories, rigid)
 
 
+_RIGID = "rigid"  # of the memory: low-passed columns of the links, by measurement
+
+
+def weighed_once(
+    trajectories: Sequence[Trajectory], columns: Callable[[int], Array], joints: Sequence[int] | None = None
+) -> tuple[Array, ...]:
+    """Return columns(place) [N, joints, k] as `Trajectory.weighed` does, once for all parts of one measurement."""
+    passed: dict[int, Array] = {}
+    for place, t in enumerate(trajectories):
+        if id(t.measured) not in passed:
+            passed[id(t.measured)] = t.measured.passed(columns(place))
+    chosen = slice(None) if joints is None else list(joints)
+    return tuple(passed[id(t.measured)] * t.weight[:, chosen, None] for t in trajectories)
+
+
 def fitted(
     structure: Structure,
     trajectories: tuple[Trajectory, ...],
@@ -81,12 +127,64 @@ def fitted(
     memory: dict[Hashable, object] | None = None,
 ) -> Evidence:
     """Return the evidence with the linear parameters fitted; columns that depend on torque are iterated."""
+    memory = {} if memory is None else memory
     values = np.zeros(len(structure.names))
+    own = rigid[0].shape[2]
+    links = tuple(_passed_rigid(t, r, memory) * t.weight[:, :, None] for t, r in zip(trajectories, rigid, strict=True))
+
+    def effects(place: int) -> Array:
+        return structure.columns(trajectories[place].motion, values, rigid[place])[:, :, own:]
+
     for _ in range(3 if structure.uses_torque else 1):
-        phi = tuple(t.weighed(structure.columns(t.motion, values, r)) for t, r in zip(trajectories, rigid, strict=True))
+        further = weighed_once(trajectories, effects)
+        phi = tuple(np.concatenate(pair, axis=2) for pair in zip(links, further, strict=True))
         stacked = np.concatenate([p.reshape(-1, p.shape[2]) for p in phi])
         y = np.concatenate([t.y.ravel() for t in trajectories])
         scale = np.linalg.norm(stacked, axis=0)
         scale[scale == 0.0] = 1.0
         values = np.linalg.lstsq(stacked / scale, y, rcond=1e-10)[0] / scale
-    return Evidence(structure, trajectories, rigid, phi, values, {} if memory is None else memory)
+    return Evidence(structure, trajectories, rigid, phi, values, memory)
+
+
+def _passed_rigid(t: Trajectory, rigid: Array, memory: dict[Hashable, object]) -> Array:
+    """Return the low-passed columns of the links, computed once for all models on a measurement."""
+    key = (_RIGID, id(t.measured))
+    if key not in memory:
+        memory[key] = t.measured.passed(rigid)
+    found = memory[key]
+    assert isinstance(found, np.ndarray)
+    return found
+
+
+def extended(evidence: Evidence, effects: Sequence[Effect]) -> Evidence:
+    """Return the evidence on the model with further effects."""
+    structure = Structure.build(evidence.structure.robot, [*added(evidence.structure), *effects])
+    return fitted(structure, evidence.trajectories, evidence.rigid, evidence.memory)
+
+
+def added(structure: Structure) -> list[Effect]:
+    """Return the effects of a structure that its robot doesn't bring along."""
+    usual = Structure.build(structure.robot).labels
+    return [effect for effect in structure.effects if effect.label not in usual]
+
+
+def split(evidence: Evidence, parts: int = 4, block: float | None = None) -> Evidence:
+    """Return the evidence with its one trajectory cut into parts of time that can be left out in turn.
+
+    Parts in one piece, or, with a block's length [s], blocks dealt out to the parts in turn.
+    """
+    (whole,) = evidence.trajectories
+    rows = np.arange(len(whole.y))
+    size = len(rows) / parts if block is None else block / (whole.measured.dt * whole.measured.decimate)
+    part = (rows // max(1.0, size)).astype(int)
+    part = np.minimum(part, parts - 1) if block is None else part % parts
+    pieces = []
+    for number in range(parts):
+        weight = np.where((part == number)[:, None], whole.weight, 0.0)
+        share = (weight > 0).sum(axis=0) / np.maximum(1, (whole.weight > 0).sum(axis=0))
+        pieces.append(replace(whole, weight=weight, y=np.where(weight > 0, whole.y, 0.0), dof=whole.dof * share))
+    # what is weighed belongs to the whole, what isn't to its parts, too
+    memory: dict[Hashable, object] = {
+        key: kept for key, kept in evidence.memory.items() if isinstance(key, tuple) and key[0] == _RIGID
+    }
+    return fitted(evidence.structure, tuple(pieces), evidence.rigid * parts, memory)

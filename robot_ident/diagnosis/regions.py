@@ -8,6 +8,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from robot_ident.motion import Array, Mask
+from robot_ident.robot.robot import Robot
 
 _BINS = 20  # of equal time
 _CHANCE = 2.5  # standard deviations of the squared noise that an excess must have to be looked into
@@ -28,6 +29,33 @@ class Region:
     def density(self) -> float:
         """How much more of the error than of the time it holds."""
         return self.share - self.of_time
+
+    def in_words(self, robot: Robot, joint: int) -> str:
+        """Return where it lies along the motion of a robot's joint: `|dq| < 0.05 rad/s: 61 % of the excess...`."""
+        symbol, unit = _symbol(self.what, robot, joint)
+        if self.lower <= 0.0 and self.what in ("speed", "time_since_reversal"):
+            where = f"{symbol} < {self.upper:.3g} {unit}"
+        else:
+            where = f"{self.lower:.3g} < {symbol} < {self.upper:.3g} {unit}"
+        source = f" of {self.recording}" if self.recording else ""
+        return f"{where}{source}: {100 * self.share:.0f} % of the excess in {100 * self.of_time:.0f} % of the time"
+
+
+def _symbol(what: str, robot: Robot, joint: int) -> tuple[str, str]:
+    """Return the symbol and the unit of a variable."""
+    kind, _, other = what.partition(" of ")
+    length = "m" if robot.prismatic[robot.joint_index(other) if other else joint] else "rad"
+    of = f" of {other}" if other else ""
+    symbols = {
+        "position": (f"q{of}", length),
+        "velocity": (f"dq{of}", f"{length}/s"),
+        "speed": ("|dq|", f"{length}/s"),
+        "acceleration": ("ddq", f"{length}/s^2"),
+        "load": ("load torque", robot.torque_unit(joint)),
+        "time_since_reversal": ("time since reversal", "s"),
+        "time": ("t", "s"),
+    }
+    return symbols[kind]
 
 
 def densest(

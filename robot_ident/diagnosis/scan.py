@@ -14,7 +14,7 @@ from itertools import combinations
 
 import numpy as np
 
-from robot_ident.diagnosis.evidence import Evidence
+from robot_ident.diagnosis.evidence import Evidence, weighed_once
 from robot_ident.effects import Effect
 from robot_ident.motion import Array
 
@@ -66,13 +66,17 @@ def base_gram(evidence: Evidence) -> BaseGram:
 
 def columns_of(effect: Effect, evidence: Evidence, torques: Sequence[object]) -> Columns:
     """Return the weighed columns of an effect on every trajectory, without the joints that it doesn't touch."""
-    parts = [
-        t.weighed(effect.columns(t.motion, torque))  # type: ignore[arg-type]
-        for t, torque in zip(evidence.trajectories, torques, strict=True)
-    ]
-    touched = np.any([np.any(part != 0.0, axis=(0, 2)) for part in parts], axis=0)
+    raw: dict[int, Array] = {}
+    for t, torque in zip(evidence.trajectories, torques, strict=True):
+        if id(t.measured) not in raw:
+            raw[id(t.measured)] = effect.columns(t.motion, torque)  # type: ignore[arg-type]
+    touched = np.any([np.any(columns != 0.0, axis=(0, 2)) for columns in raw.values()], axis=0)
     joints = tuple(int(j) for j in np.flatnonzero(touched))
-    return Columns(effect, joints, tuple(part[:, joints] for part in parts))
+
+    def touching(place: int) -> Array:
+        return raw[id(evidence.trajectories[place].measured)][:, joints]
+
+    return Columns(effect, joints, weighed_once(evidence.trajectories, touching, joints))
 
 
 def gram(columns: Columns, evidence: Evidence) -> Gram:

@@ -6,7 +6,7 @@ from collections.abc import Sequence
 
 import numpy as np
 
-from robot_ident.diagnosis.candidates import Candidate, Folds, Score
+from robot_ident.diagnosis.candidates import Folds, Score
 from robot_ident.diagnosis.evidence import Evidence
 from robot_ident.diagnosis.scan import Columns, add, gram
 from robot_ident.motion import Array
@@ -17,13 +17,11 @@ _SHARE = 0.02  # of the best gain: a smaller lead is no lead
 _RIVAL = 0.4  # of the best held-out gain that a rival must reach to be looked at
 
 
-def tied(
-    best: Score, scores: Sequence[Score], candidates: dict[str, Candidate], evidence: Evidence, folds: Folds
-) -> list[Score]:
-    """Return the rivals whose held-out loss is not significantly larger than that of the best, best first."""
+def tied(best: Score, scores: Sequence[Score], evidence: Evidence, folds: Folds) -> list[Score]:
+    """Return the rivals whose held-out loss does not differ significantly from that of one score, best first."""
     if best.held_out <= 0.0:
         return []
-    reference = _block_losses(best, candidates[best.label], evidence, folds)
+    reference = _block_losses(best, evidence, folds)
     out = []
     for rival in scores:
         if (
@@ -34,20 +32,20 @@ def tied(
             continue
         if best.label.partition("@")[0] in type(rival.effect).contains:
             continue  # what holds the best as a part can't be told from it, and says nothing more
-        lead = _block_losses(rival, candidates[rival.label], evidence, folds) - reference
+        lead = _block_losses(rival, evidence, folds) - reference
         spread = float(np.std(lead, ddof=1)) * np.sqrt(len(lead))
-        if lead.sum() < _Z * spread or lead.sum() < _SHARE * best.held_out:
+        if abs(lead.sum()) < max(_Z * spread, _SHARE * best.held_out):
             out.append(rival)
     return sorted(out, key=lambda score: -score.held_out)
 
 
-def _block_losses(score: Score, candidate: Candidate, evidence: Evidence, folds: Folds) -> Array:
+def _block_losses(score: Score, evidence: Evidence, folds: Folds) -> Array:
     """Return the squared error in blocks of time of every trajectory left out, at the score's setting."""
     columns: Columns = score.columns
     inner = gram(columns, evidence)
     losses = []
     for left, fit in enumerate(folds.without):
-        addition = add(inner, fit, candidate.positive)
+        addition = add(inner, fit, score.effect.signs)
         trajectory = evidence.trajectories[left]
         residual = trajectory.y - evidence.phi[left] @ addition.values
         residual[:, columns.joints] -= columns.parts[left] @ addition.coefficients

@@ -57,8 +57,8 @@ class Outcome:
     hidden: with their values; truth, background: `name@joint` of what was to be found and of what else there was.
     visible [Nm rms]: what a model without it leaves, by joint. named: members of `missing`; tied: their tie groups.
     error_before, error_after: mean square error on an unseen motion without noise, by joint [(Nm)^2], before and after
-    what was named was added; None where nothing was. seconds: of the diagnosis alone. trouble: the message where `add`
-    was refused.
+    what was named was added; None where nothing was. seconds: processor time of the diagnosis. trouble: the message
+    where `add` was refused.
     """
 
     seed: int
@@ -109,9 +109,9 @@ def run_case(case: Case, setting: Setting) -> Outcome:
     ]
     measurements = [process(recording, robot) for recording in recordings]
     structure = Structure.build(robot)
-    started = time.perf_counter()
+    started = time.process_time()
     found = diagnose(measurements, structure)
-    seconds = time.perf_counter() - started
+    seconds = time.process_time() - started
     unseen = process(plays[-1].record(_UNSEEN_PERIODS, noise=0.0), robot)
     before, after, trouble = _errors(measurements, structure, found, unseen)
     return _outcome(scenario, robot, found, before, after, seconds, trouble)
@@ -128,10 +128,8 @@ def _errors(
         models = [estimate(measurements, s) for s in (structure, longer)]
     except InputError as error:
         return None, None, str(error)
-    before, after = (
-        np.mean((unseen.torque - model.predict(unseen.motion))[unseen.used.all(axis=1)] ** 2, axis=0)
-        for model in models
-    )
+    rows = (unseen.used & ~unseen.standstill).all(axis=1)  # stiction leaves the torque at standstill undetermined
+    before, after = (np.mean((unseen.torque - model.predict(unseen.motion))[rows] ** 2, axis=0) for model in models)
     joints = structure.robot.joints
     return dict(zip(joints, before.tolist(), strict=True)), dict(zip(joints, after.tolist(), strict=True)), ""
 

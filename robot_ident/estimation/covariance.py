@@ -10,6 +10,8 @@ from robot_ident.estimation.equations import Equations
 from robot_ident.estimation.row_noise import RowNoise
 from robot_ident.motion import Array
 
+_LEAST = 0.25  # of the scores' variance were rows independent: a short recording's own spectrum has fewer directions
+
 
 def sandwich(
     bread: Array, weighed: Array, residual: Array, equations: Equations, noise: RowNoise, unknown: Sequence[int]
@@ -18,7 +20,7 @@ def sandwich(
 
     weighed [R, p]: weights times the derivatives of torque, whose products with the noise are the scores. Measurements
     with known noise give X' S X; `unknown` ones the residual's own spectrum at zero, heteroscedasticity and
-    autocorrelation included.
+    autocorrelation included, and no direction better known than by half of the sigma of independent rows.
     """
     return np.asarray(bread @ long_run_scores(weighed, residual, equations, noise, unknown) @ bread)
 
@@ -31,11 +33,26 @@ def long_run_scores(
     spread = noise.multiply(weighed * known[:, None])
     meat: Array = weighed.T @ (spread * known[:, None])
     parameters = weighed.shape[1]
+    plain = meat.copy()
     for block in unknown:
         rows = equations.block == block
+        alone = weighed[rows] * (residual[rows] / np.sqrt(equations.independent[rows]))[:, None]
+        plain += alone.T @ alone
         scores = _by_time(weighed[rows] * residual[rows, None], equations.sample[rows], equations.independent[rows])
         meat = meat + long_run(scores) * _few(len(scores), len(np.unique(equations.joint[rows])), parameters)
-    return meat
+    return _at_least(meat, _LEAST * plain) if len(unknown) else meat
+
+
+def _at_least(meat: Array, least: Array) -> Array:
+    """Return `meat` [p, p] raised to `least` in the directions in which it is below."""
+    scale = np.sqrt(np.diag(least))
+    power, vectors = np.linalg.eigh(least / np.outer(scale, scale))
+    root = vectors * np.sqrt(np.maximum(power, 1e-14 * power[-1]))
+    inverse = vectors / np.sqrt(np.maximum(power, 1e-14 * power[-1]))
+    inner = inverse.T @ (meat / np.outer(scale, scale)) @ inverse
+    size, turn = np.linalg.eigh(0.5 * (inner + inner.T))
+    raised = root @ (turn * np.maximum(size, 1.0)) @ turn.T @ root.T
+    return np.asarray(raised * np.outer(scale, scale))
 
 
 def long_run(scores: Array) -> Array:

@@ -12,6 +12,7 @@ from robot_ident.estimation.equations import Equations
 from robot_ident.estimation.identifiability import identifiability
 from robot_ident.estimation.per_period import drift_notes, per_period
 from robot_ident.estimation.position_noise import position_notes
+from robot_ident.estimation.scale import scale_notes
 from robot_ident.estimation.solve import ESTIMATORS, solve
 from robot_ident.model.model import Fit, Model, NoiseLevel
 from robot_ident.model.structure import Structure
@@ -62,6 +63,7 @@ def estimate(
     periods = per_period(measurements, found, estimator)
     notes = [*structure.notes, *(f"{m.source}: {note}" for m in measurements for note in m.notes), *found.notes]
     notes += drift_notes(periods, structure.names)
+    notes += scale_notes(measurements, found)
     notes += identifiability(found, measurements).notes
     consistent = None
     if physical:

@@ -267,9 +267,9 @@ def _finished(state: State, start: Solution, normal: Normal, neglected: tuple[st
     bound = np.linalg.inv(information / np.outer(scale, scale)) / np.outer(scale, scale)
     _, place = with_inner(state.problem, state.structure, state.values, state.equations)
     covariance = np.zeros_like(found.covariance)
-    # coloured noise behind a low pass is not weighed by its inverse: what it adds to the bound is added here
+    # coloured noise that is not weighed by its inverse: what it adds to the bound is added here
     plain = np.linalg.inv(normal.own / np.outer(scale, scale)) / np.outer(scale, scale)
-    excess = found.covariance[np.ix_(place, place)] - plain if state.problem.noise.bands else 0.0
+    excess = found.covariance[np.ix_(place, place)] - plain if not state.problem.noise.weighs else 0.0
     covariance[np.ix_(place, place)] = bound + excess
     notes = [*found.notes, _comparison(found.values, start, covariance)]
     if neglected:

@@ -3,14 +3,18 @@
 from __future__ import annotations
 
 from dataclasses import dataclass
+from functools import partial
 from typing import Any
 
 import numpy as np
 
 from robot_ident.errors import InputError
-from robot_ident.estimation.least_squares import factor
+from robot_ident.estimation.least_squares import Factor, factor
 from robot_ident.model.structure import Structure
 from robot_ident.motion import Array, Motion
+from robot_ident.parallel import run_parallel
+
+_BATCH = 250  # runs that a worker does at a time; fewer aren't worth a process
 
 
 @dataclass(frozen=True)
@@ -88,8 +92,8 @@ def montecarlo(motion: Motion, structure: Structure, variance: Array, *, runs: i
     true = structure.true_values()
     covariance = solver.inverse_information()
     exact = rows @ true
-    rng = np.random.default_rng(seed)
-    estimates = np.column_stack([solver.solve(exact + noise * rng.standard_normal(len(noise))) for _ in range(runs)])
+    batches = [(seed, number, min(_BATCH, runs - first)) for number, first in enumerate(range(0, runs, _BATCH))]
+    estimates = np.hstack(run_parallel(partial(_identified, solver=solver, exact=exact, noise=noise), batches))
     error = estimates - true[:, None]
     mean_error = error.mean(axis=1)
     sigma, sample = np.sqrt(np.diag(covariance)), estimates.std(axis=1, ddof=1)
@@ -114,6 +118,15 @@ def montecarlo(motion: Motion, structure: Structure, variance: Array, *, runs: i
         error_statistic=statistic,
         error_interval=(1.0 - three_sigma, 1.0 + three_sigma),
     )
+
+
+def _identified(batch: tuple[int, int, int], solver: Factor, exact: Array, noise: Array) -> Array:
+    """Return the estimates [p, count] of a batch (seed, number, count) of runs; each batch has random numbers of its
+    own.
+    """
+    seed, number, count = batch
+    rng = np.random.default_rng([seed, number])
+    return np.column_stack([solver.solve(exact + noise * rng.standard_normal(len(noise))) for _ in range(count)])
 
 
 def _ratio_interval(runs: int) -> tuple[float, float]:

@@ -8,6 +8,7 @@ from typing import Any
 
 import numpy as np
 
+from robot_ident.errors import InputError
 from robot_ident.estimation.equations import Equations
 from robot_ident.estimation.problem import Problem, Solution
 from robot_ident.motion import Array
@@ -88,13 +89,18 @@ class PerPeriod:
 
 
 def per_period(measurements: Sequence[Measurement], found: Solution, estimator: str) -> tuple[PerPeriod, ...]:
-    """Return the estimates of single periods of every recording with at least three, at the motion of their mean."""
+    """Return the estimates of single periods of every recording with at least three that excites all parameters by
+    itself, at the motion of their mean.
+    """
     out = []
     p = len(found.structure.parameters)
     for measured in measurements:
         if measured.period_torque is None or len(measured.period_torque) < _LEAST:
             continue
-        values, sigma = _estimates(measured, found, estimator)
+        try:
+            values, sigma = _estimates(measured, found, estimator)
+        except InputError:  # alone it does not excite all that the recordings do together: a stop that it never meets
+            continue
         drift = _drifts(values, found, len(measurements))
         out.append(PerPeriod(measured.source, values[:, :p], sigma, drift))
     return tuple(out)
@@ -103,7 +109,9 @@ def per_period(measurements: Sequence[Measurement], found: Solution, estimator: 
 def _estimates(measured: Measurement, found: Solution, estimator: str) -> tuple[Array, Array]:
     """Return theta [M, p] of each period by linear least squares, and the sigma [p] of their mean."""
     problem = Problem([measured], found.structure, weighted=estimator != "ls")
-    equations = problem.equations(found.structure, found.values[: len(found.structure.parameters)])
+    linear = found.values[: len(found.structure.parameters)]
+    equations = problem.equations(found.structure, linear)
+    problem = problem.beside(linear, equations) or problem
     solver = problem.factored(equations.phi, found.structure.names)
     torques = measured.period_torque
     assert torques is not None

@@ -64,6 +64,21 @@ class Problem:
         other.rigid = [structure.rigid_columns(measured.motion) for measured in measurements]
         return other
 
+    def beside(self, values: Array, equations: Equations) -> Problem | None:
+        """Return the problem that doesn't weigh by the colour of noise where linear parameters [p] leave far more than
+        noise; None where there is none of that.
+        """
+        noise = self.noise.beside(equations.torque - equations.phi @ values, equations)
+        if not self.weighted or noise.weighs or not self.noise.weighs:
+            return None
+        other = copy(self)
+        other.noise = noise
+        loud = {int(equations.block[b.rows[0]]) for b in noise.blocks if not b.weighs}
+        which = ", ".join(self.measurements[block].source for block in sorted(loud))
+        note = f"{which}: the residual is far more than noise; rows are weighted by its variance, not by its colour"
+        other.notes = (*self.notes, note)
+        return other
+
     def equations(self, structure: Structure, values: Array | None) -> Equations:
         """Return the equations for given inner parameters and torques."""
         return stack(self.measurements, structure, values, self.rigid)
@@ -95,7 +110,7 @@ class Problem:
         (F' S^-1 F)^-1 (eq. 9) where the noise is known and its inverse weighs; else the sandwich of whatever weighs.
         """
         bread = self.factored(jacobian, names).inverse_information()
-        if self.weighted and not self.noise.bands and not self.unknown:
+        if self.weighted and self.noise.weighs and not self.unknown:
             return bread
         weighed = self.noise.precision(jacobian) if self.weighted else jacobian
         return sandwich(bread, weighed, residual, equations, self.noise, self.unknown)
@@ -201,4 +216,7 @@ def _variances(
             rows = (equations.block == block) & (equations.joint == joint) & unknown
             if rows.any():
                 variance[rows] = max(float(np.mean(residual[rows] ** 2)) * share, 1e-12)
-    return variance, ("noise unknown without periods: rows weighted by the residual of ordinary least squares",)
+    which = ", ".join(measurements[block].source for block in np.unique(equations.block[unknown]))
+    return variance, (
+        f"{which}: noise unknown without periods; rows weighted by the residual of ordinary least squares",
+    )

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 
@@ -12,14 +12,19 @@ from robot_ident.motion import Array
 from robot_ident.recording.measurement import Measurement
 
 _ROWS = 750  # of a block whose rows are whitened together; colour reaches over far fewer
+_NOT_NOISE = 2.0  # times the variance of the noise, above which a residual is mainly what the model lacks
 
 
 @dataclass(frozen=True)
 class Block:
-    """Rows [r] of the equations whose noise is correlated, and the lower Cholesky factor [r, r] of its covariance."""
+    """Rows [r] of the equations whose noise is correlated, and the lower Cholesky factor [r, r] of its covariance.
+
+    weighs: whether its inverse weighs the rows, or their variances alone do.
+    """
 
     rows: np.ndarray
     cholesky: Array
+    weighs: bool = True
 
 
 @dataclass(frozen=True)
@@ -56,21 +61,41 @@ class RowNoise:
     bands: tuple[Passband, ...] = ()
 
     @property
-    def plain(self) -> bool:
-        """Whether S is taken as diagonal."""
-        return not self.blocks and not self.bands
+    def weighs(self) -> bool:
+        """Whether the inverse of S weighs every row."""
+        return not self.bands and all(block.weighs for block in self.blocks)
+
+    def beside(self, residual: Array, equations: Equations) -> RowNoise:
+        """Return the same noise without the weight of its colour in measurements whose residual [R] is not that noise.
+
+        Whitening looks hardest where the noise is least; where the model lacks something, it would fit the parameters
+        to what is lacking there, and joints share parameters.
+        """
+        ratio = residual**2 / self.variance
+        loud = {
+            block
+            for block in {int(equations.block[one.rows[0]]) for one in self.blocks}
+            for joint in np.unique(equations.joint)
+            if np.mean(ratio[(equations.block == block) & (equations.joint == joint)]) > _NOT_NOISE
+        }
+        blocks = (replace(one, weighs=int(equations.block[one.rows[0]]) not in loud) for one in self.blocks)
+        return replace(self, blocks=tuple(blocks))
 
     @property
     def spread(self) -> Array:
         """Variance [R] that counts, the smearing of a low pass included."""
         return self.variance / self.independent
 
+    @property
+    def _weighing(self) -> list[Block]:
+        return [block for block in self.blocks if block.weighs]
+
     def whiten(self, x: Array) -> Array:
-        """Return S^-1/2 x for x [R, ...], the smearing of a low pass left in."""
+        """Return W^1/2 x for x [R, ...], S^-1/2 x where S weighs, the smearing of a low pass left in."""
         from scipy.linalg import solve_triangular
 
         out: Array = (x.T / np.sqrt(self.variance)).T
-        for block in self.blocks:
+        for block in self._weighing:
             out[block.rows] = solve_triangular(block.cholesky, x[block.rows], lower=True, check_finite=False)
         return out
 
@@ -79,7 +104,7 @@ class RowNoise:
         from scipy.linalg import cho_solve
 
         out: Array = x / self.spread[:, None]
-        for block in self.blocks:
+        for block in self._weighing:
             out[block.rows] = cho_solve((block.cholesky, True), x[block.rows], check_finite=False)
         return out
 

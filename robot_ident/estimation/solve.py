@@ -44,11 +44,13 @@ ESTIMATORS: dict[str, Estimator] = {
 
 def solve(measurements: Sequence[Measurement], structure: Structure, estimator: str) -> Solution:
     """Return all parameters of a structure, searched from its inner parameters' grids."""
-    problem = Problem(measurements, structure, weighted=ESTIMATORS[estimator].weighted)
-    if structure.inner:
-        structure = _refine(problem, _scan(problem, structure))
-    values, _, equations = problem.linear(structure)
-    return ESTIMATORS[estimator].finish(problem, solution(problem, structure, values, equations))
+    problem: Problem | None = Problem(measurements, structure, weighted=ESTIMATORS[estimator].weighted)
+    while problem is not None:
+        used = problem
+        searched = _refine(used, _scan(used, structure)) if structure.inner else structure
+        values, _, equations = used.linear(searched)
+        problem = used.beside(values, equations)
+    return ESTIMATORS[estimator].finish(used, solution(used, searched, values, equations))
 
 
 def _scan(problem: Problem, structure: Structure) -> Structure:

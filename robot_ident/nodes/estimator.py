@@ -17,13 +17,14 @@ from rclpy.task import Future
 from sensor_msgs.msg import JointState
 from std_srvs.srv import Trigger
 
+from robot_ident.diagnosis.running import Change, RunningVerdict
 from robot_ident.errors import InputError, RobotIdentError
 from robot_ident.estimation.identify import identify
 from robot_ident.estimation.solve import ESTIMATORS
 from robot_ident.excitation.excitation import Excitation
 from robot_ident.model.model import Model
 from robot_ident.model.model_file import read_model, write_model
-from robot_ident.motion import Motion
+from robot_ident.motion import Array, Motion
 from robot_ident.nodes.collector import Collector
 from robot_ident.nodes.common import ERROR, OK, WARN, BaseNode, overridable, reliable, run
 from robot_ident.nodes.joint_states import columns, joint_state, stamp_of
@@ -36,6 +37,7 @@ from robot_ident.robot import load_robot
 _SPREAD = 0.05  # s between batches of predictions
 _USUAL_PERIODS = 16
 _USUAL_WINDOW = 0.2  # s
+_USUAL_WATCH = 20.0  # s
 _LONGEST = 600.0  # s of memory where no period is known
 
 
@@ -106,6 +108,23 @@ class Estimator(BaseNode):
             unit="s",
             live=True,
         ),
+        Parameter(
+            "watch_window",
+            0.0,
+            "time over which the residual is compared with its first so long; 0: 2 periods of the motion, else 20 s",
+            0.0,
+            1e5,
+            unit="s",
+            live=True,
+        ),
+        Parameter(
+            "watch_change",
+            0.02,
+            "share of a joint's torque by which its friction must change to be told",
+            1e-4,
+            10.0,
+            live=True,
+        ),
         Parameter("depth", 5000, "joint states that may wait to be taken in", 1, 1_000_000),
     )
 
@@ -126,6 +145,7 @@ class Estimator(BaseNode):
         self._model: Model | None = read_model(self.value("model")) if self.value("model") else None
         if self._model is not None and self._model.robot.joints != self._robot.joints:
             raise InputError(f"{self.value('model')}: its joints are not those of robot {self._robot.name}")
+        self._watch = RunningVerdict(self._robot.joints, self._watch_window())
         self._states: list[LocalState] = []
         self._spacing: float | None = None  # s between the states
         self._last = 0.0  # s, when the latest joint state came
@@ -133,6 +153,7 @@ class Estimator(BaseNode):
         self._fresh = False  # whether joint states came since the last silence
         self._busy: Future | None = None
         self._worker: threading.Thread | None = None
+        self._renewed = False  # whether the model is another one than the watch has seen
         self._verdict: tuple[bytes, str] = (OK, "collecting")
         self._predicted = self.create_publisher(JointState, "~/predicted", reliable(1000))
         self._residual = self.create_publisher(JointState, "~/residual", reliable(1000))
@@ -161,6 +182,10 @@ class Estimator(BaseNode):
         given: float = self.value("window")
         fastest = excitation.base_frequency * excitation.harmonics if excitation else 0.0
         return given or (min(_USUAL_WINDOW, 0.4 / fastest) if fastest else _USUAL_WINDOW)
+
+    def _watch_window(self) -> float:
+        given: float = self.value("watch_window")
+        return given or (2.0 / self._base_frequency if self._base_frequency else _USUAL_WATCH)
 
     # --- joint states
 
@@ -252,6 +277,7 @@ class Estimator(BaseNode):
         if self._model is None:
             self._local.reset()
         self._model = model
+        self._renewed = True
         text = (
             f"{len(model.values)} parameters from {model.noise.periods} periods, {recording.samples} samples,"
             f" in {time.monotonic() - begun:.2f} s"
@@ -278,14 +304,37 @@ class Estimator(BaseNode):
         if len(states) > 1:
             self._spacing = float(np.median(np.diff([s.stamp_ns for s in states]))) * 1e-9
         motion = Motion(q, dq, ddq, dt=self._spacing)
-        for state, predicted in zip(states, model.predict(motion), strict=True):
+        torques = model.predict(motion)
+        self._observe(states, dq, torques)
+        for state, predicted in zip(states, torques, strict=True):
             self._predicted.publish(joint_state(self._robot.joints, state.stamp_ns, tau=predicted))
             self._residual.publish(joint_state(self._robot.joints, state.stamp_ns, tau=state.tau - predicted))
 
+    def _observe(self, states: list[LocalState], dq: Array, predicted: Array) -> None:
+        """Hand the residual to the running verdict."""
+        if self._renewed or self._watch.window != self._watch_window():
+            self._renewed = False
+            self._watch = RunningVerdict(self._robot.joints, self._watch_window())
+        t = np.array([state.stamp_ns for state in states]) * 1e-9
+        measured = np.array([state.tau for state in states])
+        self._watch.add(t, dq, measured - predicted, measured)
+
+    def _running(self) -> tuple[list[Change], dict[str, object]]:
+        """Return the joints that have changed, and the live residual of all."""
+        changes = self._watch.changes()
+        values: dict[str, object] = {"watch": f"{100 * self._watch.progress:.0f} % of two windows seen"}
+        for change in changes:
+            values[f"live residual {change.joint}"] = f"{change.rms:.4g} rms, at first {change.first_rms:.4g}"
+            values[f"change {change.joint}"] = change.in_words.partition(": ")[2]
+        return [change for change in changes if change.changed(self.value("watch_change"))], values
+
     def _tell(self) -> None:
         level, text = self._verdict
+        changed, live = self._running() if self._model is not None else ([], {})
         if self._busy is not None:
             text = "identifying"
+        elif changed and level == OK:
+            level, text = WARN, "the robot has changed: " + "; ".join(change.in_words for change in changed)
         values: dict[str, object] = {"samples": len(self._collector), "received": self._collector.received}
         if self._periods is not None:
             values["steady periods"] = f"{self._periods.periods:.2f}"
@@ -297,6 +346,7 @@ class Estimator(BaseNode):
             }
             values |= {f"residual {joint}": f"{fit.rms:.4g}" for joint, fit in model.residual.items()}
             values["condition number"] = f"{model.condition_number:.4g}"
+            values |= live
         elif level == OK and not self._last:
             level, text = WARN, "no joint_states yet"
         self._diagnostics.publish(self.status_array(level, text, values))

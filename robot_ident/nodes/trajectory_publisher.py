@@ -182,11 +182,13 @@ class TrajectoryPublisher(BaseNode):
             raise InputError("parameter trajectory = '': name an excitation.yaml or a validation motion to play")
         loaded = load_motion(path)
         loaded.check_robot(robot)
-        margins = certify(loaded, robot)
+        once = Playback(loaded, robot, 1) if isinstance(loaded, Excitation) else loaded
+        margins = certify(once, robot)
         if not margins.kept:
             raise InputError(f"{path}: not certified for robot {robot.name}: {margins.violations[0]}")
+        for text in margins.unknown:
+            self.get_logger().warning(f"not checked: {text}")
         motion: Reference = Playback(loaded, robot, self.value("periods")) if isinstance(loaded, Excitation) else loaded
-        once: Reference = Playback(loaded, robot, 1) if isinstance(loaded, Excitation) else loaded
         rehearsals = tuple(Slowed(once, speed) for speed in self.value("rehearsal") if speed > 0.0)
         if self.value("speed") < 1.0:
             motion = Slowed(motion, self.value("speed"))

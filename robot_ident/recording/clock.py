@@ -18,6 +18,7 @@ from robot_ident.recording.recording import Recording
 _EVEN = 2e-3  # jitter below this share of the sample time is of no consequence
 _TWO_RATES = 1.5  # ratio of sample times within one recording that no jitter or loss explains
 _FASTEST, _SLOWEST = 1e-6, 1.0  # s between samples: all else is another unit
+_SPARSE = 20.0  # places of the grid for each sample, above which the stamps make no grid
 _GAP = 10.0  # times its length: no recording has a longer hole
 _ROUGHNESS = 9  # samples of the local cubic fit that tells roughness from motion
 
@@ -46,6 +47,11 @@ def read_clock(recording: Recording) -> Clock:
     _refuse_two_rates(recording)
     _check_stamps(recording)
     index, start, dt = _grid(t)
+    if index[-1] + 1 > _SPARSE * len(index):
+        raise InputError(
+            f"{recording.source}: {len(index)} samples, mostly {dt:.3g} s apart, last {t[-1] - t[0]:.4g} s;"
+            " their stamps tell no sample rate"
+        )
     jitter = t - (start + dt * index)
     missing = int(index[-1] - index[0] + 1 - len(index))
     lost = (f"{missing} of {index[-1] - index[0] + 1} samples are missing",) if missing else ()

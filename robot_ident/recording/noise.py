@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 from numpy.typing import NDArray
@@ -57,6 +57,26 @@ class NoiseSpectrum:
         if 2 * lines >= self.samples:
             twice = twice - power[-1]
         return np.asarray((power[0] + twice) / self.samples)
+
+    def with_floor(self, least: Array) -> NoiseSpectrum:
+        """Return the spectrum with joints of less variance than `least` [n] at that, white and alone: what scatters
+        there is rounding, which says nothing of noise.
+        """
+        silent = self.variance < least
+        if not silent.any():
+            return self
+        density = self.density.copy()
+        density[:, silent, :] = 0.0
+        density[:, :, silent] = 0.0
+        for joint in np.flatnonzero(silent):
+            density[:, joint, joint] = least[joint]
+        return replace(
+            self,
+            density=density,
+            coloured=tuple(bool(c and not s) for c, s in zip(self.coloured, silent, strict=True)),
+            correlated=self.correlated and int(np.sum(~silent)) > 1,
+            variance=np.maximum(self.variance, least),
+        )
 
     def multiply(self, x: Array) -> Array:
         """Return S x for signals x [N, n, p] over a whole period: each line times its density."""

@@ -18,6 +18,9 @@ from robot_ident.recording.recording import Recording
 from robot_ident.robot.robot import Robot
 
 STANDSTILL = 0.02  # rad/s: below it, stiction leaves the torque undetermined
+_SILENT = (
+    1e-5  # of a joint's torque: no sensor has less noise; what is below is rounding, or a simulation without noise
+)
 _REVERSAL = 2e-3  # share of the top speed within which the sign of a sampled velocity is not trusted
 
 
@@ -32,6 +35,10 @@ def averaged(recording: Recording, clock: Clock, period: float, robot: Robot, pr
     chain = chain_of(robot, processing.anti_alias, recording.source, 1.0 / clock.dt)
     rounding = _rounding(_quantum(recording.tau), mean.tau_variance) * len(mean.q) / round(period)
     mean, noise = _undone(mean, chain, frequency, round(period))
+    least = (_SILENT * np.sqrt(np.mean(mean.tau**2, axis=0))) ** 2
+    quiet = (mean.tau_variance < least) & (rounding < least)
+    silent = [name for name, small in zip(robot.joints, quiet, strict=True) if small]
+    mean, noise = replace(mean, tau_variance=np.maximum(mean.tau_variance, least)), noise.with_floor(least)
     motion, variance, keep = _motion(mean, frequency, robot, recording)
     cutoff = processing.low_pass
     chain.check_low_pass(cutoff or 0.0, recording.source)
@@ -55,8 +62,10 @@ def averaged(recording: Recording, clock: Clock, period: float, robot: Robot, pr
         low_pass=None if cutoff is None else PeriodicLowPass(cutoff, frequency, len(mean.q)),
         decimate=processing.decimate,
         period_torque=mean.periods_of_tau,
-        notes=_notes(
-            steady.last - int(steady.periods * period + 1e-6) + 1, mean, chain, noise, period, clock.dt, robot
+        notes=(
+            *_notes(steady.last - int(steady.periods * period + 1e-6) + 1, mean, chain, noise, period, clock.dt, robot),
+            *_silence(silent),
+            *_unused(processing),
         ),
         noise=noise,
         quantisation=rounding if rounding.any() else None,
@@ -88,6 +97,21 @@ def _notes(
     if noise.correlated:
         notes.append("the torque noise of the joints is correlated; its covariance is taken into account")
     return tuple(notes)
+
+
+def _silence(joints: list[str]) -> list[str]:
+    if not joints:
+        return []
+    return [
+        f"the torque of {', '.join(joints)} repeats without noise; a hundred-thousandth of it is taken for its noise,"
+        " so that sigma and what exceeds it mean little"
+    ]
+
+
+def _unused(processing: Processing) -> list[str]:
+    if processing.derivative_bandwidth is None:
+        return []
+    return ["--derivative-bandwidth is for what does not repeat; here velocity and acceleration come from the lines"]
 
 
 def _undone(mean: Average, chain: Chain, frequency: float, samples: int) -> tuple[Average, NoiseSpectrum]:

@@ -9,6 +9,7 @@ from robot_ident.recording.recording import Recording
 from robot_ident.robot.robot import Robot
 
 _BEYOND = 3.0  # positions this many times beyond the limits can't be this robot in SI units
+_TOO_FAST = 10.0  # speeds this many times beyond the limits
 
 
 def check_plausible(recording: Recording, robot: Robot) -> None:
@@ -24,6 +25,7 @@ def check_plausible(recording: Recording, robot: Robot) -> None:
             f"{recording.source}: {robot.joints[joint]} reaches {size[joint]:.4g},"
             f" its limit is {reach[joint]:.4g} {unit}{hint}"
         )
+    _check_speed(recording, robot)
     torque = np.abs(recording.tau).max(axis=0)
     for joint in range(robot.n):
         limit = robot.limits.torque[joint]
@@ -36,3 +38,20 @@ def check_plausible(recording: Recording, robot: Robot) -> None:
         raise InputError(f"{recording.source}: no joint moves; nothing can be identified from rest")
     if np.all(recording.tau == 0.0):
         raise InputError(f"{recording.source}: every torque is zero; the driver publishes no effort")
+
+
+def _check_speed(recording: Recording, robot: Robot) -> None:
+    """Raise InputError where a joint moves a tenth of the time at speeds that no joint of this robot has."""
+    step = max(1, recording.samples // 1000)
+    t, q = recording.t[::step], recording.q[::step]
+    if len(t) < 20:
+        return
+    usual = np.percentile(np.abs(np.diff(q, axis=0)) / np.diff(t)[:, None], 90.0, axis=0)
+    for joint in range(robot.n):
+        limit = robot.limits.velocity[joint]
+        if np.isfinite(limit) and usual[joint] > _TOO_FAST * limit:
+            unit = "m/s" if robot.prismatic[joint] else "rad/s"
+            raise InputError(
+                f"{recording.source}: {robot.joints[joint]} moves at {usual[joint]:.4g} {unit}, its limit is"
+                f" {limit:.4g}: wrong units of position or time?"
+            )

@@ -6,13 +6,14 @@ from dataclasses import replace
 
 from robot_ident.errors import InputError
 from robot_ident.recording.chain import in_newton_metres
-from robot_ident.recording.clock import Clock, even_positions, read_clock
+from robot_ident.recording.clock import Clock, even_positions, read_clock, roughness
 from robot_ident.recording.continuous import low_passed
 from robot_ident.recording.measurement import Measurement, Processing
-from robot_ident.recording.period import find_period, refine_period
+from robot_ident.recording.period import find_period, refine_period, steady_part
 from robot_ident.recording.periodic import averaged
 from robot_ident.recording.plausibility import check_plausible
 from robot_ident.recording.recording import Recording
+from robot_ident.recording.repeats import disturbed
 from robot_ident.robot.robot import Robot
 
 
@@ -32,18 +33,23 @@ def process(recording: Recording, robot: Robot, processing: Processing | None = 
             f"{recording.source}: low pass of {processing.low_pass:g} Hz;"
             f" it must lie below half the sample rate, {0.5 / clock.dt:g} Hz"
         )
-    period = _period(recording, clock, processing)
-    if period is None:
+    period, note = _period(recording, clock, processing)
+    made = None if period is None else averaged(recording, clock, period, robot, processing)
+    if made is not None and processing.base_frequency is None and processing.periodic is None:
+        joints = disturbed(made, roughness(even_positions(recording, clock)))
+        if joints:
+            names = ", ".join(robot.joints[joint] for joint in joints)
+            note = f"the motion repeats every {1 / (made.base_frequency or 1):.4g} s, but not the torque of {names}"
+            made = None
+    if made is None:
         made = low_passed(recording, clock, robot, processing)
-    else:
-        made = averaged(recording, clock, period, robot, processing)
-    return replace(made, notes=(*recording.notes, *clock.notes, *made.notes))
+    return replace(made, notes=(*recording.notes, *clock.notes, *([note] if note else []), *made.notes))
 
 
-def _period(recording: Recording, clock: Clock, processing: Processing) -> float | None:
-    """Return the period in samples, or None where the recording is to be taken as non-periodic."""
+def _period(recording: Recording, clock: Clock, processing: Processing) -> tuple[float | None, str]:
+    """Return the period in samples, None where the recording is to be taken as non-periodic, and why it is."""
     if processing.periodic is False:
-        return None
+        return None, ""
     q = even_positions(recording, clock)
     if processing.base_frequency is None:
         period = find_period(q, clock.dt)
@@ -51,7 +57,12 @@ def _period(recording: Recording, clock: Clock, processing: Processing) -> float
             raise InputError(
                 f"{recording.source}: no period found; give --base-frequency, or record at least 2 periods"
             )
-        return period
+        if period is not None and processing.periodic is None:
+            try:
+                steady_part(q, period, roughness(q), recording.source)
+            except InputError:
+                return None, f"the motion repeats every {period * clock.dt:.4g} s, but for less than 2 periods"
+        return period, ""
     given = 1.0 / (processing.base_frequency * clock.dt)
     if len(q) < 2 * given - 2:
         raise InputError(
@@ -66,4 +77,4 @@ def _period(recording: Recording, clock: Clock, processing: Processing) -> float
             f" not every {1 / processing.base_frequency:.4g} s;"
             " is this another trajectory, or does speed scaling stretch time?"
         )
-    return refined if abs(refined - given) < 0.005 * given else given
+    return (refined if abs(refined - given) < 0.005 * given else given), ""

@@ -42,11 +42,20 @@ def filtered(
 ) -> Array:
     """Return the noisy torque [N, n] at the samples behind the filter, of the torque at steps of `rate` [Hz].
 
-    The noise is white up to half of the step rate with the density that it has, sampled without a filter, up to half of
-    the sample rate: its variance at the steps is that of a sample times their ratio, and inverting the filter gives the
-    robot's noise back.
+    The noise is that of the samples without a filter, from the same generator, as the smooth signal through them that
+    holds nothing above half of the sample rate (Shannon): inverting the filter gives the very same noise back.
     """
     kind = anti_alias_of(robot, rate)
-    fine = torque + np.sqrt(per_sample) * sensors.read_torque(np.zeros(torque.shape), rng)
+    samples = len(torque) // per_sample
+    noise = sensors.read_torque(np.zeros((samples, torque.shape[1])), rng)
+    fine = torque + _through(noise, len(torque))
     settled = np.concatenate([torque[:1], fine])  # the filter has settled on the first torque, not on its noise
     return low_pass(kind, settled, rate)[1::per_sample]
+
+
+def _through(x: Array, steps: int) -> Array:
+    """Return the band-limited signal through samples x [N, n] at `steps` even instants, a multiple of N."""
+    lines = np.fft.rfft(x, axis=0)
+    if len(x) % 2 == 0:
+        lines[-1] *= 0.5
+    return np.fft.irfft(lines, steps, axis=0) * (steps / len(x))

@@ -204,9 +204,9 @@ class _Drawer:
                 continue
             wanted = between(self.rng, *self.sizes) if target is None else target
             tolerance = TOLERANCE if target is None else ROUGHLY
-            least = self.sizes[0] * 0.9 if target is None else 0.5 * target
+            least, most = (0.9 * self.sizes[0], 1.2 * self.sizes[1]) if target is None else (0.5 * target, 1.5 * target)
             made = calibrate(drawn, wanted, self._plays, self.structure, tolerance=tolerance, least=least)
-            if float(made.visible.max()) < least:
+            if not least <= float(made.visible.max()) <= most:
                 continue
             done.append(made.physics)
             self.taken |= {(name, made.physics.place) for name in (made.physics.name, *made.physics.replaces)}

@@ -220,6 +220,25 @@ def test_out_of_order_and_duplicates(tmp_path: Path, maker: SimpleNamespace) -> 
 # -- files
 
 
+@pytest.mark.parametrize("apart", [0, 10_000])
+def test_bursts_are_spread(tmp_path: Path, maker: SimpleNamespace, apart: int) -> None:
+    """Five samples at a time, stamped when the burst arrived: all are kept, and their times are right again."""
+    times = [maker.start + 10**7 * k for k in range(1, 201)]
+    stamps = [times[k - k % 5 + 4] + apart * (k % 5) for k in range(200)]
+    got = read_recording(maker.write_mcap(tmp_path / "bursts.mcap", restamped(maker, stamps)))
+    assert got.samples == 200
+    np.testing.assert_allclose(np.diff(got.t), 0.01, atol=2e-8)
+    assert any("160 samples came in bursts" in note for note in got.notes)
+
+
+def test_two_rates_are_no_bursts(tmp_path: Path, maker: SimpleNamespace) -> None:
+    stamps = [maker.start + 10**6 * k for k in range(1, 301)]
+    stamps += [stamps[-1] + 10**8 * k for k in range(1, 61)]
+    got = read_recording(maker.write_mcap(tmp_path / "two.mcap", restamped(maker, stamps)))
+    assert got.samples == 360
+    assert got.notes == ()
+
+
 def test_unknown_files(tmp_path: Path) -> None:
     assert "no such file" in one_line(tmp_path / "gone.mcap")
     (tmp_path / "a.txt").write_text("hello")

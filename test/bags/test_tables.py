@@ -176,3 +176,19 @@ def test_header_that_claims_terabytes(tmp_path: Path) -> None:
         archive.writestr("t.npy", b"\x93NUMPY\x01\x00" + len(header).to_bytes(2, "little") + header + bytes(80))
     with pytest.raises(InputError, match="t can't be loaded"):
         read_recording(path)
+
+
+@pytest.mark.parametrize("cut", [1, 9, 40, 70])
+def test_csv_that_breaks_off_in_its_last_row(tmp_path: Path, maker: SimpleNamespace, cut: int) -> None:
+    recording = maker.make_recording(40, 2)
+    write_recording(tmp_path / "whole.csv", recording)
+    text = (tmp_path / "whole.csv").read_text()
+    assert cut < len(text.splitlines()[-1])
+    (tmp_path / "cut.csv").write_text("# exported\n" + text[:-cut])
+    got = read_recording(tmp_path / "cut.csv")
+    assert got.samples == 39
+    np.testing.assert_array_equal(got.tau, recording.tau[:39])
+    assert any("last row has no line end and is left out" in note for note in got.notes)
+    whole = read_recording(tmp_path / "whole.csv")
+    assert whole.samples == 40
+    assert whole.notes == ()

@@ -11,16 +11,28 @@ import pytest
 
 from robot_ident.cli.main import VERBS
 from robot_ident.excitation.excitation import Excitation
+from robot_ident.share import config_file
 
 Run = Callable[..., Any]
 
-FREE = ("explained_by", "depends_on", "confusion", "margins", "processing", "provenance", "robot_definition", "limits")
+FREE = (
+    "explained_by",
+    "depends_on",
+    "confusion",
+    "margins",
+    "held",
+    "mimic",
+    "processing",
+    "provenance",
+    "robot_definition",
+    "limits",
+)
 """Objects whose keys are names of the user's things, or documented where they come from."""
 
 NAMES = re.compile(r"p\d+|.*@.*|/.*")
 """Parameters, effects at a joint and topics: names as well."""
 
-LONG = ("demo", "replay", "workbench", "report")
+LONG = ("demo", "replay", "workbench")
 """Verbs that are tested where their processes are."""
 
 
@@ -74,18 +86,22 @@ def other(arm: Any, tmp_path: Path) -> Path:
 
 
 WORDS: dict[str, list[str]] = {
+    "init": ["--urdf", "URDF", "-o", "OUT"],
     "design": ["--starts", "1", "--time-limit", "6"],
     "check": ["EXC"],
     "simulate": ["EXC", "--periods", "2", "-o", "OUT"],
     "recover": ["BAG", "-o", "OUT"],
     "info": ["BAG"],
     "identify": ["BAG"],
+    "predict": ["MODEL", "BAG", "-o", "OUT"],
     "validate": ["MODEL", "BAG"],
     "compare": ["MODEL", "OTHER"],
     "diagnose": ["MODEL", "OTHER", "--validation", "OTHER"],
+    "report": ["MODEL", "--bag", "OTHER", "--validation", "OTHER", "--trajectory", "EXC", "-o", "OUT"],
     "add": ["MODEL", "torque_offset@joint_2", "--bag", "OTHER"],
     "effects": [],
     "trial": ["--excitation", "EXC", "EXC2", "--seeds", "0:1", "--kind", "null", "--periods", "4"],
+    "export": ["MODEL", "--urdf", "OUT", "--validation", "OTHER"],
     "montecarlo": ["EXC", "--runs", "20"],
 }
 
@@ -97,7 +113,15 @@ def test_every_key_is_documented(
     second = tmp_path / "second.yaml"
     first = Excitation.read(excitation)
     Excitation(first.robot, first.joints, first.series, first.sample_rate).write(second)
-    places = {"BAG": bag, "EXC": excitation, "EXC2": second, "MODEL": model, "OTHER": other, "OUT": tmp_path / "out"}
+    places = {
+        "URDF": config_file("robots", "kuka_ir361.urdf"),
+        "BAG": bag,
+        "EXC": excitation,
+        "EXC2": second,
+        "MODEL": model,
+        "OTHER": other,
+        "OUT": tmp_path / "out",
+    }
     done = run(verb, *[places.get(word, word) for word in WORDS[verb]], "--json")
     assert done.code == 0, done.err
     schema, keys = documented(text, verb)

@@ -8,7 +8,6 @@ import numpy as np
 import pytest
 
 from robot_ident.diagnosis.diagnose import diagnose
-from robot_ident.errors import InputError
 from robot_ident.estimation.identify import estimate
 from robot_ident.model.structure import Structure
 from robot_ident.recording import Processing, process
@@ -57,7 +56,8 @@ def test_an_unknown_phenomenon_gets_no_name_but_a_place(bench: Any) -> None:
     depends = found.unexplained.depends_on
     assert max(depends, key=lambda name: depends[name]) == "position"
     assert depends["position"] > 0.5
-    assert "position of joint_2" in found.unexplained.where
+    assert "< q <" in found.unexplained.where
+    assert "% of the excess" in found.unexplained.where
     assert found.remaining_rms["joint_2"] > 2.0
 
 
@@ -87,11 +87,41 @@ def test_one_recording_works_and_is_said_to_be_weaker(bench: Any) -> None:
     assert any("one trajectory only" in note for note in found.notes)
 
 
-def test_without_periods_nothing_is_judged(bench: Any) -> None:
-    recording = bench.record((OFFSET,), 0)
-    measured = process(recording, bench.robot, Processing(periodic=False))
-    with pytest.raises(InputError, match="periods"):
-        diagnose([measured], bench.structure)
+def test_without_periods_nothing_is_adequate(bench: Any) -> None:
+    measured = process(bench.record((), 0), bench.robot, Processing(periodic=False))
+    found = diagnose([measured], bench.structure)
+    assert found.verdict == "not_decidable"
+    assert not found.missing
+    assert any("noise is unknown" in note for note in found.notes)
+    assert set(found.remaining_rms) == set(bench.robot.joints)
+
+
+def test_without_periods_an_effect_is_named_that_predicts_other_motion(bench: Any) -> None:
+    recordings = [bench.record((STRIBECK,), place) for place in (0, 1)]
+    measured = [process(recording, bench.robot, Processing(periodic=False)) for recording in recordings]
+    found = diagnose(measured, bench.structure, [process(bench.record((STRIBECK,), 3), bench.robot)])
+    assert found.verdict == "missing"
+    assert found.missing[0].label == "stribeck@joint_2"
+    assert found.missing[0].validation_after["joint_2"] < found.missing[0].validation_before["joint_2"]
+    inner = {p.name: p for p in found.missing[0].parameters}
+    assert inner["stribeck.vs@joint_2"].std > 0.0
+
+
+def test_too_little_data_says_how_much_more(bench: Any) -> None:
+    from robot_ident.diagnosis.amount import ENOUGH, too_little
+    from robot_ident.diagnosis.candidates import Folds, enumerate_candidates, score
+    from robot_ident.diagnosis.evidence import gather
+    from robot_ident.diagnosis.scan import base_gram
+
+    evidence = gather(bench.measure(()), bench.structure)
+    folds = Folds.of(base_gram(evidence))
+    scores = [score(candidate, evidence, folds) for candidate in enumerate_candidates(evidence)]
+    best = max(s.gain for s in scores)
+    assert 0 < best < ENOUGH, "nothing is hidden"
+    said = too_little(scores, evidence, range(3))
+    more = int(said.partition("about ")[2].partition(" ")[0])
+    periods = evidence.trajectories[0].measured.periods
+    assert (periods + more) * best / periods >= ENOUGH > (periods + more - 1) * best / periods
 
 
 def test_contract_of_the_result(bench: Any) -> None:

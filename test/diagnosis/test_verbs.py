@@ -119,7 +119,7 @@ def test_bad_input_is_one_line(verb: Verb, files: Any, bench: Any, tmp_path: Pat
         (["add", bag, "stribeck@joint_2", "--bag", bag], "not a model"),
         (["diagnose", model, strange], "joint 'joint_1' is missing"),
         (["diagnose", model, bag, "--validation", strange], "joint 'joint_1' is missing"),
-        (["diagnose", model, short], "short.npz"),
+        (["diagnose", model, bag, "-o", tmp_path / "no.yaml"], "only with --add-until-adequate"),
         (["diagnose", bag], "is a model"),
         (["compare", model, strange], "joint 'joint_1' is missing"),
         (["compare", model], "at least one recording"),
@@ -136,6 +136,26 @@ def test_bad_input_is_one_line(verb: Verb, files: Any, bench: Any, tmp_path: Pat
         assert said in lines[0], (words, err)
         assert "Traceback" not in err
     assert sorted(tmp_path.iterdir()) == before
+
+
+def test_until_adequate_prints_and_writes_the_staircase(verb: Verb, files: Any, tmp_path: Path) -> None:
+    words = ["diagnose", files.model, *files.bags, "--validation", files.unseen, "--add-until-adequate"]
+    code, out, err = verb(*words, "--json", "-o", tmp_path / "better.yaml")
+    assert code == 0, err
+    data = json.loads(out)
+    first, *others = data["staircase"]
+    assert first["added"] is None
+    assert [step["added"] for step in others] == [f"{m['effect']}@{m['joint']}" for m in data["missing"]]
+    for key in ("residual_mse", "validation_mse"):
+        assert others[-1][key]["joint_2"] < 0.9 * first[key]["joint_2"]
+    # what was predicted before adding is what adding gives
+    last = data["candidates"][len(data["missing"]) - 1]
+    assert others[-1]["validation_mse"]["joint_2"] == pytest.approx(last["validation_mse_after"]["joint_2"], rel=0.05)
+    code, out, _ = verb(*words)
+    assert out.startswith("missing: stribeck@joint_2")
+    for words_said in ("adding it to the rest: rms at joint_2", "validation rms", "noise rms", "rms predicted"):
+        assert words_said in out
+    assert "\x1b" not in out
 
 
 @pytest.mark.parametrize("name", ["compare", "trial"])

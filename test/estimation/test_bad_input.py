@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from dataclasses import replace
 from typing import Any
 
 import numpy as np
@@ -63,6 +64,40 @@ def test_columns_that_the_motion_leaves_empty_are_named(arm: Any) -> None:
     tau = np.random.default_rng(0).normal(size=q.shape)
     held = Recording(arm.robot.joints, t, q, tau, source="held")
     refused(arm, held, "held: the motion does not excite p8, p15, viscous@joint_2")
+
+
+def test_speeds_that_no_joint_has(arm: Any) -> None:
+    r = arm.record(0, periods=2)
+    refused(arm, Recording(r.names, r.t / 100.0, r.q, r.tau, source="hasty"), "hasty: joint_1 moves at .* its limit is")
+
+
+@pytest.mark.parametrize("factor", [1e-3, 57.3e-4])
+def test_torque_in_another_unit_is_said(arm: Any, factor: float) -> None:
+    r = arm.record(0, periods=2)
+    model = identify([Recording(r.names, r.t, r.q, factor * r.tau)], arm.robot)
+    assert any("times what the URDF's masses need: another unit" in note for note in model.notes)
+    assert not any("another unit" in note for note in identify([r], arm.robot).notes)
+
+
+def test_torque_without_noise_is_no_measure_of_misfit(arm: Any) -> None:
+    """A simulation without noise: rounding is not called noise, nor what exceeds it a misfit."""
+    model = identify([arm.record(0, periods=4, lead=0.0, noise=0.0)], arm.robot)
+    assert any("joint_1, joint_2, joint_3 repeats without noise" in note for note in model.notes)
+    assert not any("exceeds the noise" in note or "not white" in note for note in model.notes)
+    np.testing.assert_allclose(model.values, arm.structure.true_values(), atol=1e-3)
+    noisy = identify([arm.record(0, periods=4, lead=0.0)], arm.robot)
+    assert not any("without noise" in note for note in noisy.notes)
+
+
+def test_an_option_that_does_nothing_is_said(arm: Any) -> None:
+    model = identify([arm.record(0, periods=2)], arm.robot, processing=Processing(derivative_bandwidth=30.0))
+    assert any("--derivative-bandwidth is for what does not repeat" in note for note in model.notes)
+
+
+def test_noise_that_is_unknown_names_its_recording(arm: Any) -> None:
+    periodic, once = arm.record(0, periods=3), arm.record(1, periods=1)
+    model = identify([replace(periodic, source="a"), replace(once, source="b")], arm.robot)
+    assert any(note.startswith("b: noise unknown without periods") for note in model.notes)
 
 
 def test_periodic_and_other_recordings_make_one_estimate(arm: Any) -> None:

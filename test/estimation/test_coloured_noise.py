@@ -62,3 +62,39 @@ def test_ml_uses_the_same_noise(arm: Any) -> None:
     measured = process(recordings(arm, 0.8, 0.4)[1], arm.robot)
     wls, ml = (solve([measured], arm.structure, name) for name in ("wls", "ml"))
     np.testing.assert_allclose(np.diag(ml.covariance), np.diag(wls.covariance), rtol=0.01)
+
+
+def test_colour_does_not_weigh_what_the_model_lacks(arm: Any) -> None:
+    """A torque that no column explains, a hundred times the noise: parameters stay those of ordinary least squares."""
+    recording = recordings(arm, 0.9, 0.0)[0]
+    lacking = 60.0 * np.sin(3.0 * recording.q[:, [1, 1, 1]] + 1.0) * [0.0, 1.0, 0.0]
+    loud = Recording(recording.names, recording.t, recording.q, recording.tau + lacking, source="loud")
+    measured = process(loud, arm.robot)
+    assert measured.noise is not None
+    assert measured.noise.coloured[1]
+    plain, weighted = (solve([measured], arm.structure, name) for name in ("ls", "wls"))
+    (line,) = [note for note in weighted.notes if "not by its colour" in note]
+    assert line.startswith("loud: the residual is far more than noise")
+    truth = arm.structure.true_values()
+    assert np.linalg.norm((weighted.values - truth)[15:]) < 1.2 * np.linalg.norm((plain.values - truth)[15:])
+    quiet = solve([process(recording, arm.robot)], arm.structure, "wls")
+    assert not any("not by its colour" in note for note in quiet.notes)
+
+
+@pytest.mark.parametrize("estimator", ["wls", "ml"])
+def test_intervals_without_the_weight_of_colour_are_honest(arm: Any, estimator: str) -> None:
+    """The weights are forced to be plain; the covariance still counts the colour."""
+    from robot_ident.estimation import row_noise
+
+    truth, found = arm.structure.true_values(), []
+    before = row_noise._NOT_NOISE
+    row_noise._NOT_NOISE = 0.0
+    try:
+        for recording in recordings(arm, 0.9, 0.0):
+            solution = solve([process(recording, arm.robot)], arm.structure, estimator)
+            error = solution.values - truth
+            found.append(error @ np.linalg.solve(solution.covariance, error) / len(truth))
+    finally:
+        row_noise._NOT_NOISE = before
+    spread = 4 * np.sqrt(2 / (21 * RUNS))
+    assert 1 - spread < np.mean(found) < 1.15 + spread

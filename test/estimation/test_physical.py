@@ -10,8 +10,10 @@ import pinocchio
 import pytest
 
 from robot_ident.estimation.identify import identify
-from robot_ident.estimation.physical import nearest_physical, violations
+from robot_ident.estimation.physical import nearest_physical, projected_covariance
+from robot_ident.estimation.semidefinite import Nearest
 from robot_ident.estimation.solve import solve
+from robot_ident.estimation.violations import never_negative, violations
 from robot_ident.model.model_file import read_model, write_model
 from robot_ident.model.structure import Structure
 from robot_ident.motion import Motion
@@ -110,3 +112,43 @@ def test_possible_parameters_stay_as_they_are(arm: Any) -> None:
     assert any("physically possible as estimated" in note for note in physical.notes)
     np.testing.assert_allclose(physical.values, plain.values, atol=1e-4 * plain.std.max())
     assert plain.physical_inertias is None
+
+
+def test_intervals_hold_for_projected_parameters(arm: Any) -> None:
+    """The truth lies one sigma from the border p15 >= p11: estimates are thrown beyond it and projected back."""
+    structure, truth = arm.structure, arm.structure.true_values()
+    covariance = solve([process(arm.record(0), arm.robot)], structure, "wls").covariance
+    program = Nearest.of(structure, truth, covariance, never_negative(structure))
+    root, rng = np.linalg.cholesky(covariance), np.random.default_rng(5)
+    inside, sharper = [], []
+    for _ in range(12):
+        values = program.to(truth + root @ rng.standard_normal(21))[1]
+        found = projected_covariance(program, values, covariance)
+        assert found is not None
+        sigma = np.sqrt(np.diag(found))
+        inside.append(np.abs(values - truth) < 1.96 * sigma)
+        sharper.append(sigma / np.sqrt(np.diag(covariance)))
+    assert 0.9 < np.mean(inside) <= 1.0
+    ratio = dict(zip(structure.names, np.mean(sharper, axis=0), strict=True))
+    assert ratio["p11"] < 0.97
+    assert ratio["viscous@joint_1"] == pytest.approx(1.0, abs=0.03)
+
+
+def test_covariance_far_from_any_border_is_that_of_the_data(arm: Any) -> None:
+    structure, values = arm.structure, arm.structure.true_values().copy()
+    values[structure.names.index("p11")] = 5.0
+    covariance = np.diag((1e-3 * np.maximum(np.abs(values), 1.0)) ** 2)
+    program = Nearest.of(structure, values, covariance, never_negative(structure))
+    found = projected_covariance(program, values, covariance)
+    assert found is not None
+    np.testing.assert_allclose(found, covariance, atol=1e-5 * covariance.max())
+
+
+def test_the_model_says_whose_covariance_it_has(arm: Any) -> None:
+    model = identify([arm.record(3)], arm.robot, physical=True)
+    plain = identify([arm.record(3)], arm.robot)
+    assert model.physical is not None
+    assert model.physical["covariance"] == "constrained"
+    assert any("sigma counts in what is physically possible" in note for note in model.notes)
+    p11 = model.structure.names.index("p11")
+    assert model.std[p11] < 0.9 * plain.std[p11]

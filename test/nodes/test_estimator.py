@@ -144,3 +144,56 @@ def test_replay_without_a_listener(domain: int, bag: Path) -> None:
         replay(recording, wait=0.3)
     with pytest.raises(InputError, match="above 0"):
         replay(recording, rate=0.0)
+
+
+def test_a_change_of_friction_shows_while_the_robot_runs(
+    start: Callable[..., Any],
+    client: Any,
+    call: Callable[..., Any],
+    until: Callable[..., Any],
+    bag: Path,
+    trajectory: Path,
+    tmp_path: Path,
+) -> None:
+    from diagnostic_msgs.msg import DiagnosticArray
+    from rcl_interfaces.msg import Parameter, ParameterType, ParameterValue
+    from rcl_interfaces.srv import SetParameters
+
+    from robot_ident.model.model_file import write_model
+    from robot_ident.nodes.replay import replay
+    from robot_ident.recording import Recording
+
+    model = tmp_path / "model.yaml"
+    write_model(offline(bag), model)
+    told: list[DiagnosticArray] = []
+    client.create_subscription(DiagnosticArray, "/estimator/diagnostics", told.append, 10)
+    estimator = start("estimator", trajectory=trajectory, model=model, automatic=False, watch_window=2.0)
+    recorded = read_recording(bag)
+    steady = slice(-600, None)  # 4 periods of 150 samples, which repeat without a seam
+    q, tau = np.tile(recorded.q[steady], (3, 1)), np.tile(recorded.tau[steady], (3, 1))
+    t = np.arange(len(q)) / 150.0
+    velocity = np.gradient(q[:, 1])
+    tau[:, 1] += np.where(t > 7.0, 25.0 * np.sign(velocity), 0.0)  # the friction of joint_2 has changed
+    changed = Recording(recorded.names, t, q, tau, source="changed", start_ns=1_700_000_100_000_000_000)
+    replay(changed, rate=4.0)
+
+    def values() -> dict[str, str]:
+        return {value.key: value.value for value in told[-1].status[0].values} if told else {}
+
+    assert until(lambda: "the robot has changed" in told[-1].status[0].message), (estimator.text, values())
+    said = told[-1].status[0]
+    assert said.level == b"\x01"
+    assert "joint_2: coulomb +" in said.message
+    assert "joint_1" not in said.message and "joint_3" not in said.message
+    assert "at first" in values()["live residual joint_2"]
+    for name, given, accepted in (
+        ("watch_change", 0.5, True),
+        ("watch_window", 1.0, True),
+        ("watch_change", 0.0, False),
+    ):
+        value = ParameterValue(type=ParameterType.PARAMETER_DOUBLE, double_value=given)
+        request = SetParameters.Request(parameters=[Parameter(name=name, value=value)])
+        assert call(SetParameters, "/estimator/set_parameters", request).results[0].successful == accepted
+    replay(Recording(recorded.names, t[:-600], q[:-600], tau[:-600], source="anew"), rate=4.0)
+    assert until(lambda: "changed" not in told[-1].status[0].message), values()  # the watch has begun anew
+    assert estimator.end()[0] == 0, estimator.text

@@ -8,14 +8,17 @@ from pathlib import Path
 import numpy as np
 import pytest
 
+from robot_ident.estimation.equations import stack
 from robot_ident.estimation.identify import identify
 from robot_ident.estimation.validate import validate
 from robot_ident.model.structure import Structure
-from robot_ident.recording import Processing, Recording
+from robot_ident.recording import Processing, Recording, process
 from robot_ident.robot import load_robot
 
 EMPS = {"M": 95.1089, "viscous@slide": 203.5034, "coulomb@slide": 20.3935, "torque_offset@slide": -3.1648}
+EMPS_SIGMA = {"M": 0.1085, "viscous@slide": 1.146, "coulomb@slide": 0.1012, "torque_offset@slide": 0.0444}
 TX40_VISCOUS = [8.107054, 5.60096, 1.978, 1.10695, 1.857995, 0.643794]
+TX40_VISCOUS_PERCENT = np.array([0.51, 0.84, 1.67, 2.95, 2.27, 3.29])
 TX40_COULOMB = [6.966832, 8.123402, 6.307204, 2.484089, 3.025972, 0.243976]
 
 
@@ -37,6 +40,39 @@ def test_emps_has_its_published_parameters_and_residual(emps: tuple[Recording, R
     for name, value in EMPS.items():
         assert found[name] == pytest.approx(value, rel=0.01), name
     assert 100 * model.residual["slide"].relative == pytest.approx(4.0834, abs=0.5)
+
+
+def test_emps_standard_deviations_are_the_published_ones_where_its_residual_is_called_white(
+    emps: tuple[Recording, Recording], checkout: Path
+) -> None:
+    """The authors decimate to 100 Hz and take the residual as independent; it isn't, and ours say so."""
+    robot = load_robot(checkout / "examples/emps/robot.yaml")
+    processing = Processing(periodic=False, low_pass=60.0, decimate=10)
+    model = identify([emps[0]], robot, estimator="ls", processing=processing)
+    equations = stack([process(emps[0], robot, processing)], model.structure)
+    residual = equations.torque - equations.phi @ model.values
+    variance = residual @ residual / (len(residual) - 4)
+    white = np.sqrt(variance * np.diag(np.linalg.inv(equations.phi.T @ equations.phi)))
+    found = dict(zip(model.structure.names, white, strict=True))
+    for name, sigma in EMPS_SIGMA.items():
+        assert found[name] == pytest.approx(sigma, rel=0.02), name
+    assert np.sqrt(variance) == pytest.approx(2.1843, rel=0.02)
+    assert np.linalg.norm(residual) == pytest.approx(108.7569, rel=0.02)
+    assert np.linalg.cond(equations.phi) == pytest.approx(25.9883, rel=0.02)
+    assert np.all(model.std > 1.5 * white)
+    assert np.all(model.std < 6.0 * white)
+
+
+@pytest.mark.parametrize("estimator", ["wls", "ml"])
+def test_emps_by_its_periods_agrees_with_what_is_published(
+    emps: tuple[Recording, Recording], checkout: Path, estimator: str
+) -> None:
+    """Its noise is coloured and its residual a hundred times that noise: colour must not rule the weights."""
+    model = identify([emps[0]], load_robot(checkout / "examples/emps/robot.yaml"), estimator=estimator)
+    found = dict(zip(model.structure.names, model.values, strict=True))
+    for name, value in EMPS.items():
+        assert found[name] == pytest.approx(value, rel=0.025), name
+    assert any("not by its colour" in note for note in model.notes)
 
 
 def test_emps_pulses_are_predicted_as_published(emps: tuple[Recording, Recording], checkout: Path) -> None:
@@ -66,6 +102,11 @@ def test_staubli_has_61_base_parameters_and_its_published_friction(
     recording = Recording(robot.joints, z["t"], z["q"], z["tau"], source="tx40")
     model = identify([recording], robot, estimator="ls", processing=Processing(low_pass=100.0, decimate=10))
     found = dict(zip(model.structure.names, model.values, strict=True))
+    std = dict(zip(model.structure.names, model.std, strict=True))
+    published = np.array(TX40_VISCOUS) * TX40_VISCOUS_PERCENT / 100.0
+    # ours count in that the residual is not white
+    ratio = np.array([std[f"viscous@{joint}"] for joint in robot.joints]) / published
+    assert 0.75 < ratio.min() < ratio.max() < 3.5
     np.testing.assert_allclose([found[f"viscous@{joint}"] for joint in robot.joints], TX40_VISCOUS, rtol=0.05)
     np.testing.assert_allclose([found[f"coulomb@{joint}"] for joint in robot.joints], TX40_COULOMB, rtol=0.05)
     assert found["wrist_coupling.viscous@joint_6"] == pytest.approx(0.597492, rel=0.05)

@@ -67,8 +67,14 @@ class GravitySpring(Physics):
 
     @classmethod
     def possible(cls, robot: Robot, joint: int) -> bool:
-        """Return whether the joint turns."""
-        return not robot.prismatic[joint]
+        """Return whether the joint turns under a weight: elsewhere nobody needs one."""
+        import pinocchio
+
+        model = robot.rigid.model
+        data, rng = model.createData(), np.random.default_rng(0)
+        poses = rng.uniform(-1.0, 1.0, (5, robot.n))
+        weight = max(abs(float(pinocchio.computeGeneralizedGravity(model, data, q)[joint])) for q in poses)
+        return not robot.prismatic[joint] and weight > 1e-6
 
     def contribution(self, x: Instant) -> Contribution:
         """Return the torque that the drive carries."""

@@ -2,11 +2,16 @@
 
 from __future__ import annotations
 
+from typing import Self
+
 import numpy as np
 
 from robot_ident.motion import Motion
 from robot_ident.robot.robot import Robot
 from robot_ident.simulation.physics.physics import Contribution, Instant, Physics, Value, between, either_sign
+
+RANGE = (0.003, 0.02)
+"""Delays [s] that the channels of real robots have."""
 
 
 class TimeDelay(Physics):
@@ -29,6 +34,12 @@ class TimeDelay(Physics):
     def draw(cls, robot: Robot, joint: int, rng: np.random.Generator, motion: Motion) -> dict[str, float]:
         """Return 3 to 10 ms, late or early."""
         return {"time_delay": either_sign(rng) * between(rng, 0.003, 0.01)}
+
+    def scaled(self, factor: float) -> Self:
+        """Return it longer or shorter by a factor, between 3 and 20 ms: below half a sample nothing shows one."""
+        delay = float(self.values["time_delay"]) * factor
+        size = float(np.clip(abs(delay), *RANGE))
+        return type(self)(self.robot, self.place, {"time_delay": float(np.copysign(size, delay))})
 
     def contribution(self, x: Instant) -> Contribution:
         """Return nothing: the motion doesn't know of it."""

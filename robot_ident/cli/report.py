@@ -1,0 +1,93 @@
+"""`robot_ident report`."""
+
+from __future__ import annotations
+
+import argparse
+import shlex
+from pathlib import Path
+from typing import TYPE_CHECKING, Any
+
+from robot_ident.cli.output import Progress, add_json, add_output, print_json, say
+from robot_ident.errors import InputError
+
+if TYPE_CHECKING:
+    from robot_ident.report.findings import Findings
+
+
+def add_arguments(parser: argparse.ArgumentParser) -> None:
+    """Add the verb's options."""
+    parser.add_argument("models", nargs="+", metavar="model.yaml", help="models in their order; the last is judged")
+    parser.add_argument("--bag", nargs="+", required=True, metavar="BAG", help="recordings to compare with")
+    parser.add_argument(
+        "--validation", action="append", default=[], metavar="BAG2", help="recordings that never enter a fit"
+    )
+    parser.add_argument(
+        "--trajectory",
+        action="append",
+        default=[],
+        metavar="EXCITATION",
+        help="excitation.yaml that was played, for its margins; default: what the models say",
+    )
+    parser.add_argument("--topic", metavar="T", help="topic of the joint states")
+    add_output(parser, "PAGE", "HTML page to write", required=True)
+    add_json(parser)
+
+
+def run(args: argparse.Namespace) -> int:
+    """Write one self-contained page on models beside recordings."""
+    from robot_ident.files import refuse_existing
+    from robot_ident.model.model_file import is_model, read_model
+    from robot_ident.report.findings import gather
+    from robot_ident.report.report import write_report
+    from robot_ident.report.sources import read_excitations, read_sources
+
+    refuse_existing(args.output, force=args.force)
+    for path in args.models:
+        if not is_model(path):
+            raise InputError(f"{path}: not a model; make one by robot_ident identify ... -o model.yaml")
+    models = [(path, read_model(path)) for path in args.models]
+    excitations = read_excitations(args.trajectory, [model for _, model in models])
+    steps = len(args.bag) + len(args.validation) + len(excitations) + min(2, len(models)) + 2
+    with Progress("report", steps) as bar:
+        done = iter(range(steps))
+
+        def heard(what: str) -> None:
+            bar.reach(next(done, steps), what)
+
+        training = read_sources(args.bag, models[0][1], topic=args.topic, heard=heard)
+        unseen = read_sources(args.validation, models[0][1], topic=args.topic, heard=heard)
+        found = gather(models, training, unseen, excitations, command=_command(args), heard=heard)
+        heard("drawing")
+        write_report(args.output, found, force=args.force)
+    if args.json:
+        print_json(_to_dict(args.output, found))
+        return 0
+    from robot_ident.report.verdict import verdict
+
+    say(verdict(found))
+    say(f"written: {args.output}")
+    return 0
+
+
+def _command(args: argparse.Namespace) -> str:
+    """Return what was asked for, as a command that can be run again."""
+    words = ["robot_ident", "report", *args.models, "--bag", *args.bag]
+    for option in ("validation", "trajectory", "effects_from"):
+        for value in getattr(args, option, None) or []:
+            words += [f"--{option.replace('_', '-')}", value]
+    words += ["--topic", args.topic] if args.topic else []
+    return shlex.join([*words, "-o", args.output])
+
+
+def _to_dict(path: str, found: Findings) -> dict[str, Any]:
+    from robot_ident.report.verdict import verdict
+
+    file = Path(path)
+    return {
+        "schema": "robot_ident/report/1",
+        "path": path,
+        "bytes": file.stat().st_size,
+        "sentence": verdict(found),
+        "verdict": found.diagnosis.verdict,
+        **found.to_dict(),
+    }

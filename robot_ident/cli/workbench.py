@@ -1,0 +1,74 @@
+"""`robot_ident workbench`."""
+
+from __future__ import annotations
+
+import argparse
+import sys
+from pathlib import Path
+
+from robot_ident.cli.output import say, within
+
+
+def add_arguments(parser: argparse.ArgumentParser) -> None:
+    """Add the verb's options."""
+    parser.add_argument("model", nargs="?", metavar="model.yaml", help="model to begin with; identified when not given")
+    parser.add_argument(
+        "--bag", nargs="+", default=[], metavar="BAG", help="recordings to fit; else chosen on the page"
+    )
+    parser.add_argument(
+        "--validation", action="append", default=[], metavar="BAG2", help="recordings that never enter a fit"
+    )
+    parser.add_argument(
+        "--robot", metavar="R", help="robot of a model that is identified first (default kuka_ir361), as of identify"
+    )
+    parser.add_argument("--topic", metavar="T", help="topic of the joint states")
+    parser.add_argument("--port", type=within(0, 65535, int), metavar="P", help="default the first free one from 8050")
+    parser.add_argument(
+        "--folder",
+        default="robot_ident_workbench",
+        metavar="DIR",
+        help="where sessions are kept, and gone on with (default %(default)s)",
+    )
+    parser.add_argument("--no-browser", action="store_true", help="only print the address")
+
+
+def run(args: argparse.Namespace) -> int:
+    """Serve the loop of compare, see, learn, add and watch to a browser on this machine."""
+    from robot_ident.errors import InputError
+    from robot_ident.model.model_file import is_model
+    from robot_ident.workbench.desk import Desk
+    from robot_ident.workbench.paths import Allowed
+    from robot_ident.workbench.server import serve
+
+    if args.model and not is_model(args.model):
+        raise InputError(f"{args.model}: not a model; recordings go after --bag")
+    if args.model and not args.bag:
+        raise InputError(f"{args.model}: a model needs recordings beside it: --bag BAG...")
+    if args.validation and not args.bag:
+        raise InputError(f"--validation {args.validation[0]}: needs recordings to fit beside it: --bag BAG...")
+    named = [*args.bag, *args.validation, *([args.model] if args.model else [])]
+    allowed = Allowed(Path.cwd(), named)
+    effects = [str(Path(path).resolve()) for path in args.effects_from]
+    folder = Path(args.folder).resolve()
+    if folder.exists() and not folder.is_dir():
+        raise InputError(f"--folder {args.folder}: is no folder")
+    desk = Desk(folder, allowed, robot=args.robot, topic=args.topic, effects_from=effects)
+    session = desk.open(args.bag, args.validation, args.model) if args.bag else None
+    page = session.name if session else ""
+
+    def ready(address: str) -> None:
+        if session:
+            desk.jobs(session)  # begins to read while the browser starts
+        say(f"robot_ident workbench: {address}{page}")
+        say(f"steps are kept in {args.folder}; end with Ctrl-C")
+        sys.stdout.flush()
+        if not args.no_browser:
+            import webbrowser
+
+            webbrowser.open(address + page)
+
+    try:
+        serve(desk, args.port, ready)
+    except KeyboardInterrupt:
+        say(f"ended; go on with: robot_ident workbench --folder {args.folder}")
+    return 0

@@ -1,0 +1,43 @@
+"""How much data a verdict takes."""
+
+from __future__ import annotations
+
+from collections.abc import Collection, Sequence
+from math import ceil
+
+import numpy as np
+
+from robot_ident.diagnosis.candidates import Score
+from robot_ident.diagnosis.evidence import Evidence
+
+ENOUGH = 40.0  # chi-square units that an effect must gain before it may be named
+
+
+def too_little(scores: Sequence[Score], evidence: Evidence, joints: Collection[int]) -> str:
+    """Return how much more data would tell, where the model misfits by too little for any effect to stand out.
+
+    What an effect gains grows in proportion to the periods that are averaged. Empty where more data wouldn't help: some
+    effect gains enough as it is, and yet none explains the error.
+    """
+    gains = [s.gain for s in scores if set(s.columns.joints) & set(joints)]
+    best = max(gains, default=0.0)
+    if not 0.0 < best < ENOUGH:
+        return ""
+    periods = min(t.measured.periods for t in evidence.trajectories)
+    more = max(1, ceil(periods * ENOUGH / best) - periods)
+    return (
+        f"too little data for a verdict: the model misfits, but the best effect gains {best:.0f} where {ENOUGH:.0f} are"
+        f" needed; record about {more} more periods of each motion, or another motion"
+    )
+
+
+def unseen_below(evidence: Evidence) -> str:
+    """Return what could have stayed unseen: the rms torque by joint whose gain would not have sufficed."""
+    parts = []
+    for joint, name in enumerate(evidence.structure.robot.joints):
+        information = sum(float(np.sum(t.weight[:, joint] ** 2)) for t in evidence.trajectories)
+        rows = sum(float(np.sum(t.weight[:, joint] > 0)) for t in evidence.trajectories)
+        if information > 0.0:
+            level = np.sqrt(ENOUGH * rows / information / max(rows, 1.0))
+            parts.append(f"{name} {level:.2g} {evidence.structure.robot.torque_unit(joint)}")
+    return "an effect of which the model absorbs nothing would have shown from so much rms on: " + ", ".join(parts)

@@ -1,0 +1,127 @@
+"""What an effect does to a model's error, in torque, and how large it is."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+
+import numpy as np
+
+from robot_ident.diagnosis.diagnosis import Estimate
+from robot_ident.diagnosis.evidence import Evidence
+from robot_ident.effects import Effect
+from robot_ident.motion import Array
+from robot_ident.recording.measurement import Measurement
+
+_BLOCK = 0.5  # s: errors further apart are taken as independent
+_STEP = 1e-3  # of the range of an inner parameter, for derivatives
+
+
+def mean_squares(evidence: Evidence) -> dict[str, float]:
+    """Return the mean square of the residual of every joint, (Nm)^2."""
+    out = {}
+    for joint, name in enumerate(evidence.structure.robot.joints):
+        total, rows = 0.0, 0
+        for t, residual in zip(evidence.trajectories, evidence.residual, strict=True):
+            used = t.weight[:, joint] > 0
+            total += float(np.sum((residual[used, joint] / t.weight[used, joint]) ** 2))
+            rows += int(used.sum())
+        out[name] = total / max(rows, 1)
+    return out
+
+
+def errors(evidence: Evidence, validation: Sequence[Measurement]) -> dict[str, float]:
+    """Return the mean square error of every joint on measurements that were not fitted, (Nm)^2."""
+    structure = evidence.structure
+    total, rows = np.zeros(structure.robot.n), np.zeros(structure.robot.n)
+    for measured in validation:
+        predicted = structure.columns(measured.motion, evidence.values) @ evidence.values
+        error = measured.passed(measured.torque - predicted)
+        used = measured.used[measured.rows]
+        total += np.sum(np.where(used, error**2, 0.0), axis=0)
+        rows += used.sum(axis=0)
+    return {name: float(total[j] / max(rows[j], 1)) for j, name in enumerate(structure.robot.joints)}
+
+
+def estimates(evidence: Evidence, effect: Effect) -> tuple[Estimate, ...]:
+    """Return the parameters of an effect that the evidence's model holds, inner ones included, with their spread.
+
+    std: the largest of what the noise leaves, of the sandwich over blocks of half a second (errors of the model count,
+    however long they last), and of the spread when one trajectory is left out (jackknife), inner parameters linearised.
+    Those that only take values of a grid have no std (0).
+    """
+    jacobians, free = _jacobians(evidence, effect)
+    residual = evidence.residual
+    parts = [j.reshape(-1, j.shape[2]) for j in jacobians]
+    scale = np.maximum(np.linalg.norm(np.concatenate(parts), axis=0), 1e-300)
+    parts = [part / scale for part in parts]
+    grams = [part.T @ part for part in parts]
+    bread = np.linalg.pinv(np.sum(grams, axis=0), rcond=1e-11, hermitian=True)
+    scores = [(j / scale) * r[:, :, None] for j, r in zip(jacobians, residual, strict=True)]
+    blocks = np.array(
+        [
+            block.sum(axis=(0, 1))
+            for t, s in zip(evidence.trajectories, scores, strict=True)
+            for block in np.array_split(s, _blocks(t.measured, len(s)))
+        ]
+    )
+    spread = blocks @ bread
+    variance = np.maximum(np.diag(bread), np.sum(spread**2, axis=0))
+    variance = np.maximum(variance, _jackknife(grams, [s.sum(axis=(0, 1)) for s in scores]))
+    std = np.sqrt(np.maximum(variance, 0.0)) / scale
+    place = {name: k for k, name in enumerate(evidence.structure.names)}
+    linear = [
+        Estimate(name, float(evidence.values[place[name]]), float(std[place[name]]), unit)
+        for name, unit in zip(effect.parameter_names(), effect.parameter_units(), strict=True)
+    ]
+    inner_std = dict(zip(free, std[len(place) :], strict=True))
+    inner = [
+        Estimate(name, float(effect.setting[i.name]), float(inner_std.get(i.name, 0.0)), unit)
+        for name, unit, i in zip(effect.inner_names(), effect.inner_units(), effect.inner, strict=True)
+    ]
+    return (*linear, *inner)
+
+
+def _blocks(measured: Measurement, rows: int) -> int:
+    return max(1, round(rows * measured.dt * measured.decimate / _BLOCK))
+
+
+def _jackknife(grams: Sequence[Array], scores: Sequence[Array]) -> Array:
+    """Return the variance [p] of parameters by leaving out one trajectory at a time.
+
+    Leaving k out moves the estimate by (G - G_k)^-1 s_k; the variance is (T - 1) / T of the sum of their squares.
+    """
+    count = len(grams)
+    if count < 3:
+        return np.zeros(len(scores[0]))
+    whole = np.sum(grams, axis=0)
+    moved = np.array(
+        [
+            np.linalg.pinv(whole - gram, rcond=1e-9, hermitian=True) @ score
+            for gram, score in zip(grams, scores, strict=True)
+        ]
+    )
+    return np.asarray((count - 1) / count * np.sum((moved - moved.mean(axis=0)) ** 2, axis=0))
+
+
+def _jacobians(evidence: Evidence, effect: Effect) -> tuple[list[Array], list[str]]:
+    """Return each trajectory's weighed derivatives [N, n, p + free] by the model's parameters and the effect's free
+    inner ones, and the names of these.
+    """
+    structure = evidence.structure
+    held = next(e for e in structure.effects if e.label == effect.label)
+    names = effect.parameter_names()
+    place = {name: k for k, name in enumerate(structure.names)}
+    coefficients = np.array([evidence.values[place[name]] for name in names])
+    free = [i for i in held.inner if i.continuous]
+    out = []
+    for number, (t, phi) in enumerate(zip(evidence.trajectories, evidence.phi, strict=True)):
+        columns = [phi]
+        torque = evidence.torques[number] if held.uses_torque and free else None
+        for inner in free:
+            value = held.setting[inner.name]
+            step = _STEP * (inner.upper - inner.lower)
+            ends = np.clip([value - step, value + step], inner.lower, inner.upper)
+            low, high = (held.at({inner.name: float(x)}).columns(t.motion, torque) @ coefficients for x in ends)
+            columns.append(t.weighed(((high - low) / (ends[1] - ends[0]))[:, :, None]))
+        out.append(np.concatenate(columns, axis=2))
+    return out, [i.name for i in free]

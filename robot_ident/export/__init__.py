@@ -1,0 +1,1 @@
+"""An identified model in the formats of others: URDF, MJCF, C code."""

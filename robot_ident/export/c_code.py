@@ -1,0 +1,144 @@
+"""C for a controller: torque, gravity and friction as functions without memory, allocation or libraries.
+
+CasADi generates straight-line code of the whole model; a header gives it plain arrays. Dry friction steps with the sign
+of a velocity, which a controller must not feed forward near standstill: within a small speed v_s the sign is replaced
+by x (3 - x^2) / 2, x = v / v_s, which meets it with equal slope.
+"""
+
+from __future__ import annotations
+
+import re
+from dataclasses import replace
+from typing import Any
+
+import numpy as np
+
+from robot_ident.errors import InputError
+from robot_ident.export.exported import Exported
+from robot_ident.model.model import Model
+from robot_ident.model.structure import Structure
+from robot_ident.motion import Array
+
+_FUNCTIONS = {
+    "torque": ("q, dq, ddq", "torque of the whole model"),
+    "gravity": ("q", "torque of the whole model at rest, without dry friction"),
+    "friction": ("q, dq", "torque of what rubs: the whole model at constant speed less that at rest, the links aside"),
+}
+_EXPORTED = re.compile(
+    r"^CASADI_SYMBOL_EXPORT [\w ]+\** (?P<name>\w+)\([^\n]*(?:\{[^\n]*\}\n|\{\n.*?^\}\n)", re.MULTILINE | re.DOTALL
+)
+"""A function that CasADi lets others call; beside each there are a dozen that say how much memory it wants."""
+
+_SHAPES = re.compile(r"^(?:static const casadi_int casadi_s\d+\[|#define casadi_s\d+ ).*\n", re.MULTILINE)
+"""The shapes of inputs and outputs, which those functions tell."""
+
+
+def to_c(model: Model, smoothing: float) -> Exported:
+    """Return `NAME.h` and `NAME.c` of a model; `smoothing` [rad/s or m/s] is the speed v_s of the smoothed sign.
+
+    Raises InputError where the speed isn't positive.
+    """
+    if not 0 < smoothing < np.inf:
+        raise InputError(f"--smoothing {smoothing}: a speed above 0 is needed")
+    structure, values, left = _expressible(model)
+    name = _identifier(model.robot.name)
+    functions = _functions(structure, values, smoothing, name)
+    files = {f"{name}.h": _header(model, name, smoothing), f"{name}.c": _source(functions, name, model.robot.n)}
+    notes = (
+        f"dry friction is smoothed below {smoothing:g} rad/s (m/s)",
+        f"void {name}_torque(const double q[{model.robot.n}], dq, ddq, double tau); also _gravity and _friction",
+    )
+    carried = tuple(label for label in model.structure.labels if label not in left)
+    return Exported(files, carried, left, notes)
+
+
+def _expressible(model: Model) -> tuple[Structure, Array, tuple[str, ...]]:
+    """Return the structure without the effects that no expression of the present state gives, and its values."""
+    structure, place = model.structure, len(model.structure.base.columns)
+    kept, keep, left = [], list(range(place)), []
+    for effect in structure.effects:
+        own = range(place, place + len(effect.coefficients))
+        place = own.stop
+        if effect.symbolic:
+            kept.append(effect)
+            keep += own
+        else:
+            left.append(effect.label)
+    parameters = tuple(structure.parameters[k] for k in keep)
+    return replace(structure, effects=tuple(kept), parameters=parameters), model.linear[keep], tuple(left)
+
+
+def _functions(structure: Structure, values: Array, smoothing: float, name: str) -> list[Any]:
+    """Return the CasADi functions of the header, in its order."""
+    import casadi as ca
+
+    def sign(v: Any) -> Any:
+        x = ca.fmin(ca.fmax(v / smoothing, -1.0), 1.0)
+        return 0.5 * x * (3.0 - x * x)
+
+    n, base = structure.robot.n, len(structure.base.columns)
+    phi = structure.symbolic(sign, values)
+    q, dq, ddq = ca.SX.sym("q", n), ca.SX.sym("dq", n), ca.SX.sym("ddq", n)
+    theta, rest = ca.DM(values), ca.DM.zeros(n)
+    links = ca.DM(np.concatenate([values[:base], np.zeros(len(values) - base)]))
+    whole, at_rest = phi(q, dq, ddq) @ theta, phi(q, rest, rest) @ theta
+    rubbing = phi(q, dq, rest) @ theta - phi(q, dq, rest) @ links - (at_rest - phi(q, rest, rest) @ links)
+    outputs = {"torque": ([q, dq, ddq], whole), "gravity": ([q], at_rest), "friction": ([q, dq], rubbing)}
+    return [
+        ca.Function(f"{name}_{word}_casadi", inputs, [ca.densify(ca.cse(tau))])
+        for word, (inputs, tau) in outputs.items()
+    ]
+
+
+def _source(functions: list[Any], name: str, n: int) -> str:
+    import casadi as ca
+
+    generator = ca.CodeGenerator(f"{name}_generated", {"with_header": False, "main": False, "verbose": False})
+    for function in functions:
+        generator.add(function)
+    kept = {f"{name}_{word}_casadi" for word in _FUNCTIONS}
+    generated = _EXPORTED.sub(lambda found: found[0] if found["name"] in kept else "", generator.dump())
+    wrappers = []
+    for word, function in zip(_FUNCTIONS, functions, strict=True):
+        inputs = _FUNCTIONS[word][0].split(", ")
+        sizes = max(1, function.sz_arg()), max(1, function.sz_res()), max(1, function.sz_iw()), max(1, function.sz_w())
+        lines = [
+            f"void {name}_{word}({_signature(inputs, n)}) {{",
+            f"  const double *arg[{sizes[0]}] = {{{', '.join(inputs)}}};",
+            f"  double *res[{sizes[1]}] = {{tau}};",
+            f"  long long int iw[{sizes[2]}];",
+            f"  double w[{sizes[3]}];",
+            f"  (void){name}_{word}_casadi(arg, res, iw, w, 0);",
+            "}",
+        ]
+        wrappers.append("\n".join(lines))
+    generated = _SHAPES.sub("", generated)
+    generated = re.sub(r"\n{3,}", "\n\n", generated)
+    return f'#include "{name}.h"\n\n#define CASADI_SYMBOL_EXPORT static\n\n{generated}\n' + "\n\n".join(wrappers) + "\n"
+
+
+def _signature(inputs: list[str], n: int) -> str:
+    return ", ".join([*(f"const double {word}[{n}]" for word in inputs), f"double tau[{n}]"])
+
+
+def _header(model: Model, name: str, smoothing: float) -> str:
+    n, guard = model.robot.n, f"{name.upper()}_H"
+    units = ", ".join(f"{joint} {model.robot.torque_unit(k)}" for k, joint in enumerate(model.robot.joints))
+    declared = "\n\n".join(
+        f"/* {text[0].upper()}{text[1:]}. */\nvoid {name}_{word}({_signature(inputs.split(', '), n)});"
+        for word, (inputs, text) in _FUNCTIONS.items()
+    )
+    return (
+        f"/* {model.robot.name}, identified by robot_ident ({model.estimator}). Joints, in this order: {units}.\n"
+        "   q [rad or m], dq, ddq [the same per s, per s^2]."
+        f" Dry friction is smoothed below {smoothing:g} rad/s (m/s).\n"
+        "   Needs no library but the C mathematics, allocates nothing, keeps no state. */\n"
+        f'#ifndef {guard}\n#define {guard}\n\n#ifdef __cplusplus\nextern "C" {{\n#endif\n\n'
+        f"#define {name.upper()}_JOINTS {n}\n\n{declared}\n\n#ifdef __cplusplus\n}}\n#endif\n\n#endif\n"
+    )
+
+
+def _identifier(text: str) -> str:
+    """Return a robot's name as a name in C."""
+    word = "".join(c if c.isascii() and c.isalnum() else "_" for c in text.lower())
+    return word if word and not word[0].isdigit() else f"robot_{word}"

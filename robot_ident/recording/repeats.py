@@ -1,0 +1,34 @@
+"""Does a recording repeat as a whole, or only its commanded motion?"""
+
+from __future__ import annotations
+
+import numpy as np
+
+from robot_ident.motion import Array
+from robot_ident.recording.measurement import Measurement
+
+_STRAY = 30.0  # times its noise: how far the position may stray from one period to the next
+_BURSTS = 8.0  # kurtosis of the torque's scatter about the mean period; noise has 3, coloured noise little more
+_SMOOTH = 0.5  # correlation of that scatter from one sample to the next; bursts last longer than a sample
+
+
+def disturbed(measured: Measurement, step: Array) -> tuple[int, ...]:
+    """Return the joints whose torque has bursts of its own in each period and moves the arm by them.
+
+    measured: periods averaged. step [n]: noise of a position sample, judged from sample to sample. Such torque (pushes,
+    contacts, added pulses) is no noise: averaging blurs it, and its scatter would pass for a noise floor.
+    """
+    periods = measured.period_torque
+    if periods is None:
+        return ()
+    scatter = periods - np.nanmean(periods, axis=0)
+    power = np.nanmean(scatter**2, axis=(0, 1))
+    found = []
+    for joint in np.flatnonzero(power > 0.0):
+        x = scatter[:, :, joint]
+        bursts = float(np.nanmean(x**4)) / power[joint] ** 2
+        smooth = float(np.nanmean(x[:, 1:] * x[:, :-1])) / power[joint]
+        strays = np.sqrt(measured.position_variance[joint]) > _STRAY * step[joint]
+        if strays and bursts > _BURSTS and smooth > _SMOOTH:
+            found.append(int(joint))
+    return tuple(found)

@@ -1,0 +1,30 @@
+"""The web application: Dash, with all it needs served from this machine."""
+
+from __future__ import annotations
+
+from pathlib import Path
+
+from dash import Dash
+
+from robot_ident.workbench.callbacks import choices, deeds, navigation, opening, panels, pictures
+from robot_ident.workbench.desk import Desk
+from robot_ident.workbench.guard import guard
+from robot_ident.workbench.layout import shell
+
+
+def make_app(desk: Desk, port: int) -> Dash:
+    """Return the application of a desk, for a server at a port of this machine."""
+    app = Dash(
+        "robot_ident.workbench",
+        title="robot_ident workbench",
+        update_title="",
+        assets_folder=str(Path(__file__).parent / "assets"),
+        serve_locally=True,
+        suppress_callback_exceptions=True,
+        compress=False,
+    )
+    guard(app.server, port)
+    app.layout = shell()
+    for part in (navigation, opening, choices, deeds, panels, pictures):
+        part.register(app, desk)
+    return app

@@ -1,0 +1,79 @@
+"""Draws the pictures whenever what they show changes."""
+
+from __future__ import annotations
+
+from typing import Any
+
+from dash import Dash, Input, Output, State
+from dash.exceptions import PreventUpdate
+
+from robot_ident.motion import Mask
+from robot_ident.workbench.brush import Condition, brushed
+from robot_ident.workbench.callbacks.looked import looked_at
+from robot_ident.workbench.desk import Desk
+from robot_ident.workbench.pictures.look import Shade
+from robot_ident.workbench.pictures.over_time import over_time
+from robot_ident.workbench.pictures.scatter import scatter
+from robot_ident.workbench.pictures.spectrum import spectrum
+from robot_ident.workbench.pictures.staircase import staircase
+from robot_ident.workbench.view import View
+
+_CHANGES = (Input("drawn", "data"), Input("joint", "data"), Input("overlays", "data"), Input("shade", "data"))
+_STAND = State("stand", "data")
+
+
+def register(app: Dash, desk: Desk) -> None:
+    """Register the callbacks of the pictures."""
+
+    def shown(stand: dict[str, Any] | None, joint: int | None, shade: Shade | None) -> tuple[View, int]:
+        view = looked_at(desk, stand)
+        if view is None or shade is None:
+            raise PreventUpdate
+        return view, view.worst if joint is None else joint
+
+    @app.callback(Output("time", "figure"), *_CHANGES, Input("recording", "data"), Input("brush", "data"), _STAND)
+    def time(
+        _drawn: str,
+        joint: int | None,
+        keys: list[str],
+        shade: Shade,
+        recording: int,
+        brush: list[Any],
+        stand: dict[str, Any],
+    ) -> Any:
+        view, place = shown(stand, joint, shade)
+        conditions, inside = _brushed(view, place, brush)
+        return over_time(view, place, recording, view.overlays(keys), inside, conditions, shade)
+
+    @app.callback(Output("scatter", "figure"), *_CHANGES, Input("over", "value"), Input("brush", "data"), _STAND)
+    def clouds(
+        _drawn: str,
+        joint: int | None,
+        keys: list[str],
+        shade: Shade,
+        over: str,
+        brush: list[Any],
+        stand: dict[str, Any],
+    ) -> Any:
+        view, place = shown(stand, joint, shade)
+        conditions, inside = _brushed(view, place, brush)
+        return scatter(view, place, ("velocity", "position", over), view.overlays(keys), inside, conditions, shade)
+
+    @app.callback(Output("spectrum", "figure"), *_CHANGES, Input("recording", "data"), _STAND)
+    def lines(
+        _drawn: str, joint: int | None, keys: list[str], shade: Shade, recording: int, stand: dict[str, Any]
+    ) -> Any:
+        view, place = shown(stand, joint, shade)
+        return spectrum(view, place, recording, view.overlays(keys), shade)
+
+    @app.callback(Output("staircase", "figure"), *_CHANGES, _STAND)
+    def stairs(_drawn: str, joint: int | None, keys: list[str], shade: Shade, stand: dict[str, Any]) -> Any:
+        view, place = shown(stand, joint, shade)
+        return staircase(view, place, view.overlays(keys), shade)
+
+
+def _brushed(view: View, joint: int, data: list[dict[str, Any]]) -> tuple[list[Condition], list[Mask] | None]:
+    conditions = [Condition.of(one) for one in data]
+    if not conditions:
+        return [], None
+    return conditions, brushed(conditions, view.rows, view.loads, view.joints, joint)

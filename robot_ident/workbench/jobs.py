@@ -1,0 +1,147 @@
+"""Slow work in a process of its own, one task at a time, with progress; it can be cancelled at any moment."""
+
+from __future__ import annotations
+
+import multiprocessing
+import signal
+import threading
+import time
+import traceback
+from collections.abc import Mapping
+from dataclasses import dataclass, replace
+from multiprocessing.connection import Connection
+from multiprocessing.process import BaseProcess
+from pathlib import Path
+from typing import Any, Literal
+
+from robot_ident.errors import InputError, RobotIdentError
+from robot_ident.workbench.session import Session
+
+State = Literal["idle", "running", "done", "failed", "cancelled"]
+
+
+@dataclass(frozen=True)
+class Job:
+    """A task and how it stands: share [0, 1] that is done, what is being done (or why it failed), seconds since it
+    began. number: counts the tasks. trace: of a bug.
+    """
+
+    number: int = 0
+    state: State = "idle"
+    task: Mapping[str, Any] | None = None
+    share: float = 0.0
+    words: str = ""
+    seconds: float = 0.0
+    trace: str = ""
+
+    @property
+    def running(self) -> bool:
+        """Whether it is under way."""
+        return self.state == "running"
+
+
+class Jobs:
+    """The worker of one session, started with the first task."""
+
+    def __init__(self, folder: Path) -> None:
+        self._folder = folder
+        self._lock = threading.Lock()
+        self._job = Job()
+        self._began = 0.0
+        self._process: BaseProcess | None = None
+        self._pipe: Connection | None = None
+
+    def start(self, task: Mapping[str, Any]) -> Job:
+        """Begin a task; InputError while another one is under way."""
+        with self._lock:
+            self._listen()
+            if self._job.running:
+                raise InputError("something is being computed already; wait for it, or cancel it")
+            if self._process is None or not self._process.is_alive():
+                self._launch()
+            self._began = time.monotonic()
+            self._job = Job(self._job.number + 1, "running", dict(task), 0.0, "starting")
+            assert self._pipe is not None
+            self._pipe.send(dict(task))
+            return self._job
+
+    def look(self) -> Job:
+        """Return how the latest task stands."""
+        with self._lock:
+            self._listen()
+            if self._job.running:
+                self._job = replace(self._job, seconds=time.monotonic() - self._began)
+            return self._job
+
+    def cancel(self) -> None:
+        """Give up the task that is under way; nothing of it stays."""
+        with self._lock:
+            self._listen()
+            if self._job.running:
+                self._stop()
+                self._job = replace(self._job, state="cancelled", words="cancelled; nothing was changed")
+
+    def close(self) -> None:
+        """End the worker."""
+        with self._lock:
+            self._stop()
+
+    def _launch(self) -> None:
+        context = multiprocessing.get_context("spawn")
+        self._pipe, theirs = context.Pipe()
+        self._process = context.Process(target=_serve, args=(theirs, str(self._folder)), daemon=True)
+        self._process.start()
+        theirs.close()
+
+    def _stop(self) -> None:
+        if self._process is not None:
+            self._process.kill()
+            self._process.join()
+        if self._pipe is not None:
+            self._pipe.close()
+        self._process = self._pipe = None
+
+    def _listen(self) -> None:
+        """Take in what the worker has said since."""
+        if self._pipe is None or not self._job.running:
+            return
+        try:
+            while self._job.running and self._pipe.poll():
+                self._hear(self._pipe.recv())
+        except (EOFError, OSError):
+            self._stop()
+            words = "the process that computes has ended unexpectedly (out of memory?); what was done before is safe"
+            self._job = replace(self._job, state="failed", words=words)
+
+    def _hear(self, said: tuple[Any, ...]) -> None:
+        kind, *rest = said
+        if kind == "progress":
+            self._job = replace(self._job, share=rest[0], words=rest[1])
+        elif kind == "done":
+            self._job = replace(self._job, state="done", share=1.0, words=rest[0])
+        else:
+            self._job = replace(self._job, state="failed", words=rest[0], trace=rest[1])
+
+
+def _serve(pipe: Connection, folder: str) -> None:
+    """Do tasks until the other end of the pipe is closed."""
+    signal.signal(signal.SIGINT, signal.SIG_IGN)  # Ctrl-C in the terminal is the server's to handle
+    from robot_ident.workbench import work
+
+    session, kept = Session.open(Path(folder)), None
+    while True:
+        try:
+            task = pipe.recv()
+        except EOFError:
+            return
+        try:
+            kept = work.run(session, kept, task, lambda share, words: pipe.send(("progress", share, words)))
+            said: tuple[str, ...] = ("done", kept.said)
+        except RobotIdentError as error:
+            said = ("failed", str(error), "")
+        except Exception as error:  # noqa: BLE001  a bug must not end the session; it is shown with its traceback
+            said = ("failed", f"{type(error).__name__}: {error}", traceback.format_exc())
+        try:
+            pipe.send(said)
+        except OSError:  # nobody listens any more; what was computed is on disk
+            return

@@ -1,0 +1,125 @@
+"""The page: where things stand on it. What they show is filled in by `callbacks`."""
+
+from __future__ import annotations
+
+from typing import Any
+
+from dash import dcc, html
+
+from robot_ident.workbench.panels.action import action
+
+GRAPH: Any = {
+    "displaylogo": False,
+    "modeBarButtonsToRemove": ["lasso2d", "autoScale2d", "toImage"],
+}
+
+
+def shell() -> html.Div:
+    """Return what every page has: its address, the look, and a place for what belongs to the address."""
+    return html.Div(
+        [
+            dcc.Location(id="address", refresh=False),
+            dcc.Store(id="shade"),
+            dcc.Store(id="stand"),
+            dcc.Store(id="drawn"),
+            dcc.Store(id="joint"),
+            dcc.Store(id="recording", data=0),
+            dcc.Store(id="overlays", data=[]),
+            dcc.Store(id="brush", data=[]),
+            dcc.Interval(id="tick", interval=350, disabled=True),
+            html.Header(
+                [
+                    html.H1([dcc.Link("robot_ident workbench", href="/")]),
+                    html.Span(id="opened"),
+                    html.Span(id="backwards"),
+                    html.Button("Light or dark", id="look", title="switch between a light and a dark page"),
+                ]
+            ),
+            html.Main([html.Div(id="page"), html.Div(_session(), id="session", hidden=True)]),
+        ],
+        id="shell",
+    )
+
+
+def _session() -> list[Any]:
+    return [
+        html.Section(
+            [
+                html.Ol(id="stages"),
+                html.Div(id="next", role="status"),
+                html.Div(id="said", role="alert"),
+            ],
+            id="guide",
+        ),
+        html.Div(id="job"),
+        html.Div([html.Div(_left(), id="left"), html.Div(_right(), id="right")], id="bench", hidden=True),
+    ]
+
+
+def _graph(name: str, height: int) -> dcc.Graph:
+    """Return the place of a picture, as high from the beginning as it will be."""
+    return dcc.Graph(id=name, config=GRAPH, responsive=True, style={"height": f"{height}px"})
+
+
+def _left() -> list[Any]:
+    return [
+        html.Section([html.H2("Joints"), html.Div(id="joints")]),
+        html.Section([html.H2("Where it fails"), html.Div(id="where")]),
+        html.Section(
+            [
+                html.H2("Over time"),
+                html.Div(id="recordings"),
+                _graph("time", 440),
+                html.Div(id="brushed", role="status"),
+            ]
+        ),
+        html.Section(
+            [
+                html.H2("Residual over velocity, position and load"),
+                html.Div(
+                    [
+                        html.Label("third picture", htmlFor="over"),
+                        dcc.RadioItems(
+                            id="over",
+                            options=[
+                                {"label": "load torque", "value": "load"},
+                                {"label": "acceleration", "value": "acceleration"},
+                                {"label": "time since reversal", "value": "time_since_reversal"},
+                            ],
+                            value="load",
+                            inline=True,
+                        ),
+                    ],
+                    className="choice",
+                ),
+                _graph("scatter", 370),
+            ]
+        ),
+        html.Section([html.H2("By frequency"), _graph("spectrum", 300)]),
+    ]
+
+
+def _right() -> list[Any]:
+    return [
+        html.Section([html.H2("What may be missing"), html.Div(id="candidates")]),
+        html.Section([html.H2("Side by side"), html.Div(id="beside")]),
+        html.Section([html.H2("The error from step to step"), _graph("staircase", 300)]),
+        html.Section([html.H2("Steps"), html.Div(id="steps")]),
+        html.Section([html.H2("Save"), html.Div(_save(), id="save")]),
+    ]
+
+
+def _save() -> list[Any]:
+    def line(what: str, text: str, name: str) -> html.Div:
+        field = html.Label([f"{text[0].upper()}{text[1:]} as", dcc.Input(id={"name": what}, value=name, type="text")])
+        return html.Div([field, action(f"Save the {text}", f"save {what}")], className="line")
+
+    return [
+        line("model", "model", "model_workbench.yaml"),
+        line("report", "report", "report.html"),
+        line("commands", "command lines", "commands.sh"),
+        dcc.Checklist(id="replace", options=[{"label": "replace a file that is there", "value": "yes"}], value=[]),
+        html.Div(id="saved", role="status"),
+        html.P("The same by commands:"),
+        html.Pre(id="commands", tabIndex="0"),
+    ]

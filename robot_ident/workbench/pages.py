@@ -1,0 +1,86 @@
+"""The first page: sessions to go on with, and recordings to begin a new one."""
+
+from __future__ import annotations
+
+from typing import Any
+
+from dash import dcc, html
+
+from robot_ident.workbench.desk import Desk
+from robot_ident.workbench.paths import models_below, recordings_below
+
+ROLES = {"training": "training", "validation": "validation", "none": "not used"}
+
+
+def chooser(desk: Desk) -> list[Any]:
+    """Return what can be opened below the folder of the start."""
+    from robot_ident.model.model_file import is_model
+
+    root = desk.allowed.root
+    outside = [str(path) for path in desk.allowed.outside]
+    models = [*models_below(root), *(path for path in outside if is_model(path))]
+    recordings = [*recordings_below(root), *(path for path in outside if path not in models)]
+    out: list[Any] = []
+    if sessions := desk.sessions:
+        out.append(html.Section([html.H2("Go on with"), html.Ul([_session(one) for one in sessions])]))
+    if not recordings:
+        words = (
+            f"There is no recording below {root}. Start the workbench in the folder that holds yours, or name them:"
+            " robot_ident workbench --bag RUN_1 RUN_2 --validation RUN_3"
+        )
+        return [*out, html.Section([html.H2("Begin"), html.P(words)]), html.Div(id="refused", role="alert")]
+    lead = (
+        "Choose what each recording is for. Training: models are fitted to it; two or more different motions make a"
+        " diagnosis firm. Validation: never fitted, it shows whether a model predicts what it has not seen."
+    )
+    options = [{"label": words, "value": role} for role, words in ROLES.items()]
+    rows = [
+        html.Tr(
+            [
+                html.Th(name, scope="row"),
+                html.Td(dcc.RadioItems(id={"role": name}, options=options, value="none", inline=True)),
+            ]
+        )
+        for name in recordings
+    ]
+    brought = html.Div(
+        [
+            html.Label("model to begin with", htmlFor="brought"),
+            dcc.Dropdown(
+                id="brought",
+                options=models,
+                placeholder=f"none: identify the model of {desk.robot or 'kuka_ir361'} first",
+            ),
+        ],
+        className="choice",
+    )
+    begin = html.Button("Open them", id="begin", className="primary")
+    return [
+        *out,
+        html.Section(
+            [
+                html.H2("Begin"),
+                html.P(lead),
+                html.Table(rows, className="roles"),
+                brought,
+                begin,
+                html.Div(id="refused", role="alert"),
+            ]
+        ),
+    ]
+
+
+def _session(session: Any) -> html.Li:
+    choice = session.choice
+    words = f"{', '.join(choice.recordings)}" + (
+        f"; validation {', '.join(choice.validation)}" if choice.validation else ""
+    )
+    count = len(session.steps)
+    return html.Li(
+        [
+            dcc.Link(session.name, href=f"/{session.name}"),
+            html.Span(
+                f" {words}; {count} {'step' if count == 1 else 'steps'}; begun {choice.started[:16].replace('T', ' ')}"
+            ),
+        ]
+    )

@@ -1,0 +1,77 @@
+"""Which files a browser may name: those below the folder of the start, and those named on the command line."""
+
+from __future__ import annotations
+
+import os
+from collections.abc import Iterator, Sequence
+from pathlib import Path
+
+from robot_ident.errors import InputError
+
+_DEEP = 3  # levels of folders that are searched
+_MOST = 200  # recordings or models listed
+_SUFFIXES = (".mcap", ".db3", ".npz", ".csv")
+
+
+class Allowed:
+    """The folder `root` with all below it, and single paths named on the command line, links followed."""
+
+    def __init__(self, root: Path, named: Sequence[str] = ()) -> None:
+        self.root = root.resolve()
+        self._named = {Path(self.root, name).resolve() for name in named}
+
+    def checked(self, name: str) -> Path:
+        """Return the path that a browser named, links followed; InputError where it lies elsewhere."""
+        if not name or "\0" in name:
+            raise InputError(f"{name!r} is no path")
+        path = Path(self.root, name).resolve()
+        if path in self._named or path == self.root or self.root in path.parents:
+            return path
+        raise InputError(
+            f"{name}: outside of {self.root}; start the workbench in another folder, or name the file when you start it"
+        )
+
+    @property
+    def outside(self) -> list[Path]:
+        """The named paths that do not lie below the root."""
+        return sorted(path for path in self._named if self.root not in path.parents)
+
+    def shown(self, path: Path | str) -> str:
+        """Return a path as users know it: relative to the root where it lies below."""
+        path = Path(self.root, path)
+        return str(path.relative_to(self.root)) if path.is_relative_to(self.root) else str(path)
+
+
+def recordings_below(root: Path) -> list[str]:
+    """Return the recordings below a folder, relative to it, those of one folder together."""
+    found = (path for path in _walk(root, 0) if _is_recording(path))
+    return [str(path.relative_to(root)) for _, path in zip(range(_MOST), found, strict=False)]
+
+
+def models_below(root: Path) -> list[str]:
+    """Return the model files below a folder, relative to it."""
+    from robot_ident.model.model_file import is_model
+
+    found = (path for path in _walk(root, 0) if path.suffix in (".yaml", ".yml") and is_model(path))
+    return [str(path.relative_to(root)) for _, path in zip(range(_MOST), found, strict=False)]
+
+
+def _walk(folder: Path, depth: int) -> Iterator[Path]:
+    """Yield files and recordings' folders; a recording's folder and a session's are not entered."""
+    try:
+        entries = sorted(os.scandir(folder), key=lambda entry: entry.name)
+    except OSError:
+        return
+    for entry in entries:
+        if entry.name.startswith(".") or entry.is_symlink():
+            continue
+        path = Path(entry.path)
+        yield path
+        if entry.is_dir() and depth < _DEEP and not _is_recording(path) and not (path / "session.yaml").is_file():
+            yield from _walk(path, depth + 1)
+
+
+def _is_recording(path: Path) -> bool:
+    if path.is_dir():
+        return (path / "metadata.yaml").is_file() or any(path.glob("*.mcap")) or any(path.glob("*.db3"))
+    return path.suffix.lower() in _SUFFIXES

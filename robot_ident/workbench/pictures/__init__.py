@@ -1,0 +1,1 @@
+"""The pictures of the workbench, one a file; they share their colours."""

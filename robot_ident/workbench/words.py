@@ -1,0 +1,152 @@
+"""The words on the screen: where one stands, and what to do next."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from dataclasses import dataclass
+from typing import Any, Literal
+
+from robot_ident.workbench.jobs import Job
+from robot_ident.workbench.view import CANDIDATE, Overlay, View
+
+Stage = Literal["compare", "see", "learn", "add", "watch"]
+STAGES: dict[Stage, str] = {
+    "compare": "model beside measurement",
+    "see": "where it fails",
+    "learn": "what is missing",
+    "add": "see its fall, and add it",
+    "watch": "the error falls",
+}
+
+
+_SAVE = ("Save the model", "save")
+
+
+@dataclass(frozen=True)
+class Next:
+    """Where one stands in the loop, what that means, and the step that follows: its button's text and what it does."""
+
+    stage: Stage
+    words: str
+    button: str | None = None
+    do: str | None = None
+    label: str = ""
+
+
+def next_step(view: View | None, job: Job, overlays: list[Overlay]) -> Next:
+    """Return what to do next."""
+    if view is None:
+        if job.state in ("failed", "cancelled"):
+            return Next(
+                "compare", "These recordings could not be opened. Choose others, or try again.", "Try again", "open"
+            )
+        return Next("compare", "Reading the recordings and holding the model beside them. This is done once.")
+    chosen = next((o for o in overlays if o.key.startswith(CANDIDATE)), None)
+    if chosen is not None:
+        return _with_candidate(view, chosen)
+    if view.diagnosis is not None:
+        return _diagnosed(view, view.diagnosis)
+    return _compared(view)
+
+
+def _compared(view: View) -> Next:
+    """The model is held beside the recordings; nobody has asked yet what it lacks."""
+    worst, done = view.joints[view.worst], _after_adding(view)
+    ask = ("Find what is missing", "diagnose")
+    if not view.judged:
+        words = (
+            f"{done}These recordings do not repeat, so nothing tells their noise. {worst} has the largest residual. The"
+            " pictures show where. Next: let every known effect try to predict what it was not fitted to."
+        )
+        return Next("see", words, *ask)
+    if not view.failing:
+        words = f"{done}The model fits: what is left over is noise at every joint. Next: save it."
+        return Next("watch", words, *_SAVE)
+    of = view.comparison["joints"][view.worst]
+    words = (
+        f"{done}{worst} is the worst joint: {rms(of['residual_mse'])} {view.unit(view.worst)} rms is left over, where"
+        f" noise alone would leave {rms(of['noise_variance'])}. The pictures show where. Drag across one of them, or"
+        " click a sentence under “Where it fails”, to find the same moments in all. Next: let the computer name the"
+        " cause."
+    )
+    return Next("watch" if done else "see", words, *ask)
+
+
+def _after_adding(view: View) -> str:
+    """Return what the last addition did, empty where there was none."""
+    step = view.session.steps[view.number]
+    if step.parent is None or step.added is None:
+        return ""
+    before, after = View(view.session, step.parent).errors, view.errors
+    words = f"{step.added} was added: "
+    name = _most(before["training"], after["training"])
+    words += f"{name} went from {_fall(view, name, before['training'], after['training'])}"
+    if after["validation"] is not None:
+        words += f", on validation from {_fall(view, name, before['validation'], after['validation'])}"
+    return words + ". "
+
+
+def _diagnosed(view: View, found: Mapping[str, Any]) -> Next:
+    """A diagnosis is there, and no candidate is looked at."""
+    listed = [one for one in found["candidates"] if one["can_be_added"]]
+    named = [one for one in listed if one["label"] in found["named"]]
+    first = (named or listed or [None])[0]
+    look = (f"Show what {first['label']} would do", "look", first["label"]) if first else (None, None, "")
+    if found["verdict"] == "adequate":
+        return Next("watch", "Nothing is missing: what is left over is noise. Next: save the model.", *_SAVE)
+    if found["verdict"] == "missing" and named:
+        names = " and ".join(one["label"] for one in named)
+        words = (
+            f"{names} {'is' if len(named) == 1 else 'are'} missing. {named[0]['label']} is {named[0]['meaning']}."
+            " Next: see what would remain with it, before you add it."
+        )
+        return Next("learn", words, *look)
+    if found["verdict"] == "missing":
+        proofs = [f"{one['label']}: {one['evidence']}" for one in found["candidates"] if one["label"] in found["named"]]
+        words = f"Missing, and no torque that could be added: {'; '.join(proofs)}. Next: save the model."
+        return Next("learn", words, *_SAVE)
+    if found["verdict"] == "unexplained":
+        rest = found["unexplained"]
+        where = f" What is left of {rest['joint']}: {rest['where']}." if rest else ""
+        words = (
+            f"None of the known effects accounts for the error.{where} You may look at the nearest ones all the same."
+        )
+        return Next("learn", words, *look)
+    words = (
+        "These recordings cannot tell what is missing: record another motion, or more periods. The nearest are listed."
+    )
+    return Next("learn", words, *look)
+
+
+def _with_candidate(view: View, chosen: Overlay) -> Next:
+    """A candidate is laid over the residual."""
+    label = chosen.key.removeprefix(CANDIDATE)
+    data = view.previews[label]
+    name = _most(data["before"], data["after"])
+    noise = view.errors["noise"][name]
+    words = f"The orange residual is what would remain with {label}: {name} from"
+    words += f" {_fall(view, name, data['before'], data['after'])}"
+    words += "" if noise is None else f" (noise {rms(noise)})"
+    if data["validation_after"] is not None:
+        before, after = data["validation_before"], data["validation_after"]
+        words += f"; on validation, which nothing is fitted to, from {_fall(view, name, before, after)}"
+        words += ", which is worse: it is not the cause" if after[name] > before[name] else ""
+    there = view.session.find(view.number, label)
+    if there is not None:
+        return Next("add", f"{words}. It was added already, in step {there}.", f"Go to step {there}", "go", str(there))
+    return Next("add", f"{words}. Next: add it, or tick another to see two side by side.", f"Add {label}", "add", label)
+
+
+def _most(before: Mapping[str, float], after: Mapping[str, float]) -> str:
+    """Return the joint whose mean square falls most."""
+    return max(before, key=lambda name: before[name] - after[name])
+
+
+def _fall(view: View, name: str, before: Mapping[str, float], after: Mapping[str, float]) -> str:
+    """Return `4.34 to 3.17 Nm rms`."""
+    return f"{rms(before[name])} to {rms(after[name])} {view.unit(view.joints.index(name))} rms"
+
+
+def rms(mean_square: float | None) -> str:
+    """Return the root of a mean square in three digits."""
+    return "unknown" if mean_square is None else f"{max(mean_square, 0.0) ** 0.5:.3g}"

@@ -1,0 +1,60 @@
+"""What the effort means is seen against the rigid model: torque, current, opposite sign, gravity taken out."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+from typing import Any
+
+import numpy as np
+import pytest
+
+from robot_ident.estimation.declaration import judge_declaration
+from robot_ident.motion import Motion
+
+
+@pytest.fixture(scope="module")
+def recording(arm: Any) -> Any:
+    return arm.record(1, periods=3, lead=0.0)
+
+
+def verdicts(recording: Any, robot: Any) -> list[str]:
+    return [one.verdict for one in judge_declaration(recording, robot)]
+
+
+def test_torque_as_declared(arm: Any, recording: Any) -> None:
+    found = judge_declaration(recording, arm.robot)
+    assert [one.verdict for one in found] == ["consistent"] * 3
+    for one in found:
+        assert abs(one.share - 1.0) < 4 * one.std < 0.4
+
+
+def test_current_declared_as_torque(arm: Any, recording: Any) -> None:
+    ampere = replace(recording, tau=recording.tau / arm.robot.drives.torque_constant)
+    found = judge_declaration(ampere, arm.robot)
+    assert [one.verdict for one in found] == ["factor"] * 3
+    np.testing.assert_allclose([one.share for one in found], 1 / arm.robot.drives.torque_constant, rtol=0.2)
+    assert verdicts(ampere, replace(arm.robot, effort="current")) == ["consistent"] * 3
+
+
+def test_one_joint_with_the_opposite_sign(arm: Any, recording: Any) -> None:
+    turned = replace(recording, tau=recording.tau * [1.0, -1.0, 1.0])
+    assert verdicts(turned, arm.robot) == ["consistent", "sign", "consistent"]
+
+
+def test_twice_the_gain(arm: Any, recording: Any) -> None:
+    found = judge_declaration(replace(recording, tau=recording.tau * [1.0, 1.0, 2.2]), arm.robot)
+    assert [one.verdict for one in found] == ["consistent", "consistent", "factor"]
+    assert "2.2" in found[2].hint
+
+
+def test_gravity_taken_out(arm: Any, recording: Any) -> None:
+    still = np.zeros_like(recording.q)
+    gravity = arm.robot.rigid.inverse_dynamics(Motion(recording.q, still, still))
+    found = verdicts(replace(recording, tau=recording.tau - gravity), arm.robot)
+    assert found == ["consistent", "compensated", "compensated"], "axis 1 stands upright and carries none"
+
+
+def test_a_joint_whose_load_is_lost_in_noise(arm: Any, recording: Any) -> None:
+    rng = np.random.default_rng(0)
+    quiet = replace(recording, tau=0.02 * recording.tau + rng.normal(0, 400.0, recording.tau.shape) * [1.0, 0.0, 0.0])
+    assert verdicts(quiet, arm.robot)[0] == "not_told"

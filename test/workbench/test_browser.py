@@ -1,0 +1,186 @@
+"""A person at the workbench: real clicks in a real browser, beside what the command line says."""
+
+from __future__ import annotations
+
+import json
+import re
+import signal
+import socket
+from collections.abc import Callable, Iterator
+from contextlib import suppress
+from pathlib import Path
+from typing import Any
+
+import pytest
+
+from robot_ident.cli.main import main
+
+pytestmark = pytest.mark.filterwarnings("ignore::DeprecationWarning")
+PATIENCE = 120_000  # ms: other tests may have the machine to themselves
+
+
+@pytest.fixture
+def visit(browser: Any) -> Iterator[Callable[..., Any]]:
+    """Return a function that opens an address; what the console says and where requests go is watched."""
+    contexts, problems = [], []
+
+    def go(address: str, width: int = 1400, shade: str = "light") -> Any:
+        context = browser.new_context(viewport={"width": width, "height": 1000}, color_scheme=shade)
+        contexts.append(context)
+        page = context.new_page()
+        page.set_default_timeout(PATIENCE)
+        page.on("console", lambda message: problems.append(message.text) if message.type == "error" else None)
+        page.on("pageerror", lambda error: problems.append(str(error)))
+
+        def note(request: Any) -> None:
+            if not request.url.startswith(("http://127.0.0.1:", "data:", "blob:")):
+                problems.append(request.url)
+
+        page.on("request", note)
+        page.goto(address)
+        return page
+
+    yield go
+    for context in contexts:
+        context.close()
+    assert not problems
+
+
+def rms(mean_square: float) -> str:
+    return f"{mean_square**0.5:.3g}"
+
+
+def brush(page: Any, plot: str, number: int, chip: str) -> None:
+    """Drag across a picture until it shows; a picture that is being drawn anew lets go of the mouse."""
+    late = pytest.importorskip("playwright.sync_api").TimeoutError
+    shown = page.locator(".chip").filter(has_text=re.compile(chip))
+    for _ in range(5):
+        drag(page, plot, number, 0.2, 0.5)
+        with suppress(late):
+            shown.wait_for(timeout=15_000)
+            return
+    pytest.fail(f"no region {chip} after five drags")
+
+
+def drag(page: Any, plot: str, number: int, start: float, end: float) -> None:
+    """Drag across a picture, from one share of its width to another."""
+    page.locator(plot).scroll_into_view_if_needed()
+    box = page.locator(f"{plot} .nsewdrag").nth(number).bounding_box()
+    y = box["y"] + 0.5 * box["height"]
+    page.mouse.move(box["x"] + start * box["width"], y)
+    page.mouse.down()
+    for share in (0.3, 0.7, 1.0):
+        page.mouse.move(box["x"] + (start + share * (end - start)) * box["width"], y)
+    page.mouse.up()
+
+
+def says(page: Any, selector: str, text: str | re.Pattern[str]) -> str:
+    """Wait until a part of the page says something, and return all that it says."""
+    page.locator(selector).filter(has_text=text).first.wait_for()
+    return str(page.locator(selector).first.inner_text())
+
+
+def test_a_person_finds_and_adds_what_is_missing(
+    serve: Any,
+    visit: Any,
+    recordings: Path,
+    tmp_path: Path,
+    capsys: pytest.CaptureFixture[str],
+    monkeypatch: pytest.MonkeyPatch,
+) -> None:
+    folder = tmp_path / "kept"
+    first = serve(recordings, "--bag", "run_1", "run_2", "--validation", "run_3", "--folder", folder)
+    page = visit(first.address)
+    # see: the worst joint is shown, with the command line's figures
+    worst = page.locator("button.joint.chosen")
+    worst.wait_for()
+    monkeypatch.chdir(recordings)
+    capsys.readouterr()
+    model = folder / "session_1/step_0/model.yaml"
+    assert main(["compare", str(model), "run_1", "run_2", "--json"]) == 0
+    joints = {one["name"]: one for one in json.loads(capsys.readouterr().out)["joints"]}
+    name = max(joints, key=lambda one: joints[one]["lack_of_fit"]["statistic"])
+    card = worst.inner_text()
+    assert name in card
+    assert f"residual {rms(joints[name]['residual_mse'])}" in card
+    assert "does not fit" in card
+    # brush: a sentence, then a picture; all pictures show the same moments
+    region = joints[name]["worst"][0]
+    page.locator(".sentence").first.click()
+    held = says(page, ".held", "of the excess")
+    assert held.startswith(f"{100 * region['share']:.0f} % of the excess in {100 * region['of_time']:.0f} %")
+    page.locator("#scatter .legendtext", has_text="brushed").wait_for()
+    page.get_by_role("button", name="Clear").click()
+    page.locator(".held").wait_for(state="detached")
+    page.locator("#time .legendtext", has_text="brushed").wait_for(state="detached")
+    brush(page, "#time", 1, r"< t < .* s of run_1")
+    brush(page, "#scatter", 1, r"< q < .* rad")
+    assert page.locator(".chip").count() == 2
+    page.get_by_role("button", name="Clear").click()
+    # learn, look, add: the next step is always the button beside the words
+    following = page.locator("#next button")
+    assert following.inner_text() == "Find what is missing"
+    following.click()
+    said = says(page, "#next", "missing.")
+    label = said.split(" ")[0]
+    page.locator("#next button", has_text=f"Show what {label} would do").click()
+    foreseen = says(page, "#next", "The orange residual")
+    assert main(["add", str(model), label, "--bag", "run_1", "run_2", "--validation", "run_3", "--json"]) == 0
+    added = json.loads(capsys.readouterr().out)
+    page.locator("#time .legendtext", has_text=label).wait_for()
+    page.locator("#next button", has_text=f"Add {label}").click()
+    done = says(page, "#next", "was added")
+    before, after = (added[f"validation_mse_{key}"][name] for key in ("before", "after"))
+    assert f"on validation from {rms(before)} to {rms(after)}" in done
+    told = re.search(r"validation, .* from ([\d.]+) to ([\d.]+)", foreseen)
+    assert told
+    assert float(told[2]) == pytest.approx(after**0.5, rel=0.05)
+    # watch, undo, redo
+    page.locator("#staircase .xtick", has_text=label).wait_for()
+    page.get_by_role("button", name="Undo").click()
+    says(page, "#next", "is missing")
+    page.get_by_role("button", name="Redo").click()
+    says(page, "#next", "was added")
+    # save; a name that is taken or elsewhere is refused
+    page.get_by_label("Model as").fill("../stolen.yaml")
+    page.get_by_role("button", name="Save the model").last.click()
+    assert "outside" in says(page, "#said", "stolen")
+    page.get_by_label("Model as").fill("found.yaml")
+    page.get_by_role("button", name="Save the model").last.click()
+    says(page, "#saved", "Saved: found.yaml")
+    assert (recordings / "found.yaml").read_text() == (folder / "session_1/step_1/model.yaml").read_text()
+    # the server dies; nothing is lost
+    page.close()
+    first.process.send_signal(signal.SIGKILL)
+    first.process.wait()
+    second = serve(recordings, "--folder", folder)
+    page = visit(second.address)
+    page.get_by_role("link", name="session_1").click()
+    assert says(page, "#next", "was added") == done
+
+
+def test_a_stranger_chooses_recordings_on_a_narrow_dark_page(
+    serve: Any, visit: Any, recordings: Path, tmp_path: Path
+) -> None:
+    served = serve(recordings, "--folder", tmp_path / "kept")
+    page = visit(served.address, width=800, shade="dark")
+    assert page.locator("html").get_attribute("data-look") == "dark"
+    page.get_by_role("button", name="Open them").click()
+    says(page, "#refused", "choose at least one")
+    row = page.locator(".roles tr", has_text="run_1")
+    row.get_by_label("training").check()
+    page.get_by_role("button", name="Open them").click()
+    page.locator("button.joint.chosen").wait_for()
+    page.locator("#scatter .scatterlayer").first.wait_for()
+    assert page.evaluate("document.documentElement.scrollWidth <= window.innerWidth")
+    page.locator("#look").click()
+    page.locator("html[data-look=light]").wait_for()
+    other = socket.socket()
+    other.settimeout(2.0)
+    try:
+        outside = next((a[4][0] for a in socket.getaddrinfo(socket.gethostname(), None, socket.AF_INET)), "127.0.0.1")
+        if not outside.startswith("127."):
+            with pytest.raises(OSError):
+                other.connect((outside, served.port))
+    finally:
+        other.close()
