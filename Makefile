@@ -76,7 +76,7 @@ format: $(TOOLS_STAMP)
 # The tests run on the installed package, as users have it.
 test: $(TOOLS_STAMP) $(SOURCE_STAMP) lint
 	@log=$$(mktemp -d) && trap 'rm -rf "$$log"' EXIT && \
-	ROS_LOG_DIR="$$log" ROBOT_IDENT_TEST_INSTALLED=1 $(BIN)/pytest $(TEST_ARGS)
+	ROS_LOG_DIR="$$log" ROBOT_IDENT_TEST_INSTALLED=1 $(BIN)/pytest -n auto --dist loadfile $(TEST_ARGS)
 
 acceptance: $(TOOLS_STAMP) $(SOURCE_STAMP)
 	@echo "This takes about $(ACCEPTANCE_TIME) on 2 cores; it prints the tables as it goes."

@@ -67,6 +67,7 @@ setup(
             "example-robot-data>=4.1",
             "mypy>=1.11",
             "playwright>=1.45",
+            "pytest-xdist>=3.6",
             "pytest>=9",
             "ruff>=0.9",
             "types-PyYAML",

@@ -21,6 +21,8 @@ def refuse_existing(path: Path | str, *, force: bool) -> None:
         raise InputError(f"{path} is a folder that is no recording; --force does not replace it")
     if not path.absolute().parent.is_dir():
         raise InputError(f"{path}: the folder {path.parent} does not exist")
+    if not os.access(path.absolute().parent, os.W_OK):
+        raise InputError(f"{path}: the folder {path.parent} can't be written to")
 
 
 def _is_ours(folder: Path) -> bool:

@@ -110,7 +110,10 @@ def run(args: argparse.Namespace) -> int:
 
         return run_tell(args, target, prior, deadline, files)
     found = _design(args, robot, target, prior, band, until_bound(args, deadline))
-    found, bound = bounded(args, found, target, prior, deadline)
+    try:
+        found, bound = bounded(args, found, target, prior, deadline)
+    except KeyboardInterrupt:  # what was designed is kept, without a bound
+        found, bound = replace(found, interrupted=True), None
     found = replace(found, excitations=tuple(with_sources(one, args) for one in found.excitations))
     for file, excitation in zip(files, found.excitations, strict=bool(files)):
         excitation.write(file, force=args.force)
@@ -144,6 +147,8 @@ def output_files(output: str | None, count: int) -> list[str]:
     if count == 1:
         return [output]
     path = Path(output)
+    if not path.name:
+        raise InputError(f"-o {output}: the name of a file was expected")
     return [str(path.with_name(f"{path.stem}_{k}{path.suffix}")) for k in range(1, count + 1)]
 
 

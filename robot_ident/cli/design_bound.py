@@ -81,8 +81,10 @@ def bounded(
 def say_bound(bound: Bound, found: DesignResult) -> None:
     """Print the efficiency, what it is measured by, and what the bound rests on."""
     efficiency = bound.efficiency(found.log10_det_covariance)
+    count = len(found.excitations)
+    none = "no motion within the limits gets" if count == 1 else f"no {count} motions within the limits get"
     say(
-        f"D-efficiency at least {100 * efficiency:.0f} %: no motion within the limits gets below"
+        f"D-efficiency at least {100 * efficiency:.0f} %: {none} below"
         f" {bound.log10_det_covariance:.2f} ({bound.seconds:.0f} s)"
     )
     say(bound.explanation())

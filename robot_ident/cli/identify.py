@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import argparse
+import math
 from collections.abc import Mapping
 from dataclasses import replace
 from typing import TYPE_CHECKING
@@ -88,10 +89,16 @@ def run(args: argparse.Namespace) -> int:
 def parameter_table(model: Model) -> str:
     """Return the parameters with their standard deviations."""
     rows = [
-        (p.name, f"{value:.4f}", f"{std:.4f}", p.unit, _percent(value, std), p.meaning)
+        (p.name, *to_the_digit(value, std), p.unit, _percent(value, std), p.meaning)
         for p, value, std in zip(model.parameters, model.values, model.std, strict=True)
     ]
     return table(("parameter", "value", "sigma", "unit", "sigma/value", "meaning"), rows)
+
+
+def to_the_digit(value: float, std: float) -> tuple[str, str]:
+    """Return both with two digits of the standard deviation at least: wrists have inertias of 1e-4 kg m^2."""
+    places = max(4, 1 - math.floor(math.log10(std))) if 0 < std < math.inf else 4
+    return (f"{value:.{places}f}", f"{std:.{places}f}") if places <= 8 else (f"{value:.6g}", f"{std:.2g}")
 
 
 def _percent(value: float, std: float) -> str:

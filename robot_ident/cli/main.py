@@ -10,7 +10,7 @@ from collections.abc import Sequence
 
 from robot_ident import __version__
 from robot_ident.cli.effects_from import add_effects_from, register_effects
-from robot_ident.cli.output import Parser
+from robot_ident.cli.output import Parser, refuse_own_input
 from robot_ident.errors import RobotIdentError
 from robot_ident.parallel import on_cluster
 
@@ -67,6 +67,7 @@ def main(argv: Sequence[str] | None = None) -> int:
     parser = build_parser(verb if verb in VERBS else "")
     args = parser.parse_args(words)
     try:
+        refuse_own_input(args)
         register_effects(getattr(args, "effects_from", []))
         with on_cluster(getattr(args, "cluster", None)):
             return int(importlib.import_module(f"robot_ident.cli.{args.verb}").run(args) or 0)

@@ -27,6 +27,7 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
 
 def run(args: argparse.Namespace) -> int:
     """Repeat the identification and print Table II of the paper."""
+    from robot_ident.cli.identify import to_the_digit
     from robot_ident.errors import InputError
     from robot_ident.estimation.montecarlo import montecarlo
     from robot_ident.excitation.excitation import Excitation
@@ -45,7 +46,7 @@ def run(args: argparse.Namespace) -> int:
         print_json(result.to_dict())
         return 0
     rows = [
-        (n, f"{t:.3f}", f"{m:.3f}", f"{s:.4f}", f"{o:.4f}", f"{o / s:.3f}", u)
+        (n, to_the_digit(t, s)[0], to_the_digit(m, s)[0], to_the_digit(s, s)[1], to_the_digit(o, s)[0], f"{o / s:.3f}", u)
         for n, u, t, m, s, o in zip(
             result.names, result.units, result.true, result.mean, result.sigma, result.sample_sigma, strict=True
         )

@@ -12,7 +12,11 @@ import textwrap
 from collections.abc import Callable, Iterable, Sequence
 from typing import Any, NoReturn
 
+from robot_ident.errors import InputError
+
 _RULE = re.compile(r"-+(  -+)*")  # the line below a table's header
+_OUTPUTS = ("output", "page", "mcap")  # options that name a file to write
+_RECORDINGS = (".mcap", ".db3", ".npz", ".csv")
 _NARROW = 16  # characters that a column of words keeps where a terminal is too narrow for the table
 
 
@@ -68,6 +72,22 @@ def add_output(parser: argparse.ArgumentParser, metavar: str, text: str, *, requ
     """Add `-o` and `--force`."""
     parser.add_argument("-o", "--output", metavar=metavar, required=required, help=text)
     parser.add_argument("--force", action="store_true", help="replace what is there")
+
+
+def refuse_own_input(args: argparse.Namespace) -> None:
+    """Raise InputError where two outputs have one name, or an output that of a recording that is read: --force replaces
+    what was computed, and no measurement.
+    """
+    given = {name: value for name, value in vars(args).items() if value}
+    outputs = {name: os.path.realpath(given[name]) for name in _OUTPUTS if isinstance(given.get(name), str)}
+    if len(set(outputs.values())) < len(outputs):
+        raise InputError(f"{' and '.join(given[name] for name in outputs)}: two outputs need two names")
+    for name, value in given.items():
+        for word in value if isinstance(value, list) else [value]:
+            if name in outputs or not isinstance(word, str) or os.path.realpath(word) not in outputs.values():
+                continue
+            if os.path.isdir(word) or word.endswith(_RECORDINGS):
+                raise InputError(f"{word}: is read as a recording and can't be the output too; give another name")
 
 
 def say(text: str = "") -> None:

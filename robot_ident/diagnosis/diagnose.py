@@ -21,6 +21,7 @@ from robot_ident.diagnosis.candidates import Candidate, Folds, Score, candidate_
 from robot_ident.diagnosis.diagnosis import Diagnosis, Suspect, Verdict
 from robot_ident.diagnosis.drift import drift_gain
 from robot_ident.diagnosis.evidence import Evidence, added, extended, gather, split
+from robot_ident.diagnosis.hidden_path import gain_beside_hidden_path
 from robot_ident.diagnosis.lack_of_fit import LackOfFit, joint_noise, lack_of_fit
 from robot_ident.diagnosis.refine import refined, sharpened
 from robot_ident.diagnosis.scan import base_gram
@@ -163,7 +164,9 @@ def _worthwhile(candidate: Score, stage: _Stage, known: Collection[int]) -> bool
     mean_square = sum(
         candidate.held_out_by_joint[j] / max(w * r, 1e-300) for j, w, r in zip(joints, weights, rows, strict=True)
     )
-    return bool(np.sqrt(max(mean_square, 0.0)) >= min(_least(stage, j) for j in joints))
+    if np.sqrt(max(mean_square, 0.0)) < min(_least(stage, j) for j in joints):
+        return False
+    return gain_beside_hidden_path(candidate, stage.evidence) >= GAIN
 
 
 def _least(stage: _Stage, joint: int) -> float:

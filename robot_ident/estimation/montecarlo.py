@@ -81,9 +81,11 @@ def montecarlo(motion: Motion, structure: Structure, variance: Array, *, runs: i
 
     if runs < 2:
         raise InputError(f"--runs {runs}: at least 2 runs are needed")
-    if not np.all(variance > 0):
+    unknown = [joint for joint, known in zip(structure.robot.joints, variance > 0, strict=True) if not known]
+    if unknown:
         raise InputError(
-            f"torque noise variance {np.round(variance, 6).tolist()}: every joint's must be positive and known"
+            f"{structure.robot.name}: the torque noise of {', '.join(unknown)} is unknown or zero: give torque_variance"
+            " (Nm^2, of one sample; robot_ident info prints its root for a recording) under joints in the robot YAML"
         )
     columns = structure.columns(motion)
     rows = columns.reshape(-1, columns.shape[2])

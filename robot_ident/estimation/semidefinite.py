@@ -95,7 +95,9 @@ class Nearest:
         a = np.vstack([equal, signs, links])
         b = np.concatenate([self.whiten @ values, np.zeros(len(self.positive)), floors])
         z = solve(np.diag(quadratic), linear, a, b, zero=p, positive=len(self.positive), links=self.links)
-        x = z[:m] * self.scale
+        z = z[:m]
+        z[self.positive] = np.maximum(z[self.positive], 0.0)  # exactly, not as nearly as the solver ends
+        x = z * self.scale
         return x, self.gather @ x
 
 

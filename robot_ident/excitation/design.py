@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import pickle
 import time
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass, replace
@@ -10,6 +11,7 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 
 from robot_ident.errors import InputError, did_you_mean
+from robot_ident.excitation.cases import fallback
 from robot_ident.excitation.criteria import PERIODS
 from robot_ident.excitation.excitation import Excitation
 from robot_ident.excitation.feasibility import allowed_poses, require_limits
@@ -28,7 +30,8 @@ __all__ = ["CRITERIA", "DesignResult", "Progress", "design"]
 
 CRITERIA = ("d-optimal", "condition", "crlb")
 FEW_SEARCHES = 3  # below, a time limit was too short for a good motion
-_FINISH = 1.2  # s for the exact verdict at the end
+_FINISH = 1.2  # s left for the exact verdict at the end, or
+_SLOWER = 2.5  # times what one of a random motion took: the best touches limits, and the machine may have more to do
 
 
 @dataclass(frozen=True)
@@ -114,6 +117,8 @@ def design(
     from robot_ident.excitation.together import STARTS, nothing_found, search
 
     setting = replace(_setting(target, family, criterion), prior=prior)
+    if np.isfinite(limit):
+        run.deadline = limit - max(_FINISH, _SLOWER * trajectories * _verdict_seconds(target, setting, seed))
     found = search(run, setting, trajectories, starts, seed, determinant_floor)
     if not found:
         raise nothing_found(run, setting, determinant_floor)
@@ -130,7 +135,30 @@ def design(
     asked |= {
         name: list(value) if isinstance(value, tuple) else value for name, value, usual in further if value != usual
     }
-    return _verdict(run, found, target, setting, asked)
+    try:
+        return _verdict(run, found, target, setting, asked)
+    except KeyboardInterrupt:  # what is found is kept; who presses again means it
+        run.interrupted = True
+        return _verdict(run, found, target, setting, asked)
+
+
+def _verdict_seconds(target: Target, setting: Setting, seed: int) -> float:
+    """Return how long certificate and exact criteria of one motion take on this machine now [s]; 0 where no random
+    motion is certified.
+    """
+    first = fallback(pickle.dumps(setting), seed)
+    if first is None:
+        return 0.0
+    began = time.monotonic()
+    excitation = _plain(target.robot, setting, first)
+    certify(excitation, target.robot)
+    target.judge([excitation], bound=setting.criterion == "crlb", prior=setting.prior)
+    return time.monotonic() - began
+
+
+def _plain(robot: Robot, setting: Setting, found: Found) -> Excitation:
+    series = setting.family.series(found.coefficients)
+    return Excitation(robot.name, robot.joints, series, setting.family.sample_rate)
 
 
 def _setting(target: Target, family: Family, criterion: str) -> Setting:
@@ -169,8 +197,8 @@ def _setting(target: Target, family: Family, criterion: str) -> Setting:
 
 def _verdict(run: Run, found: Sequence[Found], target: Target, setting: Setting, asked: dict[str, Any]) -> DesignResult:
     """Return the trajectories with their exact criteria, certified anew from their coefficients as they are written."""
-    robot, family, criterion = target.robot, setting.family, setting.criterion
-    plain = [Excitation(robot.name, robot.joints, family.series(one.coefficients), family.sample_rate) for one in found]
+    robot, criterion = target.robot, setting.criterion
+    plain = [_plain(robot, setting, one) for one in found]
     values = target.judge(plain, bound=criterion == "crlb", prior=setting.prior)
     margins = tuple(certify(excitation, robot) for excitation in plain)
     for one in margins:

@@ -15,6 +15,7 @@ from robot_ident.errors import InputError
 from robot_ident.excitation.fourier import FourierSeries
 from robot_ident.files import write_text
 from robot_ident.motion import Array, Motion
+from robot_ident.robot.load import builtin_robots
 from robot_ident.robot.robot import Robot
 
 SCHEMA = "robot_ident/excitation/1"
@@ -75,10 +76,11 @@ class Excitation:
 
     def check_robot(self, robot: Robot) -> None:
         """Raise InputError when it is for another robot; those of the package with the same joints share motions."""
-        if self.joints != robot.joints or (self.robot != robot.name and robot.definition is not None):
+        shared = robot.definition is None and self.robot in builtin_robots()
+        if self.joints != robot.joints or not (self.robot == robot.name or shared):
             raise InputError(
                 f"trajectory of another robot: it is for {self.robot!r} with joints {', '.join(self.joints)};"
-                f" robot {robot.name!r} has {', '.join(robot.joints)}"
+                f" robot {robot.name!r} has {', '.join(robot.joints)}: name the file of the one it is for (--robot)"
             )
 
     def write(self, path: Path | str, *, force: bool = False) -> None:

@@ -107,7 +107,8 @@ def search_from_starts(
     cases = [Case(packed, "cold", (seed, 0, k), None, 0.0, close()) for k in range(cold)]
     cases += [Case(packed, "hop", (seed, 1, k), x, 0.0, close()) for k, x in enumerate(warm)]
     pool = _play(run, cases, phase, planned, close)
-    stale, turn, anew, left = 0, 0, 0, []
+    left: list[tuple[float, Array]] = []
+    stale, turn, anew = 0, 0, 0
     while pool and (rounds is None or turn < rounds) and not run.stopped(close()):
         before = pool[0][0]
         turn += 1

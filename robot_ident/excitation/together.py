@@ -48,7 +48,15 @@ def search(run: Run, setting: Setting, count: int, starts: int | None, seed: int
             here = replace(setting, prior=_sum(setting, [one for other, one in enumerate(told) if other != k]))
             whole = bool(turn) or k == count - 1  # the floor is that of the set
             asked = floor if whole else None
-            best, held = _stage(run, here, found[k] if turn else None, (k, count), stages, starts, seed, asked, turn)
+            try:
+                best, held = _stage(
+                    run, here, found[k] if turn else None, (k, count), stages, starts, seed, asked, turn
+                )
+            except KeyboardInterrupt:  # between two searches
+                if not turn:
+                    raise
+                run.interrupted = True
+                return found
             if best is None:
                 return []
             floor = held if whole else floor
@@ -118,11 +126,12 @@ def _determinant_first(
     share = deadline if np.isinf(left) else time.monotonic() + _FIRST * left
     plain = replace(setting, criterion="d-optimal")
     pool = search_from_starts(run, plain, "determinant first", 1, 0, seed, share, [])
-    first, run.best, run.history = run.best, None, []
+    first = run.best
     if first is None:
         return [], None
     if floor is None:
         floor = random_determinant(pickle.dumps(plain), FLOOR_DRAWS)
+    run.best, run.history = None, []
     if first.log10_det <= floor:
         run.take(replace(first, cost=first.condition))
     return [x for _, x in pool[:2]], floor
@@ -131,6 +140,12 @@ def _determinant_first(
 def nothing_found(run: Run, setting: Setting, floor: float | None) -> InputError:
     """Return what to say where no motion was found."""
     robot = setting.robot.name
+    if time.monotonic() > run.deadline:
+        floored = " and is no worse in the determinant than random ones" if setting.criterion == "condition" else ""
+        return InputError(
+            f"{robot}: the time limit ended the search before it found a trajectory that keeps the limits{floored}:"
+            " give it more (--time-limit)"
+        )
     if setting.criterion == "condition" and floor is not None:
         return InputError(f"{robot}: no trajectory was found with log10 of the determinant below {floor:g}")
     return InputError(f"{robot}: no trajectory within the limits tells all {setting.parameters} parameters apart")

@@ -50,9 +50,12 @@ class TorqueRange:
         if self._range is None or piece.jerk is None:
             return found
         try:
-            return self._proven(piece, found)
+            proven = self._proven(piece, found)
+            unclear = (proven.bound >= self._limits) & (np.abs(proven.value) < self._limits)
+            below = self._below(piece) if unclear.any() else None
         except Unbounded:
             return found
+        return proven if below is None else proven._replace(bound=np.minimum(proven.bound, below))
 
     def keeps(self, piece: Piece) -> bool:
         """Return whether the torque limits are kept along a piece: proven where that is possible."""
@@ -62,7 +65,7 @@ class TorqueRange:
         if self._range is None or piece.jerk is None:
             return True
         try:
-            return self._stays_below(piece)
+            return self._below(piece) is not None
         except Unbounded:
             return True
 
@@ -93,15 +96,19 @@ class TorqueRange:
             centres, halves = _halved(centres, halves, open_)
         return TorqueExtreme(np.maximum(np.abs(value) + slack, wide), value, time, proven=True)
 
-    def _stays_below(self, piece: Piece) -> bool:
+    def _below(self, piece: Piece) -> Array | None:
+        """Return proven bounds [n] of |torque| that lie below the limits, None where there is no such proof."""
         centres, halves, spent = *_first(piece), 0
+        proven = np.zeros(len(self._limits))
         while len(centres) and spent < _BUDGET:
-            open_ = np.any(self._bound(piece, centres, halves) >= self._limits, axis=1)
+            bound = self._bound(piece, centres, halves)
+            open_ = np.any(bound >= self._limits, axis=1)
             if open_.any() and np.any(np.abs(self._model.torque(piece.motion(centres[open_]))) >= self._limits):
-                return False
+                return None
+            proven = np.maximum(proven, bound[~open_].max(axis=0, initial=0.0))
             spent += len(centres)
             centres, halves = _halved(centres, halves, open_)
-        return not len(centres)
+        return None if len(centres) else proven
 
     def _bound(self, piece: Piece, centres: Array, halves: Array) -> Array:
         """Return bounds [N, n] of |torque| over intervals."""

@@ -32,6 +32,9 @@ _EXPORTED = re.compile(
 _SHAPES = re.compile(r"^(?:static const casadi_int casadi_s\d+\[|#define casadi_s\d+ ).*\n", re.MULTILINE)
 """The shapes of inputs and outputs, which those functions tell."""
 
+_BODY = re.compile(r"^static int casadi_f\d+\([^\n]*\) \{\n", re.MULTILINE)
+"""The head of a function that has all the arguments of its kind and may need only some."""
+
 
 def to_c(model: Model, smoothing: float) -> Exported:
     """Return `NAME.h` and `NAME.c` of a model; `smoothing` [rad/s or m/s] is the speed v_s of the smoothed sign.
@@ -112,7 +115,7 @@ def _source(functions: list[Any], name: str, n: int) -> str:
             "}",
         ]
         wrappers.append("\n".join(lines))
-    generated = _SHAPES.sub("", generated)
+    generated = _BODY.sub(r"\g<0>  (void)arg; (void)res; (void)iw; (void)w; (void)mem;\n", _SHAPES.sub("", generated))
     generated = re.sub(r"\n{3,}", "\n\n", generated)
     return f'#include "{name}.h"\n\n#define CASADI_SYMBOL_EXPORT static\n\n{generated}\n' + "\n\n".join(wrappers) + "\n"
 

@@ -36,7 +36,7 @@ def low_passed(recording: Recording, clock: Clock, robot: Robot, processing: Pro
     speed_noise = roughness(q) * smoother.noise_gain(1)
     whole = _whole(present, low_pass.smear())[:, None]
     stops = at_rest(motion, robot)
-    notes = [f"not periodic: low-passed at {cutoff:g} Hz, differentiated to {wide:g} Hz"]
+    notes = [f"taken as one pass, not by periods: low-passed at {cutoff:g} Hz, differentiated to {wide:g} Hz"]
     if chain.note:
         notes.append(chain.note)
     if not present.all():

@@ -54,7 +54,11 @@ def above_noise(c: Lines, variance: Array, samples: int) -> np.ndarray:
 
     |c_k|^2 N / (4 variance) is exponentially distributed for noise alone; the mean always counts.
     """
-    power = np.abs(c) ** 2 * samples / (4.0 * np.maximum(variance, 1e-300))
-    keep = power > np.log(len(c) / _FALSE_LINE)
+    keep = np.abs(c) > least_above_noise(len(c), variance, samples)
     keep[0] = True
     return np.asarray(keep)
+
+
+def least_above_noise(count: int, variance: Array, samples: int) -> Array:
+    """Return the amplitude [n] from which on one of `count` lines stands above white noise of `variance` [n]."""
+    return np.asarray(np.sqrt(np.log(count / _FALSE_LINE) * 4.0 * np.maximum(variance, 1e-300) / samples))

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import json
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field
 
@@ -199,9 +200,11 @@ def _held(
 
 
 def _quoted(text: str) -> str:
-    """Return a YAML text: bare where it can't be mistaken for anything else."""
+    """Return a YAML text: bare where it can't be mistaken for anything else, escaped where it would break the line."""
     plain = text.replace("_", "").replace("-", "").replace(".", "").replace("/", "")
     safe = plain.isalnum() and plain.isascii() and text[0].isalpha()
     if safe and text.lower() not in ("null", "true", "false", "yes", "no", "on", "off"):
         return text
+    if not text.isprintable():
+        return json.dumps(text)
     return "'" + text.replace("'", "''") + "'"

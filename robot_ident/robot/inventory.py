@@ -5,6 +5,8 @@ from __future__ import annotations
 import re
 from collections.abc import Collection, Mapping
 from dataclasses import dataclass
+from functools import cached_property
+from math import isfinite
 from pathlib import Path
 from xml.etree import ElementTree
 
@@ -12,6 +14,7 @@ from robot_ident.errors import InputError
 
 MOVING_KINDS = ("revolute", "continuous", "prismatic")
 _GRIPPER = re.compile(r"gripper|finger|thumb|knuckle|(^|_)jaw", re.IGNORECASE)
+_XACRO = ("{http://www.ros.org/wiki/xacro}", "{http://ros.org/wiki/xacro}", "{http://wiki.ros.org/xacro}")
 _HAND = 3  # branches that move, from which on a link after an arm is taken for a hand's palm,
 _ARM = 3  # an arm being so many joints or more
 _STROKE = 0.15  # m; a slide shorter than this at the end of turning joints is taken for a gripper's
@@ -19,7 +22,8 @@ _STROKE = 0.15  # m; a slide shorter than this at the end of turning joints is t
 
 @dataclass(frozen=True)
 class UrdfJoint:
-    """A joint of a URDF; limits None where the URDF gives none (zero velocity or effort counts as none).
+    """A joint of a URDF; limits None where the URDF gives none (a velocity or effort that isn't a finite number above 0
+    counts as none).
 
     mimic: the joint that it follows, "" for none. gear_ratio: of its transmission, None without.
     """
@@ -57,7 +61,7 @@ class Inventory:
         """The joints that follow another, and which."""
         return {joint.name: joint.mimic for joint in self.joints if joint.mimic}
 
-    @property
+    @cached_property
     def chain(self) -> tuple[UrdfJoint, ...]:
         """The joints that move on the way from the base to the tip, without a gripper's at its end."""
         way: list[UrdfJoint] = []
@@ -98,14 +102,19 @@ class Inventory:
 
     def _branches(self, link: str) -> int:
         """Return in how many ways joints that move go on from a link."""
-        below: dict[str, list[UrdfJoint]] = {}
+        return sum(joint.name in self._moving for joint in self.joints if joint.parent == link)
+
+    @cached_property
+    def _moving(self) -> frozenset[str]:
+        """The joints that move, and those that lead to one."""
+        by_child = {joint.child: joint for joint in self.joints}
+        found: set[str] = set()
         for joint in self.joints:
-            below.setdefault(joint.parent, []).append(joint)
-
-        def moves(joint: UrdfJoint) -> bool:
-            return joint.moves or any(moves(child) for child in below.get(joint.child, []))
-
-        return sum(moves(joint) for joint in below.get(link, []))
+            above: UrdfJoint | None = joint if joint.moves else None
+            while above is not None and above.name not in found:
+                found.add(above.name)
+                above = by_child.get(above.parent)
+        return frozenset(found)
 
     def _is_gripper(self, joint: UrdfJoint, before: list[UrdfJoint]) -> bool:
         """Return whether a last joint looks like a gripper's: by what follows it, by its name, or by a short slide."""
@@ -126,10 +135,11 @@ def read_inventory(text: str, source: Path | str, wanted: Collection[str] = ()) 
         raise InputError(f"{source}: not a URDF ({error})") from error
     if root.tag != "robot":
         raise InputError(f"{source}: not a URDF: its first element is <{root.tag}>, <robot> was expected")
-    if any(element.tag.startswith("{http://www.ros.org/wiki/xacro}") for element in root.iter()):
+    if any(element.tag.startswith(_XACRO) for element in root.iter()):
         raise InputError(f"{source}: is a xacro file; give its output (xacro {source} > robot.urdf)")
     ratios = _gear_ratios(root)
     joints = tuple(_joint(element, ratios, source) for element in root.findall("joint"))
+    _require_tree(joints, source)
     if not any(joint.moves for joint in joints):
         raise InputError(f"{source}: no joint in it moves")
     return Inventory(root.get("name", ""), joints, _tip(joints, set(wanted)))
@@ -149,12 +159,43 @@ def _joint(element: ElementTree.Element, ratios: Mapping[str, float], source: Pa
         kind=kind,
         parent=parent.get("link", ""),
         child=child.get("link", ""),
-        position=(lower, upper) if kind != "continuous" and lower < upper else None,
-        velocity=numbers.get("velocity") or None,
-        effort=numbers.get("effort") or None,
+        position=(lower, upper) if kind != "continuous" and lower < upper and isfinite(upper - lower) else None,
+        velocity=_limit(numbers.get("velocity", 0.0)),
+        effort=_limit(numbers.get("effort", 0.0)),
         mimic="" if mimic is None else mimic.get("joint", "?"),
         gear_ratio=ratios.get(name),
     )
+
+
+def _require_tree(joints: tuple[UrdfJoint, ...], source: Path | str) -> None:
+    """Raise InputError where joints lack a name or share one, where a link hangs on two, or where they close a loop."""
+    names, by_child = set[str](), dict[str, UrdfJoint]()
+    for joint in joints:
+        for what, name in (("joint", joint.name), ("parent link of a joint", joint.parent), ("child", joint.child)):
+            if not name:
+                raise InputError(
+                    f"{source}: a {what} has no name ({joint.name!r}: {joint.parent!r} to {joint.child!r})"
+                )
+        if joint.name in names:
+            raise InputError(f"{source}: two joints are called {joint.name!r}")
+        if joint.child in by_child:
+            other = by_child[joint.child].name
+            raise InputError(f"{source}: link {joint.child!r} hangs on two joints, {other!r} and {joint.name!r}")
+        names.add(joint.name)
+        by_child[joint.child] = joint
+    rooted: set[str] = set()
+    for joint in joints:
+        way, above = set[str](), by_child.get(joint.child)
+        while above is not None and above.name not in rooted:
+            if above.name in way:
+                raise InputError(f"{source}: joint {above.name!r} is part of a loop; the joints of a URDF form a tree")
+            way.add(above.name)
+            above = by_child.get(above.parent)
+        rooted |= way
+
+
+def _limit(value: float) -> float | None:
+    return value if isfinite(value) and value > 0.0 else None
 
 
 def _number(element: ElementTree.Element, key: str, joint: str, source: Path | str) -> float:

@@ -154,6 +154,11 @@ class RobotFile(Closed):
         return value
 
 
+def builtin_robots() -> list[str]:
+    """Return the names of the robots that come with the package."""
+    return sorted(file.stem for file in config_file("robots").glob("*.yaml"))
+
+
 def load_robot(name: str | Path = "kuka_ir361") -> Robot:
     """Read a robot by name (`kuka_ir361`), from a robot YAML or from a URDF.
 
@@ -168,7 +173,7 @@ def load_robot(name: str | Path = "kuka_ir361") -> Robot:
         )
     builtin = path.suffix not in (".yaml", ".yml")
     if builtin:
-        known = sorted(file.stem for file in config_file("robots").glob("*.yaml"))
+        known = builtin_robots()
         if str(name) not in known:
             raise InputError(
                 f"no robot {str(name)!r}{did_you_mean(str(name), known)} (or give a robot YAML or a URDF file)"

@@ -26,7 +26,7 @@ def shell() -> html.Div:
             dcc.Store(id="recording", data=0),
             dcc.Store(id="overlays", data=[]),
             dcc.Store(id="brush", data=[]),
-            dcc.Interval(id="tick", interval=350, disabled=True),
+            dcc.Interval(id="tick", interval=300, disabled=True),
             html.Header(
                 [
                     html.H1([dcc.Link("robot_ident workbench", href="/")]),

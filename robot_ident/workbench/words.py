@@ -95,9 +95,9 @@ def _diagnosed(view: View, found: Mapping[str, Any]) -> Next:
     if found["verdict"] == "adequate":
         return Next("watch", "Nothing is missing: what is left over is noise. Next: save the model.", *_SAVE)
     if found["verdict"] == "missing" and named:
-        names = " and ".join(one["label"] for one in named)
+        are = "is" if len(found["named"]) == 1 else "are"
         words = (
-            f"{names} {'is' if len(named) == 1 else 'are'} missing. {named[0]['label']} is {named[0]['meaning']}."
+            f"{' and '.join(found['named'])} {are} missing. {named[0]['label']} is {named[0]['meaning']}."
             " Next: see what would remain with it, before you add it."
         )
         return Next("learn", words, *look)

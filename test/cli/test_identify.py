@@ -9,6 +9,7 @@ from typing import Any
 import numpy as np
 
 from robot_ident.bags import write_recording
+from robot_ident.cli.identify import to_the_digit
 from robot_ident.estimation.violations import violations
 from robot_ident.model.model import Model
 from robot_ident.recording import Recording
@@ -16,6 +17,15 @@ from robot_ident.recording import Recording
 Run = Callable[..., Any]
 
 TABLE_1 = {"p11": 8.21, "p15": 7.63}  # as printed; all else is the robot's own
+
+
+def test_parameters_are_printed_to_the_digit_that_is_known() -> None:
+    """A wrist's inertia is 1e-4 kg m^2; four decimals would show nothing of it."""
+    assert to_the_digit(45.7294123, 0.35449) == ("45.7294", "0.3545")
+    assert to_the_digit(-0.00052634, 0.0000212) == ("-0.000526", "0.000021")
+    assert to_the_digit(4.21748e-5, 5.53e-9) == ("4.21748e-05", "5.5e-09")
+    assert to_the_digit(1.5, 0.0) == ("1.5000", "0.0000")
+    assert to_the_digit(1.5, np.inf) == ("1.5000", "inf")
 
 
 def test_a_recording_through_the_filter_gives_the_same_parameters(run: Run, excitation: Path, tmp_path: Path) -> None:

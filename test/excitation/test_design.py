@@ -92,6 +92,11 @@ def test_a_time_limit_ends_it_with_the_best_so_far(kuka: Robot) -> None:
     assert seen[-1].log10_det_covariance == pytest.approx(found.log10_det_covariance, abs=1e-6)
 
 
+def test_a_time_limit_that_ends_too_soon_is_said_and_not_laid_on_the_limits(kuka: Robot) -> None:
+    with pytest.raises(InputError, match=r"the time limit ended the search.*--time-limit"):
+        design(kuka, criterion="condition", time_limit=0.01, workers=1)
+
+
 def test_who_cancels_keeps_the_best(kuka: Robot) -> None:
     found = design(kuka, workers=1, cancel=lambda: True)
     assert found.interrupted
@@ -139,7 +144,7 @@ def test_missing_limits_are_named_not_invented(kuka: Robot) -> None:
 
 def test_limits_that_cannot_be_met_together_are_named(kuka: Robot) -> None:
     high = half_space("flange", (0.0, 0.0, 1.0), 5.0)
-    with pytest.raises(InputError, match="can't be met together: the position limits and 'flange beyond 5 m"):
+    with pytest.raises(InputError, match="can't be met together: the position limits and the rule 'flange beyond 5 m"):
         design(replace(kuka, workspace=(kuka.workspace[0], high)))
     left, right = half_space("flange", (0.0, 1.0, 0.0), 0.3), half_space("flange", (0.0, -1.0, 0.0), 0.3)
     with pytest.raises(InputError, match="can't be met together.*0.3 m along.*and.*0.3 m along"):
@@ -157,7 +162,8 @@ def test_poses_in_a_narrow_corner_are_found(kuka: Robot) -> None:
     ("options", "message"),
     [
         ({"criterion": "d-optimum"}, "did you mean 'd-optimal'"),
-        ({"harmonics": 800}, "800 harmonics.*sample rate above 160 Hz"),
+        ({"harmonics": 800}, "at most 60"),
+        ({"harmonics": 40, "sample_rate": 7.5}, "40 harmonics.*sample rate above 8 Hz"),
         ({"sample_rate": 150.04}, "whole number"),
         ({"harmonics": 0}, "harmonics = 0"),
         ({"effects": ["stribek@joint_1"]}, "stribek"),

@@ -91,5 +91,5 @@ def test_every_problem_is_told_at_once(tmp_path: Path) -> None:
 
 
 def test_a_trajectory_of_another_robot_is_refused(tmp_path: Path, kuka: Robot) -> None:
-    with pytest.raises(InputError, match="trajectory of another robot.*one, two.*joint_1"):
+    with pytest.raises(InputError, match="trajectory of another robot.*one, two.*joint_1.*--robot"):
         Excitation.read(written(tmp_path, TEXT)).check_robot(kuka)

@@ -123,3 +123,18 @@ def test_without_a_bound_of_the_jerk_it_is_said_to_be_from_samples(
     torque = TorqueRange(TorqueModel(kuka), kuka.limits.torque)
     assert torque.extreme(piece).proven
     assert not torque.extreme(replace(piece, jerk=None)).proven
+
+
+def test_what_keeps_a_limit_by_less_than_the_tolerance_has_a_margin(
+    kuka: Robot, random_excitation: Callable[..., Excitation]
+) -> None:
+    series = random_excitation(4).series
+    model = TorqueModel(kuka)
+    most = np.abs(model.torque(series.motion(np.linspace(0.0, series.period, 40_000)))).max(axis=0)
+    piece = Piece(0.0, series.period, series.motion, series.extremes(), series.jerk_bound())
+    torque = TorqueRange(model, 1.0005 * most)
+    found = torque.extreme(piece)
+    assert torque.keeps(piece) and found.proven
+    assert np.all(found.bound < 1.0005 * most), "certificate and margins agree"
+    assert np.all(found.bound >= most), "and the bound is one"
+    assert np.all(TorqueRange(model, 0.9995 * most).extreme(piece).bound > 0.9995 * most)

@@ -42,7 +42,20 @@ def run(model: Model, motion: Motion, folder: Path, smoothing: float = 0.01) -> 
         (folder / file).write_text(text)
     name = next(file.removesuffix(".h") for file in made.files if file.endswith(".h"))
     (folder / "main.c").write_text(PROGRAM.format(name=name, n=model.robot.n))
-    words = ["cc", "-std=c99", "-O1", "-Wall", "-Werror", "main.c", f"{name}.c", "-o", "main", "-lm"]
+    words = [
+        "cc",
+        "-std=c99",
+        "-O1",
+        "-Wall",
+        "-Wextra",
+        "-pedantic",
+        "-Werror",
+        "main.c",
+        f"{name}.c",
+        "-o",
+        "main",
+        "-lm",
+    ]
     subprocess.run(words, cwd=folder, check=True, timeout=120)
     rows = np.hstack([motion.q, motion.dq, motion.ddq])
     text = "\n".join(" ".join(map(repr, map(float, row))) for row in rows)

@@ -194,6 +194,6 @@ def test_a_change_of_friction_shows_while_the_robot_runs(
         value = ParameterValue(type=ParameterType.PARAMETER_DOUBLE, double_value=given)
         request = SetParameters.Request(parameters=[Parameter(name=name, value=value)])
         assert call(SetParameters, "/estimator/set_parameters", request).results[0].successful == accepted
-    replay(Recording(recorded.names, t[:-600], q[:-600], tau[:-600], source="anew"), rate=4.0)
+    replay(Recording(recorded.names, t[:900], q[:900], tau[:900], source="anew"), rate=4.0)  # before the change
     assert until(lambda: "changed" not in told[-1].status[0].message), values()  # the watch has begun anew
     assert estimator.end()[0] == 0, estimator.text

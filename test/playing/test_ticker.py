@@ -28,7 +28,7 @@ def test_ticks_are_numbered_and_absolute() -> None:
     ticker = Ticker(200.0, tick, stall=5.0)
     run(ticker, done)
     assert numbers == sorted(set(numbers))
-    assert ticker.timing.missed == numbers[100 - ticker.timing.missed] - (100 - ticker.timing.missed)
+    assert numbers[-1] == len(numbers) - 1 + ticker.timing.missed
     early = [t - times[0] - k / 200.0 for t, k in zip(times, numbers, strict=True)]
     assert min(early) > -0.5 / 200.0, "a tick came before its time"
 
@@ -66,7 +66,7 @@ def test_a_stall_moves_the_grid_and_is_told() -> None:
         if number == 40:
             done.set()
 
-    ticker = Ticker(100.0, tick, stall=0.3, on_stall=stalls.append)
+    ticker = Ticker(100.0, tick, late="catch_up", stall=0.3, on_stall=stalls.append)
     run(ticker, done)
     assert stalls and stalls[0].seconds > 0.3 and not stalls[0].clock_jump
     assert "stood still" in str(stalls[0])
@@ -89,7 +89,7 @@ def test_a_jump_of_a_foreign_clock_is_told() -> None:
             done.set()
 
     clock = lambda: time.monotonic() + offset[0]  # noqa: E731
-    run(Ticker(50.0, tick, stall=1.0, on_stall=stalls.append, clock=clock), done)
+    run(Ticker(50.0, tick, late="catch_up", stall=1.0, on_stall=stalls.append, clock=clock), done)
     jumps = [stall for stall in stalls if stall.clock_jump]
     assert len(jumps) == 2 and jumps[0].seconds > 4.0 and jumps[1].seconds < -9.0
     assert numbers[:41] == list(range(41))

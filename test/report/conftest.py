@@ -45,7 +45,7 @@ def opened(browser: Any) -> Iterator[Callable[..., Any]]:
         page.on("console", lambda message: problems.append(message.text) if message.type == "error" else None)
         page.on("pageerror", lambda error: problems.append(str(error)))
         page.on("request", note_request)
-        page.goto(path.as_uri())
+        page.goto(path.as_uri(), timeout=90_000)  # a loaded machine is slow to start a tab
         until(page, DRAWN)
         return page
 

@@ -94,3 +94,35 @@ def test_the_ratio_of_a_transmission() -> None:
 def test_refusals(text: str, why: str) -> None:
     with pytest.raises(InputError, match=f"x.urdf: .*{why}"):
         read_inventory(text, "x.urdf")
+
+
+LOOPS = {
+    "part of a loop": [("a", "revolute", "l1", "l2"), ("b", "revolute", "l2", "l1"), ("c", "revolute", "x", "y")],
+    "hangs on two joints": [*ARM, ("d", "revolute", "base", "l3")],
+    "two joints are called 'a'": [*ARM, ("a", "revolute", "l3", "l4")],
+    "has no name": [*ARM, ("", "revolute", "l3", "l4")],
+}
+
+
+@pytest.mark.parametrize("message", LOOPS)
+def test_what_is_no_tree_is_refused(message: str) -> None:
+    with pytest.raises(InputError, match=message):
+        read_inventory(urdf(*LOOPS[message]), "x.urdf")
+
+
+@pytest.mark.parametrize("address", ["http://ros.org/wiki/xacro", "http://www.ros.org/wiki/xacro"])
+def test_a_xacro_is_known_by_either_of_its_addresses(address: str) -> None:
+    text = urdf(*ARM, extra="<xacro:property/>").replace("<robot ", f'<robot xmlns:xacro="{address}" ')
+    with pytest.raises(InputError, match="is a xacro file"):
+        read_inventory(text, "x.urdf")
+
+
+def test_limits_that_are_no_limits() -> None:
+    text = urdf(*ARM).replace('velocity="2.0"', 'velocity="nan"').replace('lower="-1.0"', 'lower="-inf"')
+    joint = read_inventory(text.replace('effort="0.0"', 'effort="-3"'), "x.urdf").joints[0]
+    assert joint.position is None and joint.velocity is None and joint.effort is None
+
+
+def test_a_long_chain() -> None:
+    joints = [(f"j{k}", "revolute", f"l{k}", f"l{k + 1}") for k in range(2000)]
+    assert len(read_inventory(urdf(*joints), "x.urdf").chain) == 2000

@@ -13,8 +13,6 @@ from typing import Any
 
 import pytest
 
-from robot_ident.cli.main import main
-
 pytestmark = pytest.mark.filterwarnings("ignore::DeprecationWarning")
 PATIENCE = 120_000  # ms: other tests may have the machine to themselves
 
@@ -80,25 +78,20 @@ def says(page: Any, selector: str, text: str | re.Pattern[str]) -> str:
     return str(page.locator(selector).first.inner_text())
 
 
-def test_a_person_finds_and_adds_what_is_missing(
-    serve: Any,
-    visit: Any,
-    recordings: Path,
-    tmp_path: Path,
-    capsys: pytest.CaptureFixture[str],
-    monkeypatch: pytest.MonkeyPatch,
-) -> None:
+def told(session: Path, name: str) -> Any:
+    """Return a file of a session; `test_session` holds these to what the command line prints."""
+    return json.loads((session / name).read_text())
+
+
+def test_a_person_finds_and_adds_what_is_missing(serve: Any, visit: Any, recordings: Path, tmp_path: Path) -> None:
     folder = tmp_path / "kept"
     first = serve(recordings, "--bag", "run_1", "run_2", "--validation", "run_3", "--folder", folder)
     page = visit(first.address)
     # see: the worst joint is shown, with the command line's figures
     worst = page.locator("button.joint.chosen")
     worst.wait_for()
-    monkeypatch.chdir(recordings)
-    capsys.readouterr()
-    model = folder / "session_1/step_0/model.yaml"
-    assert main(["compare", str(model), "run_1", "run_2", "--json"]) == 0
-    joints = {one["name"]: one for one in json.loads(capsys.readouterr().out)["joints"]}
+    session = folder / "session_1"
+    joints = {one["name"]: one for one in told(session, "step_0/comparison.json")["joints"]}
     name = max(joints, key=lambda one: joints[one]["lack_of_fit"]["statistic"])
     card = worst.inner_text()
     assert name in card
@@ -125,16 +118,14 @@ def test_a_person_finds_and_adds_what_is_missing(
     label = said.split(" ")[0]
     page.locator("#next button", has_text=f"Show what {label} would do").click()
     foreseen = says(page, "#next", "The orange residual")
-    assert main(["add", str(model), label, "--bag", "run_1", "run_2", "--validation", "run_3", "--json"]) == 0
-    added = json.loads(capsys.readouterr().out)
     page.locator("#time .legendtext", has_text=label).wait_for()
     page.locator("#next button", has_text=f"Add {label}").click()
     done = says(page, "#next", "was added")
-    before, after = (added[f"validation_mse_{key}"][name] for key in ("before", "after"))
+    before, after = (told(session, f"step_{k}/errors.json")["validation"][name] for k in (0, 1))
     assert f"on validation from {rms(before)} to {rms(after)}" in done
-    told = re.search(r"validation, .* from ([\d.]+) to ([\d.]+)", foreseen)
-    assert told
-    assert float(told[2]) == pytest.approx(after**0.5, rel=0.05)
+    predicted = re.search(r"validation, .* from ([\d.]+) to ([\d.]+)", foreseen)
+    assert predicted
+    assert float(predicted[2]) == pytest.approx(after**0.5, rel=0.05)
     # watch, undo, redo
     page.locator("#staircase .xtick", has_text=label).wait_for()
     page.get_by_role("button", name="Undo").click()

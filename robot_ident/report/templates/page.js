@@ -36,14 +36,20 @@ window.addEventListener("beforeprint", () => {
 });
 window.addEventListener("afterprint", show);
 
+// Sets `a.b[0].c` in an object, so that a plot is drawn once, in the right shade.
+function put(target, path, value) {
+  const keys = path.replace(/\[(\d+)\]/g, ".$1").split(".");
+  const last = keys.pop();
+  keys.reduce((at, key) => (at[key] ??= {}), target)[last] = value;
+}
+
 // Plots are drawn one after the other: the first screen does not wait for the last.
 const draw = (plot) => {
   const place = document.getElementById(plot.id);
   if (place.data || place.dataset.begun) return;
   place.dataset.begun = "true";
-  Plotly.newPlot(place, plot.data, plot.layout, CONFIG)
-    .then(() => Plotly.relayout(place, plot.shades[shade()]))
-    .then(() => { place.dataset.drawn = "true"; });
+  for (const [path, value] of Object.entries(plot.shades[shade()])) put(plot.layout, path, value);
+  Plotly.newPlot(place, plot.data, plot.layout, CONFIG).then(() => { place.dataset.drawn = "true"; });
 };
 
 // plotly.js stands in the page as base64 of its gzip.

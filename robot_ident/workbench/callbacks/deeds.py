@@ -10,7 +10,7 @@ from dash import ALL, Dash, Input, Output, State, ctx, no_update
 from dash.exceptions import PreventUpdate
 
 from robot_ident.errors import InputError
-from robot_ident.workbench.callbacks.navigation import stand_of
+from robot_ident.workbench.callbacks.navigation import BUSY, stand_of
 from robot_ident.workbench.desk import Desk
 from robot_ident.workbench.save import save
 from robot_ident.workbench.session import Session
@@ -33,7 +33,7 @@ def register(app: Dash, desk: Desk) -> None:
 
     @app.callback(
         Output("stand", "data", allow_duplicate=True),
-        Output("tick", "disabled", allow_duplicate=True),
+        Output("tick", "interval", allow_duplicate=True),
         Output("overlays", "data", allow_duplicate=True),
         Output("said", "children"),
         Output("saved", "children"),
@@ -63,7 +63,7 @@ def register(app: Dash, desk: Desk) -> None:
         except InputError as error:
             page.said = str(error)
         running = desk.jobs(session).look().running
-        return stand_of(desk, session), False if running else no_update, page.overlays, page.said, page.saved
+        return stand_of(desk, session), BUSY if running else no_update, page.overlays, page.said, page.saved
 
 
 def _open(desk: Desk, session: Session, page: Page) -> None:

@@ -13,6 +13,10 @@ from robot_ident.workbench.pages import chooser
 from robot_ident.workbench.panels import guide
 from robot_ident.workbench.session import Session
 
+# ms between looks at the work. It never stops on a session's page: answers may overtake each other, and another page
+# may have begun something.
+BUSY, IDLE = 300, 1500
+
 
 def stand_of(desk: Desk, session: Session) -> dict[str, Any]:
     """Return where a session stands: the step, what of it the pictures show, and the task under way."""
@@ -53,7 +57,7 @@ def register(app: Dash, desk: Desk) -> None:
 
     @app.callback(
         Output("job", "children"),
-        Output("tick", "disabled", allow_duplicate=True),
+        Output("tick", "interval"),
         Output("stand", "data", allow_duplicate=True),
         Output("overlays", "data", allow_duplicate=True),
         Input("tick", "n_intervals"),
@@ -62,12 +66,12 @@ def register(app: Dash, desk: Desk) -> None:
     )
     def tick(_count: int, stand: dict[str, Any] | None) -> tuple[Any, ...]:
         if stand is None:
-            return [], True, no_update, no_update
+            return [], IDLE, no_update, no_update
         session = desk.session(stand["session"])
         job: Job = desk.jobs(session).look()
         now = stand_of(desk, session)
         overlays: Any = no_update if now["step"] == stand["step"] else []
-        return guide.job(job), not job.running, no_update if now == stand else now, overlays
+        return guide.job(job), BUSY if job.running else IDLE, no_update if now == stand else now, overlays
 
     @app.callback(Output("drawn", "data"), Input("stand", "data"), State("drawn", "data"))
     def drawn(stand: dict[str, Any] | None, before: str | None) -> Any:

@@ -23,10 +23,18 @@ def candidates(view: View, overlays: Sequence[str], running: bool) -> list[Any]:
     listed = [_candidate(view, one, overlays) for one in found["candidates"]]
     notes = [html.P(note, className="note") for note in found["notes"]]
     head = html.P(f"Verdict: {found['in_words']}", className="verdict")
+    notes.append(html.P(_remains(view, found["remaining_rms"]), className="note"))
     if not listed:
         return [head, *notes, *_any(view, overlays, running)]
     lead = html.P("Tick one to see what would remain; tick two to see them side by side.")
     return [head, *notes, lead, html.Div(listed, className="candidates"), *_any(view, overlays, running)]
+
+
+def _remains(view: View, remaining: Mapping[str, float]) -> str:
+    """Return what would remain, beyond the noise where that is known, with all that the verdict names."""
+    each = (f"{name} {value:.2g} {view.unit(view.joints.index(name))}" for name, value in remaining.items())
+    beyond = "beyond the noise" if view.judged else "the noise included"
+    return f"What stays unexplained, rms {beyond}: {', '.join(each)}."
 
 
 def _candidate(view: View, one: Mapping[str, Any], overlays: Sequence[str]) -> html.Div:

@@ -60,7 +60,7 @@ def scatter(
     conditions: Sequence[Condition],
     shade: Shade,
 ) -> Any:
-    """Return the figure, a picture a variable: the residual as points, its means in either direction of motion as lines.
+    """Return the figure, a picture a variable: the residual as points, its means by direction of motion as lines.
 
     Of what is laid over it the means alone. inside [N]: which rows of every recording are brushed, or None.
     """
