@@ -5,7 +5,7 @@ from __future__ import annotations
 import os
 import shutil
 import tempfile
-from collections.abc import Iterator
+from collections.abc import Iterable, Iterator
 from contextlib import contextmanager
 from pathlib import Path
 
@@ -46,14 +46,37 @@ def whole(path: Path | str, *, force: bool = False) -> Iterator[Path]:
             yield draft
         except OSError as error:
             raise InputError(f"{path}: can't be written ({error.strerror or error})") from error
-        if path.is_dir():
-            os.replace(path, room / "replaced")
-        os.replace(draft, path)
+        _put(draft, path, room / "replaced")
     finally:
         shutil.rmtree(room, ignore_errors=True)
 
 
+def _put(draft: Path, path: Path, aside: Path) -> None:
+    """Move a draft to its place; what is there, and can't be replaced in one step, comes back when that fails."""
+    away = path.is_dir() or (draft.is_dir() and path.exists())
+    try:
+        if away:
+            os.replace(path, aside)
+        os.replace(draft, path)
+    except OSError as error:
+        if away and aside.exists():
+            os.replace(aside, path)
+        raise InputError(f"{path}: can't be written ({error.strerror or error})") from error
+
+
 def write_text(path: Path | str, text: str, *, force: bool = False) -> None:
-    """Write `text` to `path`, whole or not at all."""
+    """Write `text` to `path`, whole or not at all; InputError where a folder is in its place."""
+    if Path(path).is_dir():
+        raise InputError(f"{path} is a folder; the name of a file was expected")
     with whole(path, force=force) as draft:
         draft.write_text(text, encoding="utf-8")
+
+
+def refuse_twice(paths: Iterable[Path | str]) -> None:
+    """Raise InputError where a file or folder is named twice: what is counted twice looks better known than it is."""
+    seen: set[str] = set()
+    for path in paths:
+        place = os.path.realpath(path)
+        if place in seen:
+            raise InputError(f"{path} is given twice; its noise would be counted as two independent recordings'")
+        seen.add(place)

@@ -56,10 +56,12 @@ class BagWriter:
         self._failure: InputError | None = None
         self._closed = False
         refuse_existing(self.path, force=force)
-        with self._guarded():
+        try:
             _clear_bag(self.path)
             self.path.mkdir()
             self._file = self._next_file()
+        except OSError as error:
+            raise InputError(f"{self._shown}: can't be written ({error.strerror or error})") from error
         for topic in topics:
             self.add_topic(topic)
 

@@ -42,7 +42,7 @@ def run(args: argparse.Namespace) -> int:
     from robot_ident.bags import read_recording
     from robot_ident.cli.processing import processing_of
     from robot_ident.estimation.identify import identify
-    from robot_ident.files import refuse_existing
+    from robot_ident.files import refuse_existing, refuse_twice
     from robot_ident.model.model_file import write_model
     from robot_ident.provenance import provenance
     from robot_ident.robot import load_robot
@@ -51,6 +51,7 @@ def run(args: argparse.Namespace) -> int:
         refuse_existing(args.output, force=args.force)
     robot = load_robot(args.robot)
     processing = processing_of(args, robot)
+    refuse_twice(args.bags)
     recordings = [read_recording(bag, topic=args.topic) for bag in args.bags]
     model = identify(
         recordings, robot, effects=args.effect, estimator=args.estimator, processing=processing, physical=args.physical

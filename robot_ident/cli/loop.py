@@ -38,12 +38,14 @@ class Inputs:
 
 def read_inputs(words: Sequence[str], validation: Sequence[str], topic: str | None) -> Inputs:
     """Read models and recordings from one list; recordings are processed as the first model says."""
+    from robot_ident.files import refuse_twice
     from robot_ident.model.model_file import is_model, read_model
 
     paths = tuple(word for word in words if is_model(word))
     bags = tuple(word for word in words if word not in paths)
     if not paths:
         raise InputError(f"none of {', '.join(words)} is a model; make one by robot_ident identify ... -o model.yaml")
+    refuse_twice(bags)
     models = tuple(read_model(path) for path in paths)
     measured = tuple(_measured(models[0], bag, topic) for bag in bags)
     unseen = tuple(_measured(models[0], bag, topic) for bag in validation)

@@ -20,7 +20,7 @@ def margin_table(margins: Margins) -> str:
             m.where,
             f"{m.value:.5g}",
             f"{m.limit:.5g}",
-            f"{m.margin:.2e}",
+            f"{m.margin:.3g}",
             m.unit,
             f"{m.time:.3f}",
             "proof" if m.proven else "samples",

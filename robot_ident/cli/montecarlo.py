@@ -46,7 +46,7 @@ def run(args: argparse.Namespace) -> int:
         print_json(result.to_dict())
         return 0
     rows = [
-        (n, to_the_digit(t, s)[0], to_the_digit(m, s)[0], to_the_digit(s, s)[1], to_the_digit(o, s)[0], f"{o / s:.3f}", u)
+        (n, *(to_the_digit(value, s)[0] for value in (t, m, s, o)), f"{o / s:.3f}", u)
         for n, u, t, m, s, o in zip(
             result.names, result.units, result.true, result.mean, result.sigma, result.sample_sigma, strict=True
         )

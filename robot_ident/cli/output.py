@@ -16,6 +16,7 @@ from robot_ident.errors import InputError
 
 _RULE = re.compile(r"-+(  -+)*")  # the line below a table's header
 _OUTPUTS = ("output", "page", "mcap")  # options that name a file to write
+_WRITE_FOLDERS = ("simulate", "recover", "predict", "demo", "trial")  # verbs whose output may be a folder
 _RECORDINGS = (".mcap", ".db3", ".npz", ".csv")
 _NARROW = 16  # characters that a column of words keeps where a terminal is too narrow for the table
 
@@ -82,6 +83,9 @@ def refuse_own_input(args: argparse.Namespace) -> None:
     outputs = {name: os.path.realpath(given[name]) for name in _OUTPUTS if isinstance(given.get(name), str)}
     if len(set(outputs.values())) < len(outputs):
         raise InputError(f"{' and '.join(given[name] for name in outputs)}: two outputs need two names")
+    output = given.get("output")
+    if isinstance(output, str) and os.path.isdir(output) and args.verb not in _WRITE_FOLDERS:
+        raise InputError(f"-o {output}: is a folder; the name of a file was expected")
     for name, value in given.items():
         for word in value if isinstance(value, list) else [value]:
             if name in outputs or not isinstance(word, str) or os.path.realpath(word) not in outputs.values():

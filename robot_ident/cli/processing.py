@@ -16,9 +16,7 @@ if TYPE_CHECKING:
 def add_processing(parser: argparse.ArgumentParser) -> None:
     """Add the options of reading and processing."""
     period = parser.add_mutually_exclusive_group()
-    period.add_argument(
-        "--trajectory", metavar="EXCITATION", help="excitation.yaml that was played: gives the period and the robot"
-    )
+    period.add_argument("--trajectory", metavar="EXCITATION", help="excitation.yaml that was played: gives the period")
     period.add_argument(
         "--base-frequency", type=within(1e-4, 1e4), metavar="F", help="Hz; found from the data when not given"
     )

@@ -4,9 +4,12 @@ from __future__ import annotations
 
 import argparse
 import time
-from typing import Any
+from typing import TYPE_CHECKING, Any
 
 from robot_ident.cli.output import add_json, add_output, add_robot, print_json, say, tell, within
+
+if TYPE_CHECKING:
+    from robot_ident.robot import Robot
 
 _SAMPLE_RATE = 150.0  # Hz, for motions that name none
 
@@ -83,6 +86,7 @@ def run(args: argparse.Namespace) -> int:
     else:
         result = simulate(robot, motion, sample_rate=args.sample_rate or _SAMPLE_RATE, **options)
     seconds = time.perf_counter() - started
+    notes = [*result.notes, *_without_noise(robot)]
     write_recording(args.output, result.recording, force=args.force)
     if scenario is not None and answer is not None:
         write_text(answer, seal(scenario.answer()), force=args.force)
@@ -90,12 +94,20 @@ def run(args: argparse.Namespace) -> int:
         data = {"schema": "robot_ident/simulate/1", "path": str(args.output), "samples": result.recording.samples}
         shown = result.effects if scenario is None else simulated_effects(robot)
         more = {"duration": result.recording.duration, "seconds": seconds, "effects": list(shown)}
-        print_json({**data, **more, "sealed": None if answer is None else str(answer), "notes": list(result.notes)})
+        print_json({**data, **more, "sealed": None if answer is None else str(answer), "notes": notes})
         return 0
-    for note in result.notes:
+    for note in notes:
         tell(note)
     say(f"{result.recording.samples} samples, {result.recording.duration:.1f} s of robot time in {seconds:.2f} s")
     say(f"written: {args.output}")
     if answer is not None:
         say(f"what is hidden stands in {answer} (sealed)")
     return 0
+
+
+def _without_noise(robot: Robot) -> list[str]:
+    """Return which joints were simulated without torque noise since the robot's files don't know it."""
+    quiet = [joint for joint, known in zip(robot.joints, robot.noise.torque_variance >= 0, strict=True) if not known]
+    if not quiet:
+        return []
+    return [f"no torque noise on {', '.join(quiet)}: the robot YAML has no torque_variance (Nm^2) of them"]

@@ -39,9 +39,9 @@ STRICTER = 0.45  # more than that where what remains is far above the noise: a p
 PART = 0.35  # of the present excess on its joints that every member must explain, seen by trajectories left out
 AGAIN = 0.5  # the same where a joint has a member already: what an imperfect column leaves looks like another effect
 LATER = 0.08  # of the excess that there was at first, which a further member on a joint must explain, too
-MOSTLY = 0.5  # of a joint's excess, explained where there is one recording only
+OWN = 0.5  # of its gain that an effect must keep beside what the hidden part of the path may make
 ALONE = 0.4  # of its held-out gain that any other effect may reach there
-MOSTLY = 0.6  # of a joint's excess: bursts of which a column explains that much are no bursts of a gap
+MOSTLY = 0.6  # of a joint's excess, explained where there is one recording only; or by a column, so no gap made it
 LEAST = 0.25  # Nm rms (times the torque scale of the joint over 400 Nm) that every member must remove
 MOST = 6  # members
 _LISTED = 6  # candidates reported beside the members
@@ -166,7 +166,7 @@ def _worthwhile(candidate: Score, stage: _Stage, known: Collection[int]) -> bool
     )
     if np.sqrt(max(mean_square, 0.0)) < min(_least(stage, j) for j in joints):
         return False
-    return gain_beside_hidden_path(candidate, stage.evidence) >= GAIN
+    return gain_beside_hidden_path(candidate, stage.evidence) >= max(GAIN, OWN * candidate.gain)
 
 
 def _least(stage: _Stage, joint: int) -> float:
@@ -245,11 +245,19 @@ def _conclude(
     suspects = [_suspect(evidence, first, m, trusted, validation) for m in trusted]
     suspects += [_recognised(last, "backlash", j) for j in gaps]
     suspects += [_recognised(last, "temperature_drift", j) for j in drifting]
+    notes = [*notes, *_not_to_be_added(evidence, suspects)]
     further = _further(evidence, first, last, [m.label for m in trusted], failing, validation)
     open_joints = [j for j, fit in enumerate(last.fits) if fit.fails and j not in rattling]
     worst = max(open_joints, key=lambda j: last.fits[j].statistic, default=None)
     unexplained = None if worst is None else explain_by_variables(last.evidence, worst)
     return Diagnosis(verdict, tuple(suspects), tuple(further), remaining, unexplained, tuple(notes))
+
+
+def _not_to_be_added(evidence: Evidence, suspects: Sequence[Suspect]) -> list[str]:
+    """Return which of the suspects no model of these motions can hold, why, and what to do."""
+    motions = [t.motion for t in evidence.trajectories]
+    reasons = {s.label: [s.effect.hidden_in(motion) for motion in motions] for s in suspects}
+    return [f"{label} can't be added: {why[0]}" for label, why in reasons.items() if all(why)]
 
 
 def _trusted(member: Score, surplus: Array, failing: list[int]) -> bool:

@@ -2,11 +2,13 @@
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from dataclasses import dataclass
 
 import numpy as np
 
 from robot_ident.diagnosis.evidence import Evidence
+from robot_ident.diagnosis.hidden_path import residual_beside_hidden_path
 from robot_ident.diagnosis.scan import BaseFit, BaseGram
 from robot_ident.motion import Array
 
@@ -37,7 +39,8 @@ class LackOfFit:
 def lack_of_fit(evidence: Evidence, base: BaseGram) -> tuple[LackOfFit, ...]:
     """Return the lack of fit of every joint, all trajectories together.
 
-    F test: the noise's variance is itself estimated, with its own degrees of freedom.
+    F test: the noise's variance is itself estimated, with its own degrees of freedom. What the hidden part of the path
+    may have made is no sign of anything missing; it counts in `excess` alone.
     """
     from scipy.stats import f as fisher
 
@@ -47,15 +50,17 @@ def lack_of_fit(evidence: Evidence, base: BaseGram) -> tuple[LackOfFit, ...]:
     noise_dof = max(1.0, sum(t.measured.variance_dof for t in evidence.trajectories))
     tests = 1 + len(BANDS) + 1
     out = []
+    residual = residual_beside_hidden_path(evidence)
     for joint in range(n):
-        total = float(sum(np.sum(r[:, joint] ** 2) for r in evidence.residual))
+        total = float(sum(np.sum(r[:, joint] ** 2) for r in residual))
+        whole = float(sum(np.sum(r[:, joint] ** 2) for r in evidence.residual))
         dof = float(sum(t.dof[joint] for t in evidence.trajectories) - spent[joint])
         p_values = [(float(fisher.sf(total / dof, dof, noise_dof)), "all")]
-        for name, power, count in _bands(evidence, joint, spent[joint]):
+        for name, power, count in _bands(evidence, residual, joint, spent[joint]):
             if count >= 4:
                 p_values.append((float(fisher.sf(power / count, count, noise_dof)), name))
         p, band = min(p_values)
-        out.append(LackOfFit(total / dof, dof, min(1.0, p * tests * n), _excess(evidence, joint, total, dof), band))
+        out.append(LackOfFit(total / dof, dof, min(1.0, p * tests * n), _excess(evidence, joint, whole, dof), band))
     return tuple(out)
 
 
@@ -66,11 +71,11 @@ def _excess(evidence: Evidence, joint: int, total: float, dof: float) -> float:
     return max(0.0, total - dof) / max(1.0, float(rows.sum())) / float(np.mean(weights[rows]))
 
 
-def _bands(evidence: Evidence, joint: int, spent: float) -> list[tuple[str, float, float]]:
+def _bands(evidence: Evidence, residuals: Sequence[Array], joint: int, spent: float) -> list[tuple[str, float, float]]:
     """Return (name, squared error, degrees of freedom) of frequency bands, periodic trajectories only."""
     edges = (0.0, *BANDS, np.inf)
     power, count = np.zeros(len(edges) - 1), np.zeros(len(edges) - 1)
-    for t, residual in zip(evidence.trajectories, evidence.residual, strict=True):
+    for t, residual in zip(evidence.trajectories, residuals, strict=True):
         frequency = t.measured.base_frequency
         if frequency is None or t.measured.decimate != 1:
             return []

@@ -12,7 +12,10 @@ from robot_ident.effects.effect import Coefficient, Course, Effect, Inner, Mathe
 from robot_ident.errors import InputError
 from robot_ident.motion import Array, Motion
 
-_HIDDEN = "the average over periods shows no drift; single periods do, or a long motion that is not periodic"
+_HIDDEN = (
+    "the average over periods shows no drift; the single periods do (per_period of an identified model), or the whole"
+    " recording as one pass (identify --not-periodic --effect temperature_drift@JOINT)"
+)
 _SHORT = 0.02  # of T0: friction changes by this share over the recording
 
 

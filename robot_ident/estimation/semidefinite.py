@@ -17,6 +17,7 @@ from robot_ident.motion import Array
 
 _PRIOR = 1e-4  # weight, in chi-square, of staying near the URDF's inertias where the torque does not tell
 _HEAVIER = 0.1  # of a base parameter in units of the link: it may hold what several links carry
+_UNITS = (1.0, 30.0, 1e3, 3e4)  # standard deviations in which distances are counted, the next where the solver fails
 _SHARPEST = 1e-8  # of the covariance's largest direction: few data make others look far too well known
 
 
@@ -88,13 +89,20 @@ class Nearest:
         own = np.arange(m) < 11 * self.links
         quadratic = np.concatenate([2.0 * _PRIOR * own, np.full(p, 2.0)])
         linear = np.concatenate([-2.0 * _PRIOR * own * self.start, np.zeros(p)])
-        equal = np.hstack([self.whiten @ self.gather * self.scale, -np.eye(p)])
         signs = np.zeros((len(self.positive), m + p))
         signs[np.arange(len(self.positive)), self.positive] = -1.0
         links, floors = pseudo_inertia_rows(self.scale, np.eye(10 * self.links, m + p), np.zeros(10 * self.links))
-        a = np.vstack([equal, signs, links])
-        b = np.concatenate([self.whiten @ values, np.zeros(len(self.positive)), floors])
-        z = solve(np.diag(quadratic), linear, a, b, zero=p, positive=len(self.positive), links=self.links)
+        floors = np.concatenate([np.zeros(len(self.positive)), floors])
+        for unit in _UNITS:
+            whiten = self.whiten / unit
+            a = np.vstack([np.hstack([whiten @ self.gather * self.scale, -np.eye(p)]), signs, links])
+            b = np.concatenate([whiten @ values, floors])
+            try:
+                z = solve(np.diag(quadratic), linear, a, b, zero=p, positive=len(self.positive), links=self.links)
+                break
+            except InputError:
+                if unit == _UNITS[-1]:
+                    raise
         z = z[:m]
         z[self.positive] = np.maximum(z[self.positive], 0.0)  # exactly, not as nearly as the solver ends
         x = z * self.scale
@@ -130,5 +138,8 @@ def solve(quadratic: Array, linear: Array, a: Array, b: Array, *, zero: int, pos
     matrices = sparse.csc_matrix(sparse.triu(quadratic)), sparse.csc_matrix(a)
     answer = clarabel.DefaultSolver(matrices[0], linear, matrices[1], b, cones, settings).solve()
     if str(answer.status) not in ("Solved", "AlmostSolved"):
-        raise InputError(f"no physically consistent parameters were found: the solver says {answer.status}")
+        raise InputError(
+            f"no physically consistent parameters were found (the solver says {answer.status}): the estimate lies too"
+            " far from any that links can have; look at what the model lacks first (robot_ident diagnose)"
+        )
     return np.array(answer.x)

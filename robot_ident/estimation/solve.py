@@ -44,6 +44,7 @@ ESTIMATORS: dict[str, Estimator] = {
 
 def solve(measurements: Sequence[Measurement], structure: Structure, estimator: str) -> Solution:
     """Return all parameters of a structure, searched from its inner parameters' grids."""
+    _refuse_hidden(measurements, structure)
     problem: Problem | None = Problem(measurements, structure, weighted=ESTIMATORS[estimator].weighted)
     while problem is not None:
         used = problem
@@ -51,6 +52,18 @@ def solve(measurements: Sequence[Measurement], structure: Structure, estimator: 
         values, _, equations = used.linear(searched)
         problem = used.beside(values, equations)
     return ESTIMATORS[estimator].finish(used, solution(used, searched, values, equations))
+
+
+def _refuse_hidden(measurements: Sequence[Measurement], structure: Structure) -> None:
+    """Raise InputError where none of the measurements can show one of the effects, whatever its inner parameters."""
+    for effect in structure.effects:
+        reasons = []
+        for measured in measurements:
+            settings = [effect, *(effect.at(setting) for setting in effect.settings(measured.motion))]
+            reasons += [one.hidden_in(measured.motion) for one in settings]
+        if reasons and all(reasons):
+            sources = ", ".join(dict.fromkeys(measured.source for measured in measurements))
+            raise InputError(f"{sources}: {effect.label} can't be estimated: {reasons[0]}")
 
 
 def _scan(problem: Problem, structure: Structure) -> Structure:

@@ -150,6 +150,8 @@ def _play(
 ) -> list[tuple[float, Array]]:
     """Run cases in parallel; return (cost, variables) of those that ended well, best first."""
     ended: dict[int, tuple[float, Array]] = {}
+    if run.stopped(close()):  # the processes alone take seconds to start
+        return []
     with closing(completed(run_case, cases, run.workers)) as results:
         for index, outcome in results:
             run.done += 1

@@ -49,7 +49,7 @@ def to_c(model: Model, smoothing: float) -> Exported:
     files = {f"{name}.h": _header(model, name, smoothing), f"{name}.c": _source(functions, name, model.robot.n)}
     notes = (
         f"dry friction is smoothed below {smoothing:g} rad/s (m/s)",
-        f"void {name}_torque(const double q[{model.robot.n}], dq, ddq, double tau); also _gravity and _friction",
+        f"{name}.h declares {name}_torque, {name}_gravity and {name}_friction",
     )
     carried = tuple(label for label in model.structure.labels if label not in left)
     return Exported(files, carried, left, notes)

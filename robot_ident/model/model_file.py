@@ -107,13 +107,18 @@ class ModelFile(Closed):
     robot_definition: DefinitionFile | None = None
 
 
+_SCHEMA = tuple(f"\nschema: {quote}robot_ident/model/" for quote in ("", "'", '"'))
+_HEAD = 4_000_000  # characters in which a model says what it is
+
+
 def is_model(path: Path | str) -> bool:
     """Tell a model from a recording by its content."""
     try:
         with open(path, encoding="utf-8") as file:
-            return any("robot_ident/model/" in line for line in (file.readline() for _ in range(5)))
+            head = "\n" + file.read(_HEAD)
     except (OSError, UnicodeDecodeError):
         return False
+    return any(schema in head for schema in _SCHEMA)
 
 
 def write_model(model: Model, path: Path | str, *, force: bool = False) -> None:

@@ -67,8 +67,9 @@ class Recording:
         """Return the columns of `joints` in that order, matched by name; InputError lists a missing one."""
         missing = [name for name in joints if name not in self.names]
         if missing:
+            hint = ": is it of another robot? identify --robot names its file" if len(missing) == len(joints) else ""
             raise InputError(
-                f"{self.source}: joint {missing[0]!r} is missing; the recording has {', '.join(self.names)}"
+                f"{self.source}: joint {missing[0]!r} is missing; the recording has {', '.join(self.names)}{hint}"
             )
         pick = [self.names.index(name) for name in joints]
         dq = None if self.dq is None else self.dq[:, pick]

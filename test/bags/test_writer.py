@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import errno
 import os
 import signal
 import subprocess
@@ -317,6 +318,15 @@ def test_full_disk_leaves_no_half_recording(small_disk: Path, maker: SimpleNames
         with pytest.raises(InputError, match=rf"{small_disk}/{name}: can't be written"):
             write_recording(small_disk / name, recording, start_ns=1)
         assert list(small_disk.iterdir()) == []
+
+
+def test_a_disk_without_room_for_a_first_byte(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    def refuse(self: BagWriter) -> None:
+        raise OSError(errno.ENOSPC, os.strerror(errno.ENOSPC))
+
+    monkeypatch.setattr(BagWriter, "_next_file", refuse)
+    with pytest.raises(InputError, match="bag: can't be written .No space left"):
+        BagWriter(tmp_path / "bag", [STATES])
 
 
 def test_existing_bag(tmp_path: Path, maker: SimpleNamespace) -> None:

@@ -93,6 +93,21 @@ def test_simulate_check_info_montecarlo(run: Run, excitation: Path, tmp_path: Pa
     assert trial["holds"] is True
 
 
+def test_a_robot_without_noise_variances_is_said_to_be_simulated_without(
+    run: Run, excitation: Path, tmp_path: Path
+) -> None:
+    robots = Path(__file__).parents[2] / "config" / "robots"
+    text = (robots / "kuka_ir361.yaml").read_text().replace("torque_variance: 416, ", "")
+    (tmp_path / "mine.yaml").write_text(text.replace("urdf: ", f"urdf: {robots}/"))
+    words = (excitation, "--robot", tmp_path / "mine.yaml")
+    out = tmp_path / "bag"
+    (note,) = run("simulate", *words, "--periods", 1, "-o", out, "--json").json["notes"]
+    assert note.startswith("no torque noise on joint_2: ")
+    refused = run("montecarlo", *words, "--runs", 2)
+    assert refused.code == 2
+    assert "the torque noise of joint_2 is unknown" in refused.err
+
+
 def test_same_seed_same_recording(run: Run, excitation: Path, tmp_path: Path) -> None:
     for name in ("a.npz", "b.npz"):
         assert run("simulate", excitation, "--periods", 2, "--seed", 5, "-o", tmp_path / name).code == 0

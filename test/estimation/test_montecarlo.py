@@ -32,7 +32,12 @@ def test_a_wrong_truth_is_noticed(arm: Any, monkeypatch: pytest.MonkeyPatch) -> 
 
 
 @pytest.mark.parametrize(
-    ("variance", "runs", "words"), [([25.0, 0.0, 10.0], 10, "joint_2 is unknown or zero.*torque_variance"), ([25.0, np.nan, 10.0], 10, "noise of joint_2 is unknown"), ([25.0, 26.0, 10.0], 1, "at least 2")]
+    ("variance", "runs", "words"),
+    [
+        ([25.0, 0.0, 10.0], 10, "joint_2 is unknown or zero.*torque_variance"),
+        ([25.0, np.nan, 10.0], 10, "noise of joint_2 is unknown"),
+        ([25.0, 26.0, 10.0], 1, "at least 2"),
+    ],
 )
 def test_bad_input(arm: Any, variance: list[float], runs: int, words: str) -> None:
     with pytest.raises(InputError, match=words):

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Callable
+from dataclasses import replace
 from pathlib import Path
 
 import numpy as np
@@ -93,3 +94,12 @@ def test_every_problem_is_told_at_once(tmp_path: Path) -> None:
 def test_a_trajectory_of_another_robot_is_refused(tmp_path: Path, kuka: Robot) -> None:
     with pytest.raises(InputError, match="trajectory of another robot.*one, two.*joint_1.*--robot"):
         Excitation.read(written(tmp_path, TEXT)).check_robot(kuka)
+
+
+def test_a_robot_of_the_package_takes_no_motion_of_an_arm_that_is_not(
+    kuka: Robot, random_excitation: Callable[..., Excitation]
+) -> None:
+    excitation = random_excitation(0)
+    with pytest.raises(InputError, match="it is for 'my_arm'"):
+        replace(excitation, robot="my_arm").check_robot(kuka)
+    replace(excitation, robot="kuka_ir361_spring").check_robot(kuka)

@@ -1,0 +1,83 @@
+"""What hides in the noise of the positions is taken for no effect."""
+
+from __future__ import annotations
+
+from typing import Any
+
+import numpy as np
+import pytest
+
+from robot_ident.diagnosis.candidates import Folds, enumerate_candidates, score
+from robot_ident.diagnosis.diagnose import GAIN, OWN, diagnose
+from robot_ident.diagnosis.evidence import gather
+from robot_ident.diagnosis.hidden_path import gain_beside_hidden_path
+from robot_ident.diagnosis.scan import base_gram
+from robot_ident.errors import InputError
+from robot_ident.estimation.identify import estimate
+from robot_ident.model.structure import Structure
+from robot_ident.motion import Motion
+from robot_ident.recording import Recording, process
+from robot_ident.recording.measurement import Measurement
+from robot_ident.robot import Robot
+
+PERIODS = 16
+RIPPLE = "torque_ripple@joint_2:torque_ripple=8.9,order=206.47,phase=-3,second=0.15"
+
+
+def giving_way(measured: Measurement, robot: Robot, amount: float, rng: np.random.Generator) -> Measurement:
+    """Return a measurement of the motion of another, but the first drive gives way by `amount` [rad] to its friction.
+
+    Through four poles at 11 Hz; torque by the exact path, noise of the paper on both.
+    """
+    structure, motion = Structure.build(robot), measured.motion
+    w = 2j * np.pi * np.arange(motion.samples // 2 + 1)[:, None] * measured.base_frequency
+    lines = np.fft.rfft(motion.q, axis=0)
+    kink = np.fft.rfft(np.sign(motion.dq[:, 0])) / (1 + w[:, 0] / (2 * np.pi * 11.0)) ** 4
+    lines[:, 0] -= amount * kink
+    q, dq, ddq = (np.fft.irfft(lines * w**k, motion.samples, axis=0) for k in range(3))
+    torque = structure.torques(Motion(q, dq, ddq), structure.true_values()).total
+    q, torque = np.tile(q, (PERIODS, 1)), np.tile(torque, (PERIODS, 1))
+    q = q + rng.standard_normal(q.shape) * np.sqrt(robot.noise.position_variance)
+    torque = torque + rng.standard_normal(q.shape) * np.sqrt(robot.noise.torque_variance)
+    return process(Recording(robot.joints, np.arange(len(q)) * measured.dt, q, torque), robot)
+
+
+@pytest.fixture(scope="module")
+def reversing(bench: Any) -> list[Measurement]:
+    """Nothing hidden but a drive whose gear gives way."""
+    rng = np.random.default_rng(6)
+    return [giving_way(m, bench.robot, 3e-4, rng) for m in bench.measure(())]
+
+
+def test_kinks_of_the_path_gain_but_not_beside_what_they_may_make(bench: Any, reversing: list[Measurement]) -> None:
+    evidence = gather(reversing, bench.structure)
+    folds = Folds.of(base_gram(evidence))
+    scores = [score(candidate, evidence, folds) for candidate in enumerate_candidates(evidence)]
+    best = max(scores, key=lambda s: s.gain)
+    assert best.gain > GAIN
+    assert best.label.endswith("@joint_1")
+    assert gain_beside_hidden_path(best, evidence) < OWN * best.gain
+
+
+def test_a_drive_that_gives_way_lacks_nothing(bench: Any, reversing: list[Measurement]) -> None:
+    found = diagnose(reversing, bench.structure)
+    assert found.verdict == "adequate"
+    assert not found.missing
+
+
+def test_an_effect_keeps_what_the_hidden_path_cannot_make(bench: Any) -> None:
+    evidence = gather(bench.measure((RIPPLE,)), bench.structure)
+    folds = Folds.of(base_gram(evidence))
+    candidate = next(c for c in enumerate_candidates(evidence) if c.label == "torque_ripple@joint_2")
+    ripple = score(candidate, evidence, folds)
+    assert gain_beside_hidden_path(ripple, evidence) > 0.95 * ripple.gain
+
+
+def test_a_ripple_that_shakes_its_drive_is_no_delay_as_well(bench: Any) -> None:
+    assert [suspect.label for suspect in bench.diagnose((RIPPLE,)).missing] == ["torque_ripple@joint_2"]
+
+
+def test_drift_is_said_to_need_single_periods(bench: Any) -> None:
+    structure = Structure.build(bench.robot, ["temperature_drift@joint_1"])
+    with pytest.raises(InputError, match=r"temperature_drift@joint_1 can't be estimated.*--not-periodic"):
+        estimate(bench.measure((), noise=1.0, seed=11), structure)
