@@ -32,6 +32,8 @@ if TYPE_CHECKING:
 
 _DEFAULT_ROBOT = "kuka_ir361"
 
+_EXIT = 0.8  # s that writing, and ending the worker processes, take
+
 
 def add_arguments(parser: argparse.ArgumentParser) -> None:
     """Add the verb's options."""
@@ -104,7 +106,7 @@ def run(args: argparse.Namespace) -> int:
     model, robot = _model_and_robot(args)
     target = _target(args, model, robot)
     prior = prior_information(args.prior, target, model, bound=args.criterion == "crlb")
-    deadline = None if args.time_limit is None else process_start() + args.time_limit
+    deadline = None if args.time_limit is None else process_start() + args.time_limit - min(_EXIT, 0.1 * args.time_limit)
     if args.tell:
         from robot_ident.cli.design_tell import run_tell
 

@@ -5,6 +5,7 @@ from __future__ import annotations
 import numpy as np
 
 from robot_ident.diagnosis.evidence import Evidence
+from robot_ident.diagnosis.hidden_path import residual_beside_hidden_path
 from robot_ident.motion import Array, Mask
 
 FAST = 5.0  # Hz: slower than this no burst is
@@ -22,7 +23,7 @@ def burst_cause(evidence: Evidence, joint: int) -> int | None:
     n = evidence.structure.robot.n
     fast = excess = 0.0
     near, chance = np.zeros(n), np.zeros(n)
-    for trajectory, residual in zip(evidence.trajectories, evidence.residual, strict=True):
+    for trajectory, residual in zip(evidence.trajectories, residual_beside_hidden_path(evidence), strict=True):
         measured = trajectory.measured
         if measured.base_frequency is None or measured.decimate != 1:
             return None

@@ -231,7 +231,8 @@ def _conclude(
     trusted = [m for m in members if _trusted(m, share - needed, failing) or _stands_out(m, first, share)]
     if len(trusted) < len(members):
         last = _stage(extended(evidence, [m.effect for m in trusted])) if trusted else first
-    gaps = sorted({cause for joint, cause in rattling.items() if last.fits[joint].fails})
+    rattles = {j: burst_cause(last.evidence, j) for j in rattling if last.fits[j].fails}
+    gaps = sorted({cause for j, cause in rattles.items() if cause is not None and cause == rattling[j]})
     rest = [fit.excess for fit in last.fits]
     remaining = {name: float(np.sqrt(rest[j])) for j, name in enumerate(robot.joints)}
     verdict: Verdict = "adequate" if not failing else "missing" if trusted or gaps else "unexplained"
