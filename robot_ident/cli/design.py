@@ -106,7 +106,8 @@ def run(args: argparse.Namespace) -> int:
     model, robot = _model_and_robot(args)
     target = _target(args, model, robot)
     prior = prior_information(args.prior, target, model, bound=args.criterion == "crlb")
-    deadline = None if args.time_limit is None else process_start() + args.time_limit - min(_EXIT, 0.1 * args.time_limit)
+    limit = args.time_limit
+    deadline = None if limit is None else process_start() + limit - min(_EXIT, 0.1 * limit)
     if args.tell:
         from robot_ident.cli.design_tell import run_tell
 
