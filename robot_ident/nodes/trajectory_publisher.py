@@ -233,7 +233,7 @@ class TrajectoryPublisher(BaseNode):
 
     def _on_stall(self, stall: Stall) -> None:
         self._origin_ns = None
-        if stall.clock_jump:
+        if stall.clock_jump and self._player.moving:
             self._player.stop(str(stall), fault=True)
         else:
             self._player.halt(str(stall))
@@ -339,7 +339,8 @@ class TrajectoryPublisher(BaseNode):
             self._tell()
         if self._ending and time.monotonic() - self._ending > _LONGEST_STOP:
             self.end()
-        finished = player.phase in (Phase.HOLDING, Phase.HALTED)
+        given_up = player.phase is Phase.IDLE and bool(player.reason)
+        finished = given_up or player.phase in (Phase.HOLDING, Phase.HALTED)
         held = time.monotonic() - self._resting >= self.value("hold_time")
         if finished and held and self.value("exit_when_done"):
             if player.fault:

@@ -163,16 +163,22 @@ class Player:
                 self._phase = Phase.IDLE if self._hold is None else Phase.HOLDING
 
     def stop(self, reason: str, *, fault: bool = False) -> None:
-        """Ask for a smooth stop; nothing happens where nothing moves."""
+        """Ask for a smooth stop, or give up a start; nothing happens where nothing moves."""
         with self._lock:
+            if self._phase is Phase.PREPARING:
+                self.reason, self.fault = reason, fault
             self.cancel()
             if self._phase in (Phase.APPROACH, Phase.PLAYING) and self._stop_reason is None:
                 self._stop_reason = (reason, fault)
 
     def halt(self, reason: str) -> None:
-        """Command nothing any more: after so long without commands no path leads on from the last one."""
+        """Command nothing any more: after so long without commands no path leads on from the last one.
+
+        A start that has commanded nothing yet goes on.
+        """
         with self._lock:
-            self.cancel()
+            if self._hold is not None:
+                self.cancel()
             if self._phase in (*MOVING, Phase.HOLDING):
                 self.reason, self.fault = reason, True
                 self._plan, self._stop_reason, self._hold = (), None, None

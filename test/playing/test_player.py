@@ -188,12 +188,23 @@ def test_after_a_halt_nothing_is_commanded() -> None:
     assert robot.player.completed == 1 and not robot.player.fault
 
 
+def test_a_stall_while_nothing_has_been_commanded_is_harmless() -> None:
+    robot = Robot(player())
+    robot.run(30)
+    robot.player.start()
+    robot.player.halt("this process stood still")
+    assert robot.player.phase is Phase.PREPARING
+    robot.player.prepare()
+    robot.run(450)
+    assert robot.player.completed == 1 and not robot.player.fault
+
+
 def test_a_start_can_be_cancelled_and_a_plan_can_fail() -> None:
     robot = Robot(player())
     robot.run(30)
     robot.player.start()
     robot.player.stop("no")
-    assert robot.player.phase is Phase.IDLE
+    assert robot.player.phase is Phase.IDLE and robot.player.reason == "no"
 
     def no_way(q: Array) -> Quintic:
         raise ValueError("no way")
