@@ -45,7 +45,7 @@ def _lacking(found: Findings) -> str:
     if diagnosis.verdict == "missing":
         return _missing(diagnosis, last, found.robot)
     if diagnosis.verdict == "unexplained":
-        return _unexplained(diagnosis)
+        return _unexplained(diagnosis, found.robot)
     if diagnosis.verdict == "not_decidable":
         why = f": {diagnosis.notes[0]}" if diagnosis.notes else ""
         return f"these recordings can't tell whether the model lacks anything{why}"
@@ -88,12 +88,13 @@ def _predicted(missing: Sequence[Suspect], last: Step, robot: Robot) -> str:
     return f": adding {them} is predicted to take the residual of {joint} {fall(before[joint], predicted, unit)}"
 
 
-def _unexplained(diagnosis: Diagnosis) -> str:
+def _unexplained(diagnosis: Diagnosis, robot: Robot) -> str:
     if diagnosis.unexplained is None:
         return "none of the known effects accounts for the error"
     found = diagnosis.unexplained
     remains = diagnosis.remaining_rms.get(found.joint, 0.0)
+    unit = robot.torque_unit(robot.joint_index(found.joint))
     return (
-        f"none of the known effects accounts for the error of {found.joint}, {remains:.3g} rms beyond the noise; it"
-        f" sits at {found.where}"
+        f"none of the known effects accounts for the error of {found.joint}, {remains:.3g} {unit} rms beyond the noise;"
+        f" it sits at {found.where}"
     )

@@ -47,11 +47,11 @@ def _session() -> list[Any]:
             [
                 html.Ol(id="stages"),
                 html.Div(id="next", role="status"),
+                html.Div(id="job"),
                 html.Div(id="said", role="alert"),
             ],
             id="guide",
         ),
-        html.Div(id="job"),
         html.Div([html.Div(_left(), id="left"), html.Div(_right(), id="right")], id="bench", hidden=True),
     ]
 
@@ -78,7 +78,7 @@ def _left() -> list[Any]:
                 html.H2("Residual over velocity, position and load"),
                 html.Div(
                     [
-                        html.Label("third picture", htmlFor="over"),
+                        html.Label("third picture over", htmlFor="over"),
                         dcc.RadioItems(
                             id="over",
                             options=[

@@ -22,7 +22,7 @@ def save(desk: Desk, session: Session, what: str, name: str, *, force: bool) -> 
         desk.jobs(session).start(
             {"task": "report", "number": session.here, "path": str(path), "shown": shown, "force": force}
         )
-        return f"The report is being written to {shown}."
+        return f"Writing {shown}; the line under the next step says when it is there."
     text = script(session, session.here) if what == "commands" else session.model_file(session.here).read_text("utf-8")
     write_text(path, text, force=force)
     return f"Saved: {shown} (step {session.here})"

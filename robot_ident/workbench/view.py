@@ -109,6 +109,17 @@ class View:
             return max(range(len(joints)), key=lambda k: joints[k]["residual_mse"])
         return max(range(len(joints)), key=lambda k: joints[k]["lack_of_fit"]["statistic"] or 0.0)
 
+    @cached_property
+    def focus(self) -> int:
+        """The joint that is shown as long as nobody chose one: where an effect was just added, the one whose error fell
+        most, so that the fall is seen; else the worst.
+        """
+        parent = self.session.steps[self.number].parent
+        if parent is None:
+            return self.worst
+        before, after = View(self.session, parent).errors["training"], self.errors["training"]
+        return max(range(len(self.joints)), key=lambda k: before[self.joints[k]] - after[self.joints[k]])
+
     @property
     def failing(self) -> list[str]:
         """Joints that the model does not fit."""

@@ -65,11 +65,17 @@ def _compared(view: View) -> Next:
     of = view.comparison["joints"][view.worst]
     words = (
         f"{done}{worst} is the worst joint: {rms(of['residual_mse'])} {view.unit(view.worst)} rms is left over, where"
-        f" noise alone would leave {rms(of['noise_variance'])}. The pictures show where. Drag across one of them, or"
+        f" noise alone would leave {rms(of['noise_variance'])}. {_where_it_shows(view)} Drag across one of them, or"
         " click a sentence under “Where it fails”, to find the same moments in all. Next: let the computer name the"
         " cause."
     )
     return Next("watch" if done else "see", words, *ask)
+
+
+def _where_it_shows(view: View) -> str:
+    if view.focus == view.worst:
+        return "The pictures show where."
+    return f"Press {view.joints[view.worst]} under “Joints”, and the pictures show where."
 
 
 def _after_adding(view: View) -> str:
@@ -108,14 +114,30 @@ def _diagnosed(view: View, found: Mapping[str, Any]) -> Next:
     if found["verdict"] == "unexplained":
         rest = found["unexplained"]
         where = f" What is left of {rest['joint']}: {rest['where']}." if rest else ""
-        words = (
-            f"None of the known effects accounts for the error.{where} You may look at the nearest ones all the same."
-        )
+        near = _nearest(view, listed)
+        words = f"None of the known effects accounts for the error on motion it was not fitted to.{where}{near}"
         return Next("learn", words, *look)
     words = (
         "These recordings cannot tell what is missing: record another motion, or more periods. The nearest are listed."
     )
     return Next("learn", words, *look)
+
+
+def _nearest(view: View, listed: list[Mapping[str, Any]]) -> str:
+    """Return which candidate comes nearest, where none accounts for the error."""
+    if not listed:
+        return ""
+    one = listed[0]
+    kind = "validation" if one["validation_mse_after"] else "residual"
+    before, after = one[f"{kind}_mse_before"], one[f"{kind}_mse_after"]
+    name = _most(before, after)
+    on = " on validation" if kind == "validation" else ""
+    noise = view.errors["validation_noise" if kind == "validation" else "noise"]
+    floor = f" (noise {rms(noise[name])})" if noise and noise[name] is not None else ""
+    return (
+        f" {one['label']} comes nearest: {name}{on} from {_fall(view, name, before, after)}{floor}. Look at it, or"
+        " record a motion that passes there more often."
+    )
 
 
 def _with_candidate(view: View, chosen: Overlay) -> Next:

@@ -62,8 +62,7 @@ class Work:
         if model is None:
             tell(0.6, "identifying the model")
             model = estimate(training, Structure.build(robot))
-            files = [str(self._path(name)) for name in self.session.choice.recordings]
-            model = replace(model, provenance=provenance(files, {"topic": self.session.choice.topic}))
+            model = replace(model, provenance=self._provenance())
         rows = [_rows(measured, model) for measured in (*training, *validation)]
         write_arrays(self.session.folder / "rows.npz", rows_to_arrays(rows))
         about = {"recordings": [_about(m, k >= len(training)) for k, m in enumerate((*training, *validation))]}
@@ -113,6 +112,13 @@ class Work:
         title, subtitle = report_title(found)
         write_page(path, title, report_sections(found), subtitle=subtitle, force=force)
         self.said = f"The report is written: {shown}"
+
+    def _provenance(self) -> dict[str, Any]:
+        """Return where the first model comes from; recordings by the names they were given, as `identify` has them."""
+        choice = self.session.choice
+        made = provenance([str(self._path(name)) for name in choice.recordings], {"topic": choice.topic})
+        named = zip(made["recordings"], choice.recordings, strict=True)
+        return {**made, "recordings": [{**one, "path": name} for one, name in named]}
 
     def _inputs(self, tell: Tell, number: int) -> tuple[list[Measurement], list[Measurement], Model]:
         model = read_model(self.session.model_file(number))

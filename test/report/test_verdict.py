@@ -49,7 +49,7 @@ def test_ties_and_remainders_are_said(findings: Findings) -> None:
 @pytest.mark.parametrize(
     ("kind", "words"),
     [
-        ("unexplained", "None of the known effects accounts for the error of joint_1, 2 rms beyond the noise"),
+        ("unexplained", "None of the known effects accounts for the error of joint_1, 2 Nm rms beyond the noise"),
         ("not_decidable", "These recordings can't tell whether the model lacks anything: too short."),
     ],
 )

@@ -57,7 +57,7 @@ def register(app: Dash, desk: Desk) -> None:
         value, cause = ctx.triggered[0]["value"], ctx.triggered_id
         if view is None or not value or cause is None:
             raise PreventUpdate
-        place = view.worst if joint is None else joint
+        place = view.focus if joint is None else joint
         if isinstance(cause, dict):
             return _clicked(view, place, cause, before)
         span = _span(value)

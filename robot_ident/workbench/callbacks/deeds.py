@@ -12,6 +12,7 @@ from dash.exceptions import PreventUpdate
 from robot_ident.errors import InputError
 from robot_ident.workbench.callbacks.navigation import BUSY, stand_of
 from robot_ident.workbench.desk import Desk
+from robot_ident.workbench.panels import guide
 from robot_ident.workbench.save import save
 from robot_ident.workbench.session import Session
 from robot_ident.workbench.view import CANDIDATE
@@ -37,6 +38,7 @@ def register(app: Dash, desk: Desk) -> None:
         Output("overlays", "data", allow_duplicate=True),
         Output("said", "children"),
         Output("saved", "children"),
+        Output("job", "children", allow_duplicate=True),
         Input({"do": ALL, "label": ALL, "at": ALL}, "n_clicks"),
         State("stand", "data"),
         State("overlays", "data"),
@@ -62,8 +64,9 @@ def register(app: Dash, desk: Desk) -> None:
             DEEDS[cause["do"]](desk, session, page)
         except InputError as error:
             page.said = str(error)
-        running = desk.jobs(session).look().running
-        return stand_of(desk, session), BUSY if running else no_update, page.overlays, page.said, page.saved
+        job = desk.jobs(session).look()
+        interval = BUSY if job.running else no_update
+        return stand_of(desk, session), interval, page.overlays, page.said, page.saved, guide.job(job)
 
 
 def _open(desk: Desk, session: Session, page: Page) -> None:

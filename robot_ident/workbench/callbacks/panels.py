@@ -71,7 +71,7 @@ def register(app: Dash, desk: Desk) -> None:
         view = looked_at(desk, stand)
         if view is None:
             raise PreventUpdate
-        place = view.worst if joint is None else joint
+        place = view.focus if joint is None else joint
         lines = "\n".join(command_lines(view.session, view.number))
         return joints.joint_cards(view, place), where.where(view, place), lines
 
@@ -98,7 +98,7 @@ def register(app: Dash, desk: Desk) -> None:
         view = looked_at(desk, stand)
         if view is None:
             raise PreventUpdate
-        place = view.worst if joint is None else joint
+        place = view.focus if joint is None else joint
         conditions = [Condition.of(one) for one in data]
         if not conditions:
             return where.brushed(view, place, [], None)

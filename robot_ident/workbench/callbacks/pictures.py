@@ -29,7 +29,7 @@ def register(app: Dash, desk: Desk) -> None:
         view = looked_at(desk, stand)
         if view is None or shade is None:
             raise PreventUpdate
-        return view, view.worst if joint is None else joint
+        return view, view.focus if joint is None else joint
 
     @app.callback(Output("time", "figure"), *_CHANGES, Input("recording", "data"), Input("brush", "data"), _STAND)
     def time(

@@ -65,12 +65,18 @@ def _candidate(view: View, one: Mapping[str, Any], overlays: Sequence[str]) -> h
 
 def _details(one: Mapping[str, Any]) -> list[Any]:
     out: list[Any] = [html.P(f"{one['meaning']}: {one['equation']}")]
-    out += [html.Div(f"{p['name']} = {p['value']:.4g} ± {p['std']:.2g} {p['unit']}") for p in one["parameters"]]
+    out += [html.Div(_parameter(p)) for p in one["parameters"]]
     if one["tied_with"]:
         out.append(html.P(f"These recordings cannot tell it from {', '.join(one['tied_with'])}."))
         if one["experiment"]:
             out.append(html.P(f"What would tell: {one['experiment']}"))
     return out
+
+
+def _parameter(one: Mapping[str, Any]) -> str:
+    """Return a value with its uncertainty; one of a grid, a side or a number of teeth, has none."""
+    spread = f" ± {one['std']:.2g}" if one["std"] else ""
+    return f"{one['name']} = {one['value']:.4g}{spread} {one['unit']}"
 
 
 def _any(view: View, overlays: Sequence[str], running: bool) -> list[Any]:

@@ -11,6 +11,7 @@ from robot_ident.workbench.symbols import in_words
 from robot_ident.workbench.view import View
 
 _BARS = 7
+_LEAST = 0.005  # less is printed as 0 %
 
 
 def where(view: View, joint: int) -> list[Any]:
@@ -30,16 +31,23 @@ def where(view: View, joint: int) -> list[Any]:
         html.Button(words, id={"region": k}, className="sentence", title="find these moments in all pictures")
         for k, words in enumerate(found["worst_in_words"])
     ]
-    ranked = sorted(found["explained_by"].items(), key=lambda item: -item[1])[:_BARS]
+    ranked = sorted(((name, share) for name, share in found["explained_by"].items() if share >= _LEAST), key=_share)
     beyond = (
         f"{found['name']}: {found['excess_rms']:.3g} {view.unit(joint)} rms beyond the noise. Most of it is packed in:"
     )
     explains: list[Any] = [html.P("A curve over each of these explains, on motion it has not seen:")]
-    explains.append(bars([(name.replace("_", " "), share) for name, share in ranked]))
+    if ranked:
+        explains.append(bars([(name.replace("_", " "), share) for name, share in ranked[:_BARS]]))
+    else:
+        explains = [html.P("No single variable explains it on motion that the curve was not fitted to.")]
     if found["time_symmetry"]:
         odd, even = (100 * found["time_symmetry"][key] for key in ("odd", "even"))
         explains.append(html.P(f"Under time reversal: {odd:.0f} % odd (friction), {even:.0f} % even (forces, inertia)"))
     return [*notes, html.Div([html.Div([html.P(beyond), *sentences]), html.Div(explains)], className="halves")]
+
+
+def _share(item: tuple[str, float]) -> float:
+    return -item[1]
 
 
 def bars(rows: list[tuple[str, float]]) -> html.Table:

@@ -21,6 +21,7 @@ def ink(shade: Shade) -> str:
 def dressed(figure: Any, shade: Shade, revision: str, **layout: Any) -> Any:
     """Give a figure the page's look; revision: as long as it stays, a reader's zoom is kept."""
     themed(figure, height=300, uirevision=revision, selectdirection="h", **layout)
+    figure.update_layout(legend_itemsizing="constant")  # points as small as those of a cloud could not be seen there
     figure.layout.height = None  # as high as its place on the page
     figure.update_layout(newselection={"line": {"color": BRUSH, "width": 1}})
     axes = [name for name in figure.layout if name.startswith(("xaxis", "yaxis"))]

@@ -19,6 +19,7 @@ from robot_ident.workbench.view import Overlay, View
 
 MOST = 900  # points of a picture, all recordings together
 _BINS = 24
+_FAINT: dict[Shade, float] = {"light": 0.25, "dark": 0.6}  # opacity: blue points vanish in the dark sooner
 _SIDES = ((1, "forward", "solid", "triangle-right"), (-1, "backward", "dot", "triangle-left"))
 
 
@@ -71,7 +72,7 @@ def scatter(
     later = [[one.residual[k][:, joint] for k in view.training] for one in overlays]
     for column, name in enumerate(variables, 1):
         x = shown.along(name)
-        _cloud(figure, column, x, shown.residual, shown.drawn, MODEL, "residual", 0.25, 3.0)
+        _cloud(figure, column, x, shown.residual, shown.drawn, MODEL, "residual", _FAINT[shade], 3.0)
         if inside is not None:
             chosen = [d & inside[k] for d, k in zip(shown.drawn, view.training, strict=True)]
             _cloud(figure, column, x, shown.residual, chosen, BRUSH, "brushed", 0.9, 4.5)

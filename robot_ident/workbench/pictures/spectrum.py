@@ -47,13 +47,18 @@ def spectrum(view: View, joint: int, recording: int, overlays: Sequence[Overlay]
     variance = about["noise_variance"][joint]
     if variance is not None:
         # E |A|^2 = 4 s^2 / N of the amplitude of a line of white noise
-        figure.add_hline(
-            float(np.sqrt(4.0 * variance / samples)),
-            line_color=ink(shade),
-            line_dash="dot",
-            line_width=1,
-            annotation_text="noise",
-        )
+        level = float(np.sqrt(4.0 * variance / samples))
+        # plotly takes the height of a note on a logarithmic axis as an exponent, that of a line as a value
+        note = {
+            "text": "noise",
+            "showarrow": False,
+            "x": 1.0,
+            "xref": "x domain",
+            "y": np.log10(level),
+            "yanchor": "bottom",
+        }
+        figure.add_hline(level, line_color=ink(shade), line_dash="dot", line_width=1)
+        figure.add_annotation(**note)
     figure.update_yaxes(type="log", title_text=f"amplitude, {unit}")
     figure.update_xaxes(title_text="frequency, Hz")
     return dressed(figure, shade, f"{view.session.name}-{joint}-{recording}", dragmode="zoom")

@@ -31,6 +31,9 @@ _KINDS = (
 )
 
 
+_HEADROOM = 1.25  # of the highest error: its figure stands above it, below the legend
+
+
 def staircase(view: View, joint: int, overlays: Sequence[Overlay], shade: Shade) -> Any:
     """Return the root mean squares along the path of steps, and what candidates would make of them (hollow)."""
     import plotly.graph_objects as go
@@ -58,8 +61,10 @@ def staircase(view: View, joint: int, overlays: Sequence[Overlay], shade: Shade)
                 x=ends, y=[level, level], mode="lines", line=style, name="noise", hovertemplate="%{y:.4g}"
             )
             figure.add_trace(trace.update(showlegend=not kind.above))
+    drawn = [one for trace in figure.data for one in trace.y]
+    highest = max((one for one in drawn if np.isfinite(one)), default=1.0)
     figure.update_xaxes(tickvals=list(range(len(ticks))), ticktext=ticks, range=[-0.4, len(ticks) - 0.6], tickangle=0)
-    figure.update_yaxes(title_text=f"{plain(name)}, {unit} rms", rangemode="tozero")
+    figure.update_yaxes(title_text=f"{plain(name)}, {unit} rms", range=[0.0, _HEADROOM * highest])
     return dressed(figure, shade, f"{view.session.name}-{view.number}-{joint}-{len(ahead)}", dragmode=False)
 
 
@@ -75,7 +80,7 @@ def _trace(kind: _Kind, x: list[int], y: list[float], name: str, *, hollow: bool
         line={"color": kind.colour, "width": 2, "shape": "hv"},
         marker={"size": 9, "symbol": symbol, "color": kind.colour, "line": {"width": 2, "color": kind.colour}},
         text=[f"{value:.3g}" for value in y],
-        textposition="top center" if kind.above else "bottom center",
+        textposition="top center" if kind.above else "middle right",
         cliponaxis=False,
         showlegend=not hollow,
         hovertemplate="%{y:.4g}",
@@ -84,7 +89,7 @@ def _trace(kind: _Kind, x: list[int], y: list[float], name: str, *, hollow: bool
 
 def _words(view: View, number: int) -> str:
     added = view.session.steps[number].added
-    return _broken(f"+ {added}") if added else f"step {number}"
+    return _broken(f"+ {added}") if added else f"step {number}:<br>to begin with"
 
 
 def _broken(text: str) -> str:
