@@ -14,17 +14,5 @@ _HEAD = ("limit", "joint, rule or links", "reached", "allowed", "margin", "unit"
 
 def margin_table(margins: Margins) -> str:
     """Return the tightest point of every limit, and below what was not looked at."""
-    rows = [
-        (
-            m.quantity.replace("_", "-"),
-            m.where,
-            f"{m.value:.5g}",
-            f"{m.limit:.5g}",
-            f"{m.margin:.3g}",
-            m.unit,
-            f"{m.time:.3f}",
-            "proof" if m.proven else "samples",
-        )
-        for m in margins.items
-    ]
+    rows = [item.cells for item in margins.items]
     return "\n".join([table(_HEAD, rows), *(f"not checked: {text}" for text in margins.unknown), *margins.notes])

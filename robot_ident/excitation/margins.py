@@ -31,6 +31,20 @@ class Margin:
         """Whether the limit is kept, strictly."""
         return self.margin > 0.0
 
+    @property
+    def cells(self) -> tuple[str, ...]:
+        """What tables show: limit, joint or rule, reached, allowed, margin, unit, time [s], proof or samples."""
+        return (
+            self.quantity.replace("_", "-"),
+            self.where,
+            f"{self.value:.5g}",
+            f"{self.limit:.5g}",
+            f"{self.margin:.3g}",
+            self.unit,
+            f"{self.time:.3f}",
+            "proof" if self.proven else "samples",
+        )
+
     def __str__(self) -> str:
         """Return the margin in words."""
         state, distance = "keeps" if self.kept else "breaks", f"{abs(self.margin):.3g} {self.unit}"

@@ -10,7 +10,8 @@ import numpy as np
 
 from robot_ident.diagnosis.beside import Beside
 from robot_ident.figures.binned import Binned, binned
-from robot_ident.figures.models import NOISE, model_colour, plain
+from robot_ident.figures.models import model_colour, plain
+from robot_ident.figures.noise_band import noise_band
 from robot_ident.figures.theme import themed
 from robot_ident.motion import Array
 from robot_ident.robot.robot import Robot
@@ -118,25 +119,12 @@ def _line(curve: Binned, model: str, side: int, colour: str, shown: bool, unit: 
 
 
 def _band(curve: Binned, *, shown: bool) -> Scatter | None:
-    from plotly.graph_objects import Scatter
-
     if not len(curve.middle) or not np.all(np.isfinite(curve.spread)):
         return None
     label = f"noise of a bin's mean, ± {_SURE:g} sigma"
     wide = _SURE * float(np.median(curve.spread))
     start, end = float(curve.middle[0]), float(curve.middle[-1])
-    return Scatter(
-        x=[start, end, end, start],
-        y=[-wide, -wide, wide, wide],
-        fill="toself",
-        fillcolor=NOISE,
-        line={"width": 0},
-        mode="lines",
-        name=label,
-        legendgroup=label,
-        showlegend=shown,
-        hoverinfo="skip",
-    )
+    return noise_band(start, end, wide, label, shown=shown)
 
 
 def residual_over_text(besides: Mapping[str, Sequence[Beside]]) -> str:

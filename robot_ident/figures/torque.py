@@ -9,7 +9,8 @@ import numpy as np
 
 from robot_ident.diagnosis.beside import Beside
 from robot_ident.figures.extremes import extremes
-from robot_ident.figures.models import MEASURED, NOISE, model_colour, plain
+from robot_ident.figures.models import MEASURED, model_colour, plain
+from robot_ident.figures.noise_band import noise_band
 from robot_ident.figures.theme import themed
 from robot_ident.motion import Array
 
@@ -85,22 +86,9 @@ def _curve(label: str, t: Array, y: Array, colour: str, unit: str, joint: int) -
 
 
 def _band(found: Beside, joint: int) -> Scatter:
-    from plotly.graph_objects import Scatter
-
     wide, label = BAND * float(found.sigma[joint]), f"noise, ± {BAND:g} sigma"
     start, end = float(found.t[0]), float(found.t[-1])
-    return Scatter(
-        x=[start, end, end, start],
-        y=[-wide, -wide, wide, wide],
-        fill="toself",
-        fillcolor=NOISE,
-        line={"width": 0},
-        mode="lines",
-        name=label,
-        legendgroup=label,
-        showlegend=joint == 0,
-        hoverinfo="skip",
-    )
+    return noise_band(start, end, wide, label, shown=joint == 0)
 
 
 def torque_text(besides: Mapping[str, Beside]) -> str:

@@ -148,7 +148,7 @@ class Player:
             raise RuntimeError("the robot's state must be known before an approach is planned")
         try:
             approach = self._plan_approach(origin)
-        except Exception:
+        except Exception:  # whatever went wrong, the start is given up before it passes on
             self.cancel()
             raise
         with self._lock:

@@ -24,18 +24,6 @@ class LimitMargins(Section):
 
     def context(self) -> Mapping[str, Any]:
         """Return the table."""
-        rows = [
-            (
-                item.quantity.replace("_", " "),
-                item.where,
-                f"{item.value:.5g}",
-                f"{item.limit:.5g}",
-                f"{item.margin:.2e}",
-                item.unit,
-                f"{item.time:.3f}",
-                "proof" if item.proven else "samples",
-            )
-            for item in self.margins.items
-        ]
+        rows = [item.cells for item in self.margins.items]
         table = Table(_HEADER, rows, numeric=(2, 3, 4, 6))
         return {"margins": table, "several": self.several, "unknown": self.margins.unknown}
