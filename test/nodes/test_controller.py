@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import signal
-import time
+from collections import deque
 from collections.abc import Callable
 from pathlib import Path
 from typing import Any
@@ -59,14 +59,22 @@ def test_a_rehearsal_and_a_motion_through_a_controller(driven: Callable[..., Any
     assert np.abs(dq).max() > 0.1 and np.abs(dq[-1]).max() < AT_REST
 
 
-def test_a_killed_publisher_leaves_a_robot_that_rests(driven: Callable[..., Any], tmp_path: Path) -> None:
+def test_a_killed_publisher_leaves_a_robot_that_rests(
+    driven: Callable[..., Any], client: Any, until: Callable[..., Any], tmp_path: Path
+) -> None:
+    from sensor_msgs.msg import JointState
+
     recorder, robot, publisher = driven(periods=50)
+    seen: deque[float] = deque(maxlen=75)  # half a second of the robot's states
+    client.create_subscription(
+        JointState, "joint_states", lambda it: seen.append(float(np.abs(it.velocity).max())), 100
+    )
     publisher.says("playing")
+    assert until(lambda: max(seen, default=0.0) > 0.05)
     publisher.end(signal.SIGKILL)
-    bag = tmp_path / "bag"
-    time.sleep(3.0)  # of real time: patience of the clock with a silent stream, then a second of simulated time
+    assert until(lambda: len(seen) == 75 and max(seen) < AT_REST), max(seen)
     assert recorder.end()[0] == 0 and robot.end()[0] == 0
-    dq = smooth_states(bag)
+    dq = smooth_states(tmp_path / "bag")
     assert np.abs(dq).max() > 0.05 and np.abs(dq[-1]).max() < AT_REST
 
 
