@@ -30,7 +30,8 @@ setup(
     maintainer_email="maintainers@robot-ident.org",
     python_requires=">=3.10",
     packages=find_packages(include=[NAME, f"{NAME}.*"]),
-    include_package_data=True,
+    include_package_data=False,
+    package_data={NAME: ["py.typed"], f"{NAME}.report": ["templates/*"], f"{NAME}.workbench": ["assets/*"]},
     data_files=[
         ("share/ament_index/resource_index/packages", [f"resource/{NAME}"]),
         (f"share/{NAME}", ["package.xml"]),
@@ -65,6 +66,7 @@ setup(
             "build>=1.2",
             "distributed>=2024.1",
             "example-robot-data>=4.1",
+            "hypothesis>=6.100",
             "mypy>=1.11",
             "playwright>=1.45",
             "pytest-xdist>=3.6",
@@ -76,11 +78,11 @@ setup(
     entry_points={
         "console_scripts": [
             "robot_ident = robot_ident.cli.main:main",
-            "robot_ident_trajectory_publisher = robot_ident.nodes.trajectory_publisher:main",
-            "robot_ident_simulated_kuka = robot_ident.nodes.simulated_kuka:main",
-            "robot_ident_simulated_clock = robot_ident.nodes.simulated_clock:main",
-            "robot_ident_recorder = robot_ident.nodes.recorder:main",
-            "robot_ident_estimator = robot_ident.nodes.estimator:main",
+            "robot_ident_trajectory_publisher = robot_ident.nodes.start:trajectory_publisher",
+            "robot_ident_simulated_kuka = robot_ident.nodes.start:simulated_kuka",
+            "robot_ident_simulated_clock = robot_ident.nodes.start:simulated_clock",
+            "robot_ident_recorder = robot_ident.nodes.start:recorder",
+            "robot_ident_estimator = robot_ident.nodes.start:estimator",
         ]
     },
 )

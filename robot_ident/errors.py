@@ -5,11 +5,25 @@ from __future__ import annotations
 import difflib
 from collections.abc import Iterable
 
+LONGEST = 2000  # characters of an error
+_WORDS = 1000  # that are compared with a misspelt one
+_LISTED = 300  # characters of a list of known words
+
+
+def one_line(text: object, longest: int = LONGEST) -> str:
+    """Return a text, parts of which may come from a damaged file, as one line that a terminal shows as it is."""
+    words = " ".join("".join(c if c.isprintable() else " " for c in str(text)[: 4 * longest]).split())
+    return words if len(words) <= longest else f"{words[: longest - 4]} ..."
+
 
 class RobotIdentError(Exception):
     """Base of every error that robot_ident raises on purpose; its text is one line for the user."""
 
     exit_code = 2
+
+    def __init__(self, text: object = "") -> None:
+        """Make the text one line, whatever is quoted in it."""
+        super().__init__(one_line(text))
 
 
 class InputError(RobotIdentError):
@@ -25,7 +39,7 @@ class CheckFailed(RobotIdentError):
 def did_you_mean(value: str, known: Iterable[str]) -> str:
     """Return `; did you mean 'x'?` for the nearest known word, or the list of what is known."""
     words = sorted(known)
-    near = difflib.get_close_matches(value, words, n=1)
+    near = difflib.get_close_matches(value[:100], [word for word in words[:_WORDS] if len(word) <= 100], n=1)
     if near:
         return f"; did you mean {near[0]!r}?"
-    return f"; known: {', '.join(words)}" if words else ""
+    return f"; known: {one_line(', '.join(words), _LISTED)}" if words else ""

@@ -28,7 +28,9 @@ class Motion:
     """Position, velocity and acceleration of n joints at N instants.
 
     q [N, n] rad (m on a prismatic joint), dq [N, n] rad/s, ddq [N, n] rad/s^2. dt [s]: time between the instants,
-    None where they don't follow each other evenly. periodic: whether the first instant follows the last.
+    None where they don't follow each other evenly. periodic: whether the first instant follows the last. began [s]:
+    when after the first sample of their recording the periods began whose mean it is, empty where that is not known.
+    gravity [3]: m/s^2 in the base's frame, None: as the robot usually stands.
     """
 
     q: Array
@@ -36,6 +38,8 @@ class Motion:
     ddq: Array
     dt: float | None = None
     periodic: bool = False
+    began: tuple[float, ...] = ()
+    gravity: tuple[float, float, float] | None = None
 
     def __post_init__(self) -> None:
         """Freeze the three arrays and check that they agree."""
@@ -58,4 +62,4 @@ class Motion:
         """Return the motion at some of its instants (a slice, mask or index array), which no longer follow each
         other.
         """
-        return Motion(self.q[rows], self.dq[rows], self.ddq[rows])
+        return Motion(self.q[rows], self.dq[rows], self.ddq[rows], gravity=self.gravity)

@@ -21,7 +21,7 @@ import robot_ident
 
 NODES = ("trajectory_publisher", "simulated_kuka", "recorder", "estimator", "simulated_clock")
 PROGRAMS = {"robot_ident": "robot_ident.cli.main:main"} | {
-    f"robot_ident_{node}": f"robot_ident.nodes.{node}:main" for node in NODES
+    f"robot_ident_{node}": f"robot_ident.nodes.start:{node}" for node in NODES
 }
 
 
@@ -150,6 +150,16 @@ def test_launcher_without_its_program_says_so(tmp_path: Path) -> None:
     done = subprocess.run([copy], capture_output=True, text=True)
     assert done.returncode == 1
     assert "robot_ident_recorder was not found" in done.stderr
+
+
+@pytest.mark.parametrize("node", NODES)
+def test_a_node_without_ros_says_so_in_one_line(node: str) -> None:
+    hide = "import sys; sys.modules['rclpy'] = None"
+    program = f"{hide}; from robot_ident.nodes.start import {node}; sys.exit({node}())"
+    done = subprocess.run([sys.executable, "-c", program], capture_output=True, text=True, timeout=60)
+    assert done.returncode == 2
+    (line,) = done.stderr.splitlines()
+    assert line.startswith(f"robot_ident_{node}: ROS 2 is not there") and "robot_ident[ros]" in line
 
 
 def test_launchers_are_one_text(checkout: Path) -> None:

@@ -34,12 +34,17 @@ class Samples:
         return Samples(self.stamp[rows], self.q[rows], self.tau[rows], None if self.dq is None else self.dq[rows])
 
 
-def in_order(samples: Samples) -> tuple[Samples, list[str]]:
-    """Sort by stamp, drop what came twice, spread what came in bursts; say each in notes."""
+def in_order(samples: Samples, place: str) -> tuple[Samples, list[str]]:
+    """Sort by stamp, drop what came twice, spread what came in bursts; say each in notes.
+
+    InputError that names `place` where all stamps are the same.
+    """
     notes: list[str] = []
     stamp = samples.stamp
     if len(stamp) < 2:
         return samples, notes
+    if np.all(stamp == stamp[0]):
+        raise InputError(f"{place}: all of its {len(stamp)} samples have the same time")
     if not np.all(np.diff(stamp) > 0):
         late = int(np.sum(stamp[1:] < np.maximum.accumulate(stamp)[:-1]))
         if late:
@@ -50,6 +55,10 @@ def in_order(samples: Samples) -> tuple[Samples, list[str]]:
     if follows.any():
         notes.append(f"{int(follows.sum())} samples came in bursts; they are spread over the time since the last one")
         return _spread(samples, follows), notes
+    follows = _held_up(samples.stamp)
+    if follows.any():
+        notes.append(f"{int(follows.sum())} samples came late, with the stamp of another; they are spread over the gap")
+        samples = _spread(samples, follows)
     again = np.concatenate([[False], np.diff(samples.stamp) == 0])
     if again.any():
         unlike = int(again.sum())
@@ -83,6 +92,20 @@ def _bursts(stamp: NDArray[np.int64] | Array) -> NDArray[np.bool_]:
         return none
     edges = np.flatnonzero(~follows)
     return follows if np.diff(edges, append=len(stamp)).max() <= _LONGEST else none
+
+
+def _held_up(stamp: NDArray[np.int64] | Array) -> NDArray[np.bool_]:
+    """Return which samples [N] share the stamp of the one before because both were held up: a gap before them has room
+    for all that share it. Where there is none, the sample came twice.
+    """
+    follows = np.concatenate([[False], np.diff(stamp) == 0])
+    if len(stamp) < 20 or not follows.any():
+        return np.zeros(len(stamp), dtype=bool)
+    group = np.cumsum(~follows) - 1
+    size = np.bincount(group)
+    gap = np.diff(stamp[~follows], prepend=stamp[0])
+    room = np.rint(gap / np.median(gap[1:])) >= size
+    return follows & room[group]
 
 
 def _spread(samples: Samples, follows: NDArray[np.bool_]) -> Samples:
@@ -128,7 +151,7 @@ def assemble(
     notes = [*losses, *_left_out(pieces, used, names)]
     samples, join_notes = _join(used)
     names, samples, silent_notes = _without_silent(names, samples, joints, place)
-    samples, order_notes = in_order(samples)
+    samples, order_notes = in_order(samples, place)
     start = int(samples.stamp[0])
     t = (samples.stamp - start) / 1e9
     notes += join_notes + silent_notes + order_notes

@@ -2,13 +2,20 @@
 
 from __future__ import annotations
 
-import shutil
 from contextlib import suppress
 from pathlib import Path
 
 LARGEST_CHUNK = 1 << 28  # bytes; real chunks have about one megabyte, a larger claim is damage
+_RATIO = 250  # a robot at rest, whose stamps alone change, compresses to a thirtieth
+_FLOOR = 1 << 26  # bytes that a small file may unfold to whatever its ratio
+_FLOOR_OF_MESSAGE = 1 << 14
 ZSTD_MAGIC = b"\x28\xb5\x2f\xfd"
 _PIECE = 1 << 20
+
+
+def most(stored: int) -> int:
+    """Return to how many bytes a file of `stored` bytes may unfold; no recording does to more."""
+    return _FLOOR + _RATIO * stored
 
 
 def _zstd(data: bytes, size: int) -> bytes:
@@ -59,17 +66,21 @@ def message(data: bytes) -> bytes:
         size = zstandard.frame_content_size(data)
     except zstandard.ZstdError:
         return b""
-    return _zstd(data, size) if 0 <= size <= LARGEST_CHUNK else b""
+    return _zstd(data, size) if 0 <= size <= min(LARGEST_CHUNK, _FLOOR_OF_MESSAGE + _RATIO * len(data)) else b""
 
 
 def unpack_file(path: Path, to: Path) -> str:
-    """Write the content of the .zstd file `path` to `to`; return a note when it breaks off."""
+    """Write the content of the .zstd file `path` to `to`; return a note when it breaks off or unfolds to too much."""
     import zstandard
 
+    left = limit = most(path.stat().st_size)
     with path.open("rb") as source, to.open("wb") as sink:
         reader = zstandard.ZstdDecompressor().stream_reader(source, read_across_frames=True)
         try:
-            shutil.copyfileobj(reader, sink, _PIECE)
+            while piece := reader.read(min(_PIECE, left)):
+                left -= sink.write(piece)
+            if not left and reader.read(1):
+                return f"{path.name}: unfolds to more than any recording does; its first {limit} bytes are used"
         except zstandard.ZstdError as error:
             return f"{path.name}: its compression breaks off ({error}); what came before is used"
     return ""

@@ -6,7 +6,7 @@ from dataclasses import dataclass
 from pathlib import Path
 
 from robot_ident.bags.forms import TABLES, form_of, open_storage
-from robot_ident.bags.topics import is_joint_state, peek
+from robot_ident.bags.topics import MOST_PEEKED, joint_states, peek
 
 
 @dataclass(frozen=True)
@@ -49,7 +49,8 @@ def describe(path: Path | str) -> BagInfo:
         return BagInfo(str(path), f"table ({form})", (table,), False, recording.notes)
     storage = open_storage(path)
     topics = []
+    looked_at = set(joint_states(storage)[:MOST_PEEKED])
     for index, (topic, count) in enumerate(zip(storage.topics, storage.counts, strict=True)):
-        joints, efforts = peek(storage, index) if count and is_joint_state(storage, index) else ((), False)
+        joints, efforts = peek(storage, index) if index in looked_at else ((), False)
         topics.append(TopicInfo(topic.name, topic.type, count, joints, efforts))
     return BagInfo(str(path), storage.form, tuple(topics), storage.truncated, storage.notes)

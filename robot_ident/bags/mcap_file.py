@@ -13,9 +13,9 @@ from pathlib import Path
 import numpy as np
 
 from robot_ident.bags import mcap_records as records
-from robot_ident.bags.compression import DECOMPRESSORS, LARGEST_CHUNK
+from robot_ident.bags.compression import DECOMPRESSORS, LARGEST_CHUNK, most
 from robot_ident.bags.mcap_records import Damaged, Fields, Scan, message_heads, scan
-from robot_ident.bags.storage import Batch, Bytes, Topic
+from robot_ident.bags.storage import Batch, Bytes, Topic, one_line
 from robot_ident.errors import InputError
 
 _BATCH = 1 << 14  # messages; small enough that a batch stays in the cache while it is decoded
@@ -56,8 +56,11 @@ class McapFile:
         self._scan = scan(self._data, 8, len(self._data))
         self._schemas: dict[int, tuple[str, str, str]] = {0: ("", "", "")}
         self._topics: list[Topic] = []
+        self._places: dict[tuple[str, str, str], int] = {}
         self._index = np.full(1 << 16, -1, dtype=np.int64)  # channel -> topic
         self._chunk_notes: dict[int, str] = {}
+        self._claimed: dict[int, int] = {}  # by start of a chunk: bytes that it and those before unfold to
+        self._claims = 0
         self._unknown_channels = 0
         self._statistics: dict[int, int] | None = None
         self._chunks = self._read_outer_records()
@@ -116,11 +119,10 @@ class McapFile:
             metadata.get("offered_qos_profiles", ""),
             metadata.get("topic_type_hash", ""),
         )
-        known = [other.key for other in self._topics]
-        if topic.key not in known:
-            known.append(topic.key)
+        place = self._places.setdefault(topic.key, len(self._places))
+        if place == len(self._topics):
             self._topics.append(topic)
-        self._index[number] = known.index(topic.key)
+        self._index[number] = place
 
     @cached_property
     def _summarised(self) -> bool:
@@ -194,11 +196,12 @@ class McapFile:
                 start = found.start[first : first + _BATCH]
                 size = found.size[first : first + _BATCH] - records.MESSAGE_HEAD.itemsize
                 heads = message_heads(data, start)
+                topic = self._index[heads["channel"]]
                 batch = Batch(
                     data,
                     start + records.MESSAGE_HEAD.itemsize,
                     size,
-                    self._index[heads["channel"]],
+                    np.where(topic < len(topics), topic, -1),  # the summary may not know what a chunk defines
                     heads["log_time"].astype(np.int64),
                     heads["publish_time"].astype(np.int64),
                 )
@@ -221,6 +224,13 @@ class McapFile:
             if opened is not None and len(opened[1].start):
                 yield opened
 
+    def _claim(self, chunk: _Chunk, size: int) -> int:
+        """Return the bytes that the chunks opened so far, this one included, unfold to."""
+        if chunk.start not in self._claimed:
+            self._claims += size
+            self._claimed[chunk.start] = self._claims
+        return self._claimed[chunk.start]
+
     def _open(self, chunk: _Chunk) -> tuple[Bytes, Scan] | None:
         """Decompress a chunk and find its records; None, and a note, where nothing of it can be used."""
         fields = Fields(self._data, chunk.start, chunk.size)
@@ -233,8 +243,10 @@ class McapFile:
             self._chunk_notes[chunk.start] = f"a chunk is left out: {damage}"
             return None
         decompress = DECOMPRESSORS.get(compression)
-        if decompress is None or size > LARGEST_CHUNK:
-            reason = f"compression {compression!r} is not known" if decompress is None else f"it claims {size} bytes"
+        too_large = size > LARGEST_CHUNK or self._claim(chunk, size) > most(len(self._data))
+        if decompress is None or too_large:
+            unknown = f"compression {one_line(compression)!r} is not known"
+            reason = unknown if decompress is None else f"it claims {size} bytes, more than any recording's"
             self._chunk_notes[chunk.start] = f"a chunk is left out: {reason}"
             return None
         content = decompress(bytes(stored), size)

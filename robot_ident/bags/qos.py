@@ -6,6 +6,7 @@ from collections.abc import Sequence
 from dataclasses import dataclass
 from typing import Any
 
+_LONGEST = 1 << 16  # characters; a profile takes 400
 FOREVER_NS = 2**63 - 1  # how ROS 2 writes "no limit"
 # the numbers that bags before metadata version 9 write, in the order of rmw/types.h
 _WORDS = {
@@ -59,11 +60,11 @@ def qos_text(profiles: Sequence[Qos | dict[str, Any]]) -> str:
 
 def profiles_of(text: str) -> list[dict[str, Any]]:
     """Return the profiles of a channel's text in the words of version 9; none where the text is no list of profiles."""
-    import yaml
+    from robot_ident.configuration import NotYaml, load_yaml
 
     try:
-        profiles = yaml.safe_load(text) if text else []
-    except (yaml.YAMLError, RecursionError, ValueError):
+        profiles = load_yaml(text) if text and len(text) <= _LONGEST else []
+    except NotYaml:
         return []
     if not isinstance(profiles, list) or not all(isinstance(profile, dict) for profile in profiles):
         return []

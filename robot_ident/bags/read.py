@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Collection, Iterator, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from pathlib import Path
 
 from robot_ident.bags import compression
@@ -11,8 +11,9 @@ from robot_ident.bags.assemble import assemble
 from robot_ident.bags.forms import TABLES, form_of, open_storage
 from robot_ident.bags.joint_state_decoder import JointStateDecoder
 from robot_ident.bags.storage import Storage, Topic, one_line
-from robot_ident.bags.topics import choose_topic, listing
+from robot_ident.bags.topics import choose_topic, faster, listing
 from robot_ident.errors import InputError
+from robot_ident.recording.conditions import read_conditions
 from robot_ident.recording.recording import Recording
 
 
@@ -23,13 +24,15 @@ def read_recording(
 
     topic: of the JointState messages; None takes `joint_states` in whatever namespace, or the only one with efforts.
     joints: those wanted, in this order, matched by name; None takes all that the topic reports together. vectorised:
-    False reads every message singly, which gives the same and is slow. What was repaired or lost stands in `notes`.
+    False reads every message singly, which gives the same and is slow. What was repaired or lost stands in `notes`,
+    what the sidecar `BAG.conditions.yaml` states in `conditions`.
     InputError in one line: no such file, no bag, no such topic or joint, no samples, NaN.
     """
     path = Path(path)
     form = form_of(path)
+    conditions = read_conditions(path)
     if form in TABLES:
-        return TABLES[form].read(path, joints)
+        return replace(TABLES[form].read(path, joints), conditions=conditions)
     storage = open_storage(path)
     chosen = choose_topic(storage, path, topic)
     decoder = JointStateDecoder(vectorised)
@@ -39,10 +42,10 @@ def read_recording(
         reason = f"; {decoder.unreadable} messages are no JointState: {decoder.reason}" if decoder.unreadable else ""
         lost = f" ({'; '.join(storage.notes)})" if storage.notes else ""
         raise InputError(f"{path}: topic {name} has no message that can be read{reason}{lost}")
-    losses = storage.notes
+    losses = (*storage.notes, *faster(storage, chosen))
     if decoder.unreadable:
         losses += (f"{decoder.unreadable} messages of {name} are no JointState and left out ({decoder.reason})",)
-    return assemble(pieces, joints, str(path), name, losses, listing(storage))
+    return replace(assemble(pieces, joints, str(path), name, losses, listing(storage)), conditions=conditions)
 
 
 @dataclass(frozen=True)

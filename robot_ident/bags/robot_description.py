@@ -3,10 +3,12 @@
 from __future__ import annotations
 
 import struct
+from collections import deque
 from pathlib import Path
 
 from robot_ident.bags.describe import describe
 from robot_ident.bags.read import read_messages
+from robot_ident.bags.storage import one_line
 from robot_ident.errors import InputError
 
 _STRING = "std_msgs/msg/String"
@@ -22,9 +24,11 @@ def read_robot_description(path: Path | str, topic: str | None = None) -> str:
     if not found:
         raise InputError(f"{path}: no topic {topic or 'robot_description'} of type {_STRING}; give the URDF as a file")
     if len(found) > 1:
-        raise InputError(f"{path}: {' and '.join(found)} both carry a robot; name one")
-    *_, last = read_messages(path, found)
-    return _text(last.data, f"{path}: {found[0]}")
+        raise InputError(f"{path}: several topics carry a robot ({one_line(*found)}); name one")
+    latest = deque(read_messages(path, found), maxlen=1)
+    if not latest:
+        raise InputError(f"{path}: topic {one_line(found[0])} holds no message; give the URDF as a file")
+    return _text(latest[0].data, f"{path}: {one_line(found[0])}")
 
 
 def _text(data: bytes, source: str) -> str:

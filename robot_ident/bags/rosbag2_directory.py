@@ -14,10 +14,11 @@ from robot_ident.bags.compression import unpack_file
 from robot_ident.bags.mcap_file import McapFile
 from robot_ident.bags.scratch import ScratchFolder
 from robot_ident.bags.sqlite_file import SqliteFile
-from robot_ident.bags.storage import Batch, Storage, Topic
+from robot_ident.bags.storage import Batch, Storage, Topic, one_line
 from robot_ident.errors import InputError
 
 METADATA = "metadata.yaml"
+_LONGEST = 1 << 23  # characters of a metadata.yaml that are read: a hundred thousand topics
 FILES: dict[str, Callable[[Path], Storage]] = {".mcap": McapFile, ".db3": SqliteFile}
 
 
@@ -86,15 +87,17 @@ class Rosbag2Directory:
         self._compare_counts(metadata)
 
     def _read_metadata(self) -> Mapping[str, Any] | None:
-        import yaml
+        from robot_ident.configuration import load_yaml
 
         try:
-            text = (self.path / METADATA).read_text(encoding="utf-8")
-            content = yaml.safe_load(text)["rosbag2_bagfile_information"]
-            return content if isinstance(content, dict) else None
+            with (self.path / METADATA).open(encoding="utf-8") as file:
+                content = load_yaml(file.read(_LONGEST), aliases=True)["rosbag2_bagfile_information"]
+            if isinstance(content, dict):
+                return content
+            self._own_notes.append(f"{METADATA} holds no information and is not used")
         except FileNotFoundError:
             self._own_notes.append(f"{self.path.name} has no {METADATA}: the recorder was not closed properly")
-        except (OSError, ValueError, TypeError, KeyError, RecursionError, yaml.YAMLError):
+        except (OSError, ValueError, TypeError, LookupError):
             self._own_notes.append(f"{METADATA} can't be read and is not used")
         return None
 
@@ -105,9 +108,9 @@ class Rosbag2Directory:
         there = [file for file in there if file.suffix != ".zstd" or file.stem not in plain]
         listed = metadata.get("relative_file_paths") if metadata else None
         for name in listed if isinstance(listed, list) else []:
-            base = Path(str(name)).name
-            if not any(file.name in (base, f"{base}.zstd") or f"{file.name}.zstd" == base for file in there):
-                self._own_notes.append(f"{base} is named in {METADATA} but missing")
+            base = Path(name).name if isinstance(name, str) else ""
+            if base and not any(file.name in (base, f"{base}.zstd") or f"{file.name}.zstd" == base for file in there):
+                self._own_notes.append(f"{one_line(base)} is named in {METADATA} but missing")
         if not there:
             raise InputError(f"{self.path}: is no bag; the folder holds no {' or '.join(FILES)} file")
         return sorted(there, key=lambda file: [int(p) if p.isdigit() else p for p in re.split(r"(\d+)", file.name)])

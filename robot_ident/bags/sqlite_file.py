@@ -15,6 +15,8 @@ from robot_ident.bags.storage import Batch, Topic, one_line
 from robot_ident.errors import InputError
 
 _BATCH = 1 << 12  # messages
+_BATCH_BYTES = 1 << 26
+_STEPS, _STEPS_PER_BYTE, _LOOK = 10_000_000, 50, 100_000  # of SQLite's machine, which takes a few for each row
 _TEXT_COLUMNS = ("name", "type", "serialization_format", "offered_qos_profiles", "type_description_hash")
 # Python fails to decode what SQLite says of a table whose damaged definition it quotes
 _REFUSALS = (sqlite3.Error, UnicodeDecodeError)
@@ -49,6 +51,11 @@ class SqliteFile:
         """Open without locks and side files: nothing is ever written beside a recording."""
         connection = sqlite3.connect(f"{self._place.absolute().as_uri()}?mode=ro&immutable=1", uri=True)
         connection.text_factory = lambda text: text.decode("utf-8", errors="replace")
+        steps = _STEPS + _STEPS_PER_BYTE * self._place.stat().st_size
+        looks = iter(
+            range(steps // _LOOK)
+        )  # pages that point at each other in a circle would hold more rows than bytes
+        connection.set_progress_handler(lambda: next(looks, None) is None, _LOOK)
         return connection
 
     def _roll_back(self) -> None:
@@ -66,6 +73,7 @@ class SqliteFile:
     def _read_topics(self) -> tuple[tuple[Topic, ...], tuple[int, ...]]:
         with closing(self._connect()) as connection:
             tables = {str(row[0]) for row in connection.execute("SELECT name FROM sqlite_master WHERE type = 'table'")}
+            self._refuse_computed(connection)
             if not {"topics", "messages"} <= tables:
                 raise InputError(
                     f"{self.path}: is a SQLite file but no bag (no tables 'topics' and 'messages'; it has: "
@@ -83,6 +91,15 @@ class SqliteFile:
                 topics.append(Topic(name, kind, encoding, *definitions.get(kind, ("", "")), qos, type_hash))
                 numbers.append(int(number))
         return tuple(topics), tuple(numbers)
+
+    def _refuse_computed(self, connection: sqlite3.Connection) -> None:
+        """Raise InputError where a table computes what it holds, which no recorder writes and which may be any size."""
+        for table in ("topics", "messages", "message_definitions"):
+            hidden = [str(row[1]) for row in connection.execute(f"PRAGMA table_xinfo({table})") if row[6]]
+            if hidden:
+                raise InputError(
+                    f"{self.path}: column {one_line(hidden[0])!r} of table {table!r} is computed; no bag's is"
+                )
 
     @property
     def topics(self) -> tuple[Topic, ...]:
@@ -122,19 +139,20 @@ class SqliteFile:
         index_of = {self._numbers[index]: index for index in indices}
         marks = ", ".join("?" * len(index_of))
         query = f"SELECT topic_id, timestamp, data FROM messages WHERE topic_id IN ({marks}) ORDER BY id"
-        done = 0
+        done = held = 0
         rows: list[tuple[int, int, bytes]] = []
         try:
             with closing(self._connect()) as connection:
                 for number, stamp, data in connection.execute(query, tuple(index_of)):
                     if isinstance(stamp, int) and isinstance(data, bytes):
                         rows.append((number, stamp, data))
+                        held += len(data)
                     else:
                         self._damaged.add((number, len(rows) + done))
-                    if len(rows) == _BATCH:
+                    if len(rows) == _BATCH or held > _BATCH_BYTES:
                         done += len(rows)
                         yield _batch(rows, index_of)
-                        rows = []
+                        rows, held = [], 0
         except _REFUSALS as error:
             done += len(rows)
             self._lost = f"{self.path.name} is damaged after {done} messages ({one_line(error)}); those before are used"

@@ -9,9 +9,12 @@ from typing import Protocol
 import numpy as np
 from numpy.typing import NDArray
 
+from robot_ident import errors
+
 Bytes = NDArray[np.uint8]
 Integers = NDArray[np.int64]
 
+_LONGEST_LINE = 300  # characters that a message quotes
 JOINT_STATE = "sensor_msgs/msg/JointState"
 
 
@@ -94,8 +97,8 @@ class Storage(Protocol):
 
 
 def one_line(*words: object) -> str:
-    """Return words from a file, which may be damaged, so that a message that quotes them stays one line."""
-    return " ".join("".join(c if c.isprintable() else " " for c in ", ".join(map(str, words))).split())
+    """Return words from a file, which may be damaged, so that a message that quotes them stays one short line."""
+    return errors.one_line(", ".join(map(str, words)), _LONGEST_LINE)
 
 
 def windows(data: Bytes, start: Integers, size: int, width: int | None = None) -> Bytes:

@@ -7,6 +7,7 @@ import tokenize
 import warnings
 import zipfile
 import zlib
+from collections import Counter
 from collections.abc import Mapping, Sequence
 from itertools import islice
 from pathlib import Path
@@ -15,10 +16,11 @@ from typing import Any
 import numpy as np
 
 from robot_ident.bags.assemble import Samples, in_order
+from robot_ident.bags.compression import most
 from robot_ident.bags.storage import one_line
 from robot_ident.errors import InputError, did_you_mean
 from robot_ident.motion import Array
-from robot_ident.recording.recording import Recording
+from robot_ident.recording.recording import LONGEST, Recording
 
 _DELIMITERS = ",;\t"
 # what numpy and zipfile raise on archives that are damaged on purpose or by accident
@@ -44,7 +46,8 @@ def read_csv(path: Path, joints: Sequence[str] | None = None) -> Recording:
     """
     header, delimiter, line = _header(path)
     names, notes = _joints_of(path, header, joints)
-    velocities = [name for name in names if f"dq_{name}" in header]
+    place = {name: number for number, name in enumerate(header)}
+    velocities = [name for name in names if f"dq_{name}" in place]
     if velocities and len(velocities) < len(names):
         notes.append("dq is given for some joints only and is not used")
         velocities = []
@@ -52,7 +55,7 @@ def read_csv(path: Path, joints: Sequence[str] | None = None) -> Recording:
     torn = _torn_rows(path, line)
     if torn is not None:
         notes.append("the last row has no line end and is left out: the file may break off in it")
-    values = _cells(path, [header.index(name) for name in wanted], wanted, delimiter, line, torn)
+    values = _cells(path, [place[name] for name in wanted], wanted, delimiter, line, torn)
     n = len(names)
     dq = values[:, 2 * n + 1 :] if velocities else None
     return _recording(path, names, Samples(values[:, 0], values[:, 1 : n + 1], values[:, n + 1 : 2 * n + 1], dq), notes)
@@ -75,9 +78,10 @@ def _header(path: Path) -> tuple[list[str], str, int]:
 
 def _joints_of(path: Path, header: list[str], joints: Sequence[str] | None) -> tuple[tuple[str, ...], list[str]]:
     there = [name.removeprefix("q_") for name in header if name.startswith("q_")]
-    twice = sorted({name for name in header if header.count(name) > 1})
+    twice = [(name, count) for name, count in Counter(header).items() if count > 1]
     if twice:
-        raise InputError(f"{path}: column {twice[0]!r} stands in the header {header.count(twice[0])} times")
+        name, count = twice[0]
+        raise InputError(f"{path}: column {one_line(name)!r} stands in the header {count} times")
     if "t" not in header or not there:
         missing = "t" if "t" not in header else "q_NAME"
         raise InputError(
@@ -85,12 +89,13 @@ def _joints_of(path: Path, header: list[str], joints: Sequence[str] | None) -> t
             f"found {one_line(*header)}"
         )
     names = tuple(there if joints is None else joints)
+    known = set(header)
     for name in names:
         for column in (f"q_{name}", f"tau_{name}"):
-            if column not in header:
-                raise InputError(f"{path}: column {column!r} is missing{did_you_mean(column, header)}")
-    known = {"t", *(f"{kind}_{name}" for kind in ("q", "dq", "tau") for name in there)}
-    others = [name for name in header if name not in known]
+            if column not in known:
+                raise InputError(f"{path}: column {one_line(column)!r} is missing{did_you_mean(column, header)}")
+    used = {"t", *(f"{kind}_{name}" for kind in ("q", "dq", "tau") for name in there)}
+    others = [name for name in header if name not in used]
     return names, [f"columns not used: {one_line(*others)}"] if others else []
 
 
@@ -146,7 +151,7 @@ def _complain(path: Path, columns: list[int], names: list[str], delimiter: str, 
                 except ValueError:
                     finite = False
                 if not finite:
-                    cell = cells[column].strip()
+                    cell = one_line(cells[column])[:60]
                     raise InputError(f"{path}: row {number}, column {name!r}: {cell!r} is not a number")
 
 
@@ -164,7 +169,7 @@ def read_npz(path: Path, joints: Sequence[str] | None = None) -> Recording:
         raise InputError(f"{path}: t must have the shape [N] with N > 0, it has {list(t.shape)}")
     columns = {key: _numbers(path, arrays, key) for key in ("q", "tau", "dq") if key in arrays}
     columns = {key: value[:, None] if value.ndim == 1 else value for key, value in columns.items()}
-    n = columns["q"].shape[-1]
+    n = columns["q"].shape[-1] if columns["q"].ndim else 0
     for key, value in columns.items():
         if value.shape != (len(t), n) or not n:
             expected = f"[{len(t)}, {n or 'n'}]"
@@ -183,6 +188,7 @@ def _load(path: Path) -> Mapping[str, Any]:
     if path.is_file() and not zipfile.is_zipfile(path):
         raise InputError(f"{path}: is no .npz archive")
     try:
+        _refuse_bomb(path)
         with path.open("rb") as file, np.load(file, allow_pickle=False) as archive:
             arrays = {}
             for key in archive.files:
@@ -197,6 +203,13 @@ def _load(path: Path) -> Mapping[str, Any]:
         raise InputError(f"{path}: {key} can't be loaded ({reason})") from error
 
 
+def _refuse_bomb(path: Path) -> None:
+    with zipfile.ZipFile(path) as archive:
+        claimed = sum(entry.file_size for entry in archive.infolist())
+    if claimed > most(path.stat().st_size):
+        raise InputError(f"{path}: unfolds to {claimed} bytes, more than any recording of its size")
+
+
 def _numbers(path: Path, arrays: Mapping[str, Any], key: str) -> Array:
     array = np.asarray(arrays[key])
     if array.dtype.kind not in "fiub":
@@ -208,9 +221,9 @@ def _recording(path: Path, names: tuple[str, ...], samples: Samples, notes: list
     finite = np.isfinite(samples.stamp)
     if not finite.all():
         raise InputError(f"{path}: t is not a number in {int((~finite).sum())} of {len(finite)} samples")
-    samples, order_notes = in_order(samples)
+    samples, order_notes = in_order(samples, str(path))
     start = float(samples.stamp[0])
-    start_ns = round(start * 1e9) if abs(start) < 9e9 else 0
+    start_ns = round(start * 1e9) if 0.0 < start < LONGEST else 0
     t = np.asarray(samples.stamp, dtype=float) - start
     return Recording(names, t, samples.q, samples.tau, samples.dq, str(path), tuple(notes + order_notes), start_ns)
 

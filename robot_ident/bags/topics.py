@@ -7,11 +7,13 @@ from pathlib import Path
 import numpy as np
 
 from robot_ident.bags.joint_state_decoder import JointStateDecoder
-from robot_ident.bags.storage import JOINT_STATE, Storage, one_line
+from robot_ident.bags.storage import JOINT_STATE, Storage, Topic, one_line
 from robot_ident.errors import InputError
 
 STATES = "joint_states"
 _PEEK = 64  # messages
+MOST_PEEKED = 100  # topics; a bag with more is looked at by name
+_FASTER = 1.5  # times the messages: a topic worth a word
 
 
 def listing(storage: Storage) -> str:
@@ -23,9 +25,13 @@ def listing(storage: Storage) -> str:
     return f"topics: {', '.join(entries)}" if entries else "it holds no topic at all"
 
 
-def is_joint_state(storage: Storage, index: int) -> bool:
-    """Whether a topic holds JointState messages in the encoding of ROS 2."""
-    topic = storage.topics[index]
+def joint_states(storage: Storage) -> list[int]:
+    """Return the indices of the topics that hold JointState messages in the encoding of ROS 2, at least one each."""
+    pairs = enumerate(zip(storage.topics, storage.counts, strict=True))
+    return [index for index, (topic, count) in pairs if count and _is_joint_state(topic)]
+
+
+def _is_joint_state(topic: Topic) -> bool:
     return topic.type == JOINT_STATE and topic.encoding == "cdr"
 
 
@@ -48,29 +54,46 @@ def choose_topic(storage: Storage, source: Path, topic: str | None) -> int:
     Without a name it is `joint_states` in whatever namespace; where several are called so, or none is, the one that
     reports efforts. Command topics are never taken for states. InputError lists what is there.
     """
-    candidates = [index for index, count in enumerate(storage.counts) if is_joint_state(storage, index) and count]
     if topic is not None:
         return _named(storage, source, topic)
-    states = [index for index in candidates if "command" not in _last(storage, index)]
-    called = [index for index in states if _last(storage, index) == STATES]
+    last = [known.name.rsplit("/", 1)[-1] for known in storage.topics]
+    states = [index for index in joint_states(storage) if "command" not in last[index]]
+    called = [index for index in states if last[index] == STATES]
     if len(called) == 1:
         return called[0]
-    with_efforts = [index for index in called or states if peek(storage, index)[1]]
+    offered = called or states
+    with_efforts = offered if len(offered) > MOST_PEEKED else [i for i in offered if peek(storage, i)[1]]
     if len(with_efforts) == 1:
         return with_efforts[0]
     if len(with_efforts) > 1:
-        names = one_line(*(storage.topics[index].name for index in with_efforts))
+        names = one_line(*(storage.topics[index].name for index in with_efforts[:MOST_PEEKED]))
         raise InputError(f"{source}: several topics may hold the joint states ({names}); choose one with --topic")
     if not sum(storage.counts):
         raise InputError(f"{source}: the bag is empty{_because(storage)}; {listing(storage)}")
     raise InputError(f"{source}: has no {JOINT_STATE} with efforts{_because(storage)}; {listing(storage)}")
 
 
+def faster(storage: Storage, chosen: int) -> tuple[str, ...]:
+    """Return a line for every other topic that reports position and effort of the same joints more often."""
+    topics, counts = storage.topics, storage.counts
+    count = counts[chosen]
+    more = [k for k in joint_states(storage) if k != chosen and counts[k] >= _FASTER * count]
+    if not more or len(more) > MOST_PEEKED:
+        return ()
+    joints, out = set(peek(storage, chosen)[0]), []
+    for index in more:
+        names, efforts = peek(storage, index)
+        name = one_line(topics[index].name)
+        if efforts and joints and joints <= set(names) and "command" not in name.rsplit("/", 1)[-1]:
+            out.append(f"{name} reports the same joints {counts[index] / count:.3g} times as often (--topic {name})")
+    return tuple(out)
+
+
 def _named(storage: Storage, source: Path, topic: str) -> int:
     wanted = topic.strip("/")
     named = [index for index, known in enumerate(storage.topics) if known.name.strip("/") == wanted]
     named = named or [index for index, known in enumerate(storage.topics) if known.name.endswith(f"/{wanted}")]
-    usable = [index for index in named if is_joint_state(storage, index)]
+    usable = [index for index in named if _is_joint_state(storage.topics[index])]
     if len(usable) > 1:
         names = one_line(*(storage.topics[index].name for index in usable))
         raise InputError(f"{source}: topic {topic!r} may be any of {names}; give the whole name")
@@ -80,10 +103,6 @@ def _named(storage: Storage, source: Path, topic: str) -> int:
     if not storage.counts[usable[0]]:
         raise InputError(f"{source}: topic {topic!r} has no messages{_because(storage)}; {listing(storage)}")
     return usable[0]
-
-
-def _last(storage: Storage, index: int) -> str:
-    return storage.topics[index].name.rsplit("/", 1)[-1]
 
 
 def _because(storage: Storage) -> str:

@@ -11,8 +11,11 @@ from robot_ident.bags.forms import TABLES
 from robot_ident.bags.qos import Qos, qos_text
 from robot_ident.bags.storage import JOINT_STATE, Topic
 from robot_ident.bags.writer import BagWriter
+from robot_ident.errors import InputError
 from robot_ident.files import whole
 from robot_ident.recording.recording import Recording
+
+_LAST = 2**31 * 1_000_000_000  # ns; seconds are a signed number of 32 bits in builtin_interfaces/Time
 
 
 def write_recording(
@@ -34,8 +37,13 @@ def write_recording(
         if path.suffix in TABLES:
             TABLES[path.suffix].write(draft, recording)
             return
-        start = start_ns or recording.start_ns or time.time_ns()
+        start = start_ns or max(recording.start_ns, 0) or time.time_ns()
         stamps = start + np.rint(recording.t * 1e9).astype(np.int64)
+        if len(stamps) and not 0 <= stamps[0] <= stamps[-1] < _LAST:
+            raise InputError(
+                f"{path}: it would last from {stamps[0] / 1e9:.0f} to {stamps[-1] / 1e9:.0f} s since 1970;"
+                " the stamps of ROS 2 end in 2038"
+            )
         folder = draft.with_name(path.stem) if path.suffix == ".mcap" else draft
         with BagWriter(folder, [Topic(topic, JOINT_STATE, qos=qos_text([Qos()]))], chunked=True, shown_as=path) as bag:
             bag.write_joint_states(topic, recording.names, stamps, recording.q, recording.dq, recording.tau)

@@ -8,6 +8,7 @@ from typing import TYPE_CHECKING
 
 from robot_ident.cli.margin_table import margin_table
 from robot_ident.cli.output import add_json, add_robot, print_json, say, within
+from robot_ident.cli.precision import Precision, add_precision, precision, precision_json, say_precision
 from robot_ident.errors import CheckFailed, InputError
 
 if TYPE_CHECKING:
@@ -32,6 +33,8 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
         help="certify the approach from rest at these positions (rad or m) as well; --from=-0.1,... where the first is"
         " negative",
     )
+    parser.add_argument("--model", metavar="MODEL", help="with --precision: model.yaml whose parameters count")
+    add_precision(parser)
     add_json(parser)
 
 
@@ -45,20 +48,36 @@ def run(args: argparse.Namespace) -> int:
     motion = load_motion(args.excitation)
     motion.check_robot(robot)
     margins, parts, played = _certified(motion, robot, args.periods, start)
+    needed = _precision(args, motion, robot)
     found = [margins, *parts.values()]
     violations = [violation for part in found for violation in part.violations]
     if args.json:
         data = {"schema": "robot_ident/check/1", "kept": not violations, "margins": margins.to_json()}
         names = ("blend_in", "blend_out", "approach")
-        data |= {"played": played.to_json() if played else None}
+        data |= {"played": played.to_json() if played else None, "precision": precision_json(needed)}
         print_json(data | {name: parts[name].to_json() if name in parts else None for name in names})
     else:
         _show(margins, parts)
+        say_precision(needed)
     if violations:
         raise CheckFailed(f"{args.excitation}: {violations[0]}")
     if not args.json:
         say("\nevery limit that was checked is kept" if margins.unknown else "\nevery limit is kept")
     return 0
+
+
+def _precision(args: argparse.Namespace, motion: Excitation | PointToPoint, robot: Robot) -> Precision | None:
+    """Return how many periods of an excitation --precision takes, None where it isn't asked for."""
+    from robot_ident.excitation.excitation import Excitation
+    from robot_ident.excitation.target import Target
+    from robot_ident.model.model_file import read_model
+
+    if args.precision is None and not args.parameter:
+        return None
+    if not isinstance(motion, Excitation):
+        raise InputError(f"{args.excitation}: --precision counts the periods of an excitation; this motion has none")
+    target = Target.of_model(read_model(args.model)) if args.model else Target.of_robot(robot)
+    return precision(args, target, [motion])
 
 
 def _certified(

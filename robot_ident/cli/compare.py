@@ -7,7 +7,7 @@ from collections.abc import Sequence
 from typing import TYPE_CHECKING, Any
 
 from robot_ident.cli.output import add_json, print_json, say, table, tell
-from robot_ident.errors import CheckFailed, InputError
+from robot_ident.errors import CheckFailed, InputError, did_you_mean
 
 if TYPE_CHECKING:
     from robot_ident.cli.loop import Inputs
@@ -23,7 +23,9 @@ _SENTENCES = 4
 def add_arguments(parser: argparse.ArgumentParser) -> None:
     """Add the verb's options."""
 
-    parser.add_argument("inputs", nargs="+", metavar="model.yaml BAG", help="models and recordings, in any order")
+    parser.add_argument(
+        "inputs", nargs="+", metavar="model.yaml BAG", help="models and recordings; two models alone: what changed"
+    )
     parser.add_argument("--topic", metavar="T", help="topic of the joint states")
     parser.add_argument(
         "--mcap",
@@ -31,36 +33,71 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
         help="write measured, predicted, residual and each effect's share along the recordings (.mcap, or a folder)",
     )
     parser.add_argument(
+        "--over",
+        metavar="WHAT",
+        help="also print the residual beside its noise along position, velocity, acceleration, load,"
+        " time_since_reversal, time or frequency",
+    )
+    parser.add_argument(
         "--fail-on-misfit", action="store_true", help="exit with 3 when the first model does not fit at some joint"
     )
     parser.add_argument("--force", action="store_true", help="replace what is there")
+    parser.add_argument(
+        "--fail-on-change",
+        action="store_true",
+        help="exit with 3 when something has changed from the first of two models to the second",
+    )
     add_json(parser)
 
 
 def run(args: argparse.Namespace) -> int:
-    """Show models beside measurements."""
+    """Show models beside measurements, and what has changed between two models."""
+    from robot_ident.cli.compare_models import change_between, check_unchanged, say_change
     from robot_ident.cli.loop import read_inputs
     from robot_ident.diagnosis.comparison import compare
+    from robot_ident.diagnosis.profile import ALONG
     from robot_ident.files import refuse_existing
 
     if args.mcap:
         refuse_existing(args.mcap, force=args.force)
+    if args.over is not None and args.over not in ALONG:
+        raise InputError(f"--over {args.over!r}{did_you_mean(args.over, ALONG)}")
     inputs = read_inputs(args.inputs, [], args.topic)
     if not inputs.measurements:
-        raise InputError(f"{', '.join(args.inputs)}: models only; compare takes at least one recording")
+        _without_recording(args, inputs)
     _same_joints(inputs)
-    found = [compare(model, inputs.measurements) for model in inputs.models]
+    change = change_between(inputs, asked=args.fail_on_change)
+    found = [compare(model, inputs.measurements) for model in inputs.models] if inputs.measurements else []
     if args.mcap:
         _write_mcap(args, inputs)
     if args.json:
-        print_json(_to_dict(inputs, found, args.mcap))
+        print_json(_to_dict(inputs, found, args.mcap) | {"change": None if change is None else change.to_dict()})
     else:
-        _print(inputs, found)
+        if found:
+            _print(inputs, found)
+            if args.over is not None:
+                _print_profiles(inputs, found[0], args.over)
+        if change is not None:
+            say_change(inputs, change, after=bool(found))
         if args.mcap:
             say(f"\nwritten: {args.mcap}")
     if args.fail_on_misfit:
         _check(found[0])
+    if args.fail_on_change:
+        check_unchanged(change)
     return 0
+
+
+def _without_recording(args: argparse.Namespace, inputs: Inputs) -> None:
+    """Raise InputError where models alone don't do."""
+    for option, given in (("--mcap", args.mcap), ("--fail-on-misfit", args.fail_on_misfit)):
+        if given:
+            raise InputError(f"{option}: takes at least one recording beside {', '.join(inputs.paths)}")
+    if len(inputs.models) != 2:
+        raise InputError(
+            f"{', '.join(inputs.paths)}: no recording; compare takes at least one recording, or two models, old and"
+            " new, to say what has changed"
+        )
 
 
 def _same_joints(inputs: Inputs) -> None:
@@ -86,9 +123,10 @@ def _check(found: Comparison) -> None:
 
 
 def _to_dict(inputs: Inputs, found: Sequence[Comparison], mcap: str | None) -> dict[str, Any]:
+    judged = [[joint.to_dict() for joint in one.joints] for one in found] or [[] for _ in inputs.models]
     models = [
-        {"path": path, "effects": list(model.structure.labels), "joints": [joint.to_dict() for joint in one.joints]}
-        for path, model, one in zip(inputs.paths, inputs.models, found, strict=True)
+        {"path": path, "effects": list(model.structure.labels), "joints": joints}
+        for path, model, joints in zip(inputs.paths, inputs.models, judged, strict=True)
     ]
     return {
         "schema": "robot_ident/comparison/1",
@@ -96,7 +134,7 @@ def _to_dict(inputs: Inputs, found: Sequence[Comparison], mcap: str | None) -> d
         "models": models,
         "recordings": list(inputs.bags),
         "mcap": mcap,
-        "notes": list(found[0].notes),
+        "notes": list(found[0].notes) if found else [],
     }
 
 
@@ -105,12 +143,12 @@ def _print(inputs: Inputs, found: Sequence[Comparison]) -> None:
     for note in found[0].notes:
         tell(note)
     rows = [
-        _row(path if len(found) > 1 else "", joint)
+        _row(path if len(found) > 1 else "", joint, robot.torque_unit(number))
         for number in range(robot.n)
         for path, one in zip(inputs.paths, found, strict=True)
         for joint in (one.joints[number],)
     ]
-    header = ("joint", "model", "residual rms", "noise rms", "beyond noise", "chi2/dof", "p", "")
+    header = ("joint", "model", "residual rms", "noise rms", "beyond noise", "unit", "chi2/dof", "p", "")
     keep = [k for k in range(len(header)) if k != 1 or len(found) > 1]
     say(table([header[k] for k in keep], [[row[k] for k in keep] for row in rows]))
     for path, one in zip(inputs.paths, found, strict=True):
@@ -119,9 +157,9 @@ def _print(inputs: Inputs, found: Sequence[Comparison]) -> None:
                 _print_joint(joint, robot, number, f" ({path})" if len(found) > 1 else "")
 
 
-def _row(path: str, joint: JointComparison) -> tuple[object, ...]:
+def _row(path: str, joint: JointComparison, unit: str) -> tuple[object, ...]:
     name, *figures = joint.row()
-    return (name, path, *figures[:-1])
+    return (name, path, *figures[:3], unit, *figures[3:-1])
 
 
 def _print_joint(joint: JointComparison, robot: Robot, number: int, model: str) -> None:
@@ -141,6 +179,20 @@ def _print_joint(joint: JointComparison, robot: Robot, number: int, model: str) 
     if joint.odd is not None and joint.even is not None:
         odd, even = 100 * joint.odd, 100 * joint.even
         say(f"  under time reversal: {odd:.0f} % odd (friction), {even:.0f} % even (forces, inertia)")
+
+
+def _print_profiles(inputs: Inputs, found: Comparison, what: str) -> None:
+    """Print the first model's residual along a variable, joint by joint."""
+    from robot_ident.diagnosis.regions import symbol_and_unit
+
+    robot = inputs.models[0].robot
+    for number, joint in enumerate(found.joints):
+        for profile in (one for one in joint.profiles if one.what == what):
+            symbol, unit = symbol_and_unit(what, robot, number)
+            source = f" of {profile.recording}" if profile.recording else ""
+            say(f"\n{joint.name}, residual [{robot.torque_unit(number)}] along {symbol} [{unit}]{source}")
+            rows = [(s.lower, s.upper, s.mean, s.rms, s.noise_rms) for s in profile.stretches]
+            say(table(("from", "to", "mean", "rms", "noise rms"), rows))
 
 
 def _print_bars(title: str, rows: Sequence[tuple[str, float]], nothing: str) -> None:
@@ -168,7 +220,7 @@ def _write_mcap(args: argparse.Namespace, inputs: Inputs) -> None:
         folder = draft.with_name(path.stem) if path.suffix == ".mcap" else draft
         with BagWriter(folder, chunked=True, shown_as=path) as bag:
             for number, (name, measured) in enumerate(zip(inputs.bags, inputs.measurements, strict=True), 1):
-                recording = read_recording(name, topic=args.topic)
+                recording = read_recording(name, topic=args.topic or inputs.models[0].robot.effort.topic)
                 prefix = f"/bag_{number}" if len(inputs.bags) > 1 else ""
                 _write_along(bag, prefix, along(inputs.models[0], recording, measured))
         if path.suffix == ".mcap":

@@ -6,6 +6,7 @@ import argparse
 import time
 from collections.abc import Sequence
 from dataclasses import replace
+from functools import partial
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
@@ -18,8 +19,12 @@ from robot_ident.cli.design_bound import (
     until_bound,
     write_design_page,
 )
+from robot_ident.cli.design_from import within_runs
+from robot_ident.cli.design_waypoints import add_waypoints, run_waypoints
 from robot_ident.cli.margin_table import margin_table
 from robot_ident.cli.output import Progress, add_cluster, add_json, add_output, print_json, say, tell, within
+from robot_ident.cli.precision import add_precision, check_precision, precision, precision_json, say_precision
+from robot_ident.cli.some_joints import add_joints, held_for_design, held_note
 from robot_ident.errors import InputError
 
 if TYPE_CHECKING:
@@ -33,6 +38,7 @@ if TYPE_CHECKING:
 _DEFAULT_ROBOT = "kuka_ir361"
 
 _EXIT = 0.8  # s that writing, and ending the worker processes, take
+_WHOLE = 2.0  # s for the certificate of the whole robot where some joints are held
 
 
 def add_arguments(parser: argparse.ArgumentParser) -> None:
@@ -67,6 +73,9 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
         "--prior", nargs="+", default=[], metavar="BAG", help="recordings (or models): what they tell already counts"
     )
     parser.add_argument(
+        "--only", choices=("payload",), help="tell what the hand carries, the arm being known; friction is free"
+    )
+    parser.add_argument(
         "--trajectories",
         type=within(1, 20, int),
         default=1,
@@ -77,6 +86,17 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
         "--symmetric", action="store_true", help="q(-t) = q(t): tells friction from conservative errors"
     )
     parser.add_argument("--bandwidth", metavar="LO:HI", help="Hz; harmonics inside only, L of them")
+    add_joints(parser, angle="0")
+    parser.add_argument(
+        "--from",
+        dest="run_before",
+        nargs="+",
+        default=[],
+        metavar="BAG",
+        help="stay within what these recordings show that the robot has run: positions, speeds, accelerations, tool",
+    )
+    add_waypoints(parser)
+    add_precision(parser)
     parser.add_argument(
         "--tell", nargs=2, metavar=("A@j", "B@k"), help="the motion that best tells two effects apart, instead"
     )
@@ -103,29 +123,42 @@ def run(args: argparse.Namespace) -> int:
         raise InputError(f"--time-limit {args.time_limit}: must be above 0")
     check_bound_arguments(args)
     band = bandwidth_of(args.bandwidth)
-    model, robot = _model_and_robot(args)
+    model, whole = _model_and_robot(args)
+    robot, held = held_for_design(args, whole)
+    _check_model(args, model, robot)
+    robot = within_runs(args, robot, whole)
+    if args.waypoints:
+        return run_waypoints(args, _target(args, model, robot), files)
     target = _target(args, model, robot)
+    check_precision(args, target)
     prior = prior_information(args.prior, target, model, bound=args.criterion == "crlb")
+    if args.only:
+        from robot_ident.excitation.only_payload import all_but_payload
+
+        prior = all_but_payload(target) + (0.0 if prior is None else prior)
     limit = args.time_limit
-    deadline = None if limit is None else process_start() + limit - min(_EXIT, 0.1 * limit)
+    deadline = None if limit is None else process_start() + limit - min(_EXIT + _WHOLE * bool(held), 0.1 * limit)
     if args.tell:
         from robot_ident.cli.design_tell import run_tell
 
-        return run_tell(args, target, prior, deadline, files)
+        return run_tell(args, target, prior, deadline, files, partial(moved_alone, robot=whole, held=held))
     found = _design(args, robot, target, prior, band, until_bound(args, deadline))
     try:
         found, bound = bounded(args, found, target, prior, deadline)
     except KeyboardInterrupt:  # what was designed is kept, without a bound
         found, bound = replace(found, interrupted=True), None
     found = replace(found, excitations=tuple(with_sources(one, args) for one in found.excitations))
-    for file, excitation in zip(files, found.excitations, strict=bool(files)):
+    written = [moved_alone(one, whole, held) for one in found.excitations]
+    for file, excitation in zip(files, written, strict=bool(files)):
         excitation.write(file, force=args.force)
+    needed = precision(args, target, found.excitations, prior)
     if args.page:
         write_design_page(args, found, target, bound)
     if args.json:
-        print_json({**_json(found, files), "bound": bound_json(bound, found), "page": args.page})
+        more = {"bound": bound_json(bound, found), "page": args.page, "held": held, "waypoints": None}
+        print_json({**_json(found, files), **more, "precision": precision_json(needed)})
         return 0
-    for note in found.notes:
+    for note in (*held_note(whole, held), *found.notes):
         tell(note)
     if found.interrupted:
         tell("stopped early; this is the best so far")
@@ -137,6 +170,7 @@ def run(args: argparse.Namespace) -> int:
     )
     if bound is not None:
         say_bound(bound, found)
+    say_precision(needed)
     say(margin_table(found.margins))
     for file in [*files, *([args.page] if args.page else [])]:
         say(f"written: {file}")
@@ -178,6 +212,20 @@ def _model_and_robot(args: argparse.Namespace) -> tuple[Model | None, Robot]:
         named = read_model(args.robot)
         return model or named, named.robot
     return model, load_robot(args.robot)
+
+
+def _check_model(args: argparse.Namespace, model: Model | None, robot: Robot) -> None:
+    """Raise InputError where a model is of other joints than those that are to move."""
+    if model is None or model.robot.joints == robot.joints:
+        return
+    if set(model.robot.joints) < set(robot.joints):
+        way_out = f"say so: --joints {','.join(model.robot.joints)}"
+    else:
+        way_out = f"identify --joints {','.join(robot.joints)} makes one of these"
+    raise InputError(
+        f"{args.model or args.robot}: a model of {', '.join(model.robot.joints)}, not of {', '.join(robot.joints)};"
+        f" {way_out}"
+    )
 
 
 def _target(args: argparse.Namespace, model: Model | None, robot: Robot) -> Target:
@@ -225,9 +273,18 @@ def _design(
         )
 
 
+def moved_alone(excitation: Excitation, robot: Robot, held: dict[str, float]) -> Excitation:
+    """Return an excitation of some joints as one of the whole robot, the others held."""
+    if not held:
+        return excitation
+    from robot_ident.excitation.held import whole_motion
+
+    return whole_motion(excitation, robot, held)
+
+
 def with_sources(excitation: Excitation, args: argparse.Namespace) -> Excitation:
     """Return the excitation with the files in it that it was designed from."""
-    given = {"model": args.model, "prior": args.prior}
+    given = {"model": args.model, "prior": args.prior, "from": args.run_before}
     return replace(
         excitation, reproduce={**excitation.reproduce, **{key: value for key, value in given.items() if value}}
     )

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import argparse
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
 from typing import TYPE_CHECKING, Any
 
 from robot_ident.cli.design import with_sources
@@ -12,15 +12,21 @@ from robot_ident.cli.output import Progress, print_json, say, tell
 from robot_ident.errors import InputError
 
 if TYPE_CHECKING:
+    from robot_ident.excitation.excitation import Excitation
     from robot_ident.excitation.target import Target
     from robot_ident.excitation.tell import Telling
     from robot_ident.motion import Array
 
 
 def run_tell(
-    args: argparse.Namespace, target: Target, prior: Array | None, deadline: float | None, files: Sequence[str]
+    args: argparse.Namespace,
+    target: Target,
+    prior: Array | None,
+    deadline: float | None,
+    files: Sequence[str],
+    finished: Callable[[Excitation], Excitation],
 ) -> int:
-    """Design the motion that tells two effects apart."""
+    """Design the motion that tells two effects apart; finished: what makes a file of it for the whole robot."""
     from robot_ident.excitation.tell import NEEDED, tell_apart
 
     if args.trajectories > 1 or args.symmetric or args.bandwidth or args.harmonics:
@@ -28,6 +34,8 @@ def run_tell(
             "--tell chooses its motion's form itself: leave out --trajectories, --symmetric, --bandwidth and"
             " --harmonics"
         )
+    if args.precision:
+        raise InputError("--precision counts periods for a parameter's sigma; leave it out with --tell")
     first, second = args.tell
     with Progress("tell", 1.0) as bar:
 
@@ -45,7 +53,7 @@ def run_tell(
             deadline=float("inf") if deadline is None else deadline,
             progress=show,
         )
-    excitation = with_sources(found.excitation, args)
+    excitation = finished(with_sources(found.excitation, args))
     for file in files:
         excitation.write(file, force=args.force)
     if args.json:
@@ -76,6 +84,9 @@ def _tell_json(found: Telling, target: Target, files: Sequence[str], labels: Seq
         "margins": found.margins.to_json(),
         "bound": None,
         "page": None,
+        "held": {},
+        "waypoints": None,
+        "precision": None,
         "sigma": dict(zip(found.parameters, values.sigma.tolist(), strict=True)),
         "notes": list(target.notes),
         "tell": {

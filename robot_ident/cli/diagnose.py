@@ -5,7 +5,7 @@ from __future__ import annotations
 import argparse
 from typing import TYPE_CHECKING, Any
 
-from robot_ident.cli.output import print_json, say, table, tell
+from robot_ident.cli.output import Progress, print_json, say, table, tell
 from robot_ident.errors import InputError
 
 if TYPE_CHECKING:
@@ -44,7 +44,8 @@ def run(args: argparse.Namespace) -> int:
     inputs = read_inputs(args.inputs, args.validation, args.topic)
     if len(inputs.models) != 1 or not inputs.measurements:
         raise InputError("diagnose takes one model and at least one recording")
-    found = diagnose(inputs.measurements, inputs.models[0].structure, inputs.validation)
+    with Progress("diagnose", 1.0) as bar:
+        found = diagnose(inputs.measurements, inputs.models[0].structure, inputs.validation, bar.reach)
     steps = _added(found, inputs) if args.add_until_adequate else []
     if args.output:
         _write(steps or [inputs.models[0]], args)
@@ -62,10 +63,10 @@ def run(args: argparse.Namespace) -> int:
 
 
 def _added(found: Diagnosis, inputs: Inputs) -> list[Model]:
-    """Return the model as it was and with one of the named effects more each time, those that a column can show."""
+    """Return the model as it was and with one of the named effects more each time."""
     from robot_ident.estimation.extend import extend
 
-    columns = [s.effect for s in found.missing if s.effect.regression]
+    columns = [s.effect for s in found.missing if not s.effect.measuring]
     return extend(inputs.models[0], inputs.measurements, columns) if columns else []
 
 
@@ -128,7 +129,10 @@ def _print_named(suspect: Suspect, inputs: Inputs) -> None:
     if suspect.validation_before is not None and suspect.validation_after is not None:
         kinds.append(("on the validation", suspect.validation_before, suspect.validation_after))
     falls = [f"{kind} {before[joint] ** 0.5:.3g} -> {after[joint] ** 0.5:.3g} {unit}" for kind, before, after in kinds]
-    say(f"  adding it to the rest: rms at {joint} {', '.join(falls)}")
+    doing = "putting it right" if suspect.effect.measuring else "adding it to the rest"
+    say(f"  {doing}: rms at {joint} {', '.join(falls)}")
+    if suspect.fix:
+        say(f"  to change: {suspect.fix}")
     if suspect.tied_with:
         common = f" (all {suspect.family})" if suspect.family else ""
         say(f"  these recordings can't tell it from {', '.join(suspect.tied_with)}{common}")

@@ -67,8 +67,10 @@ def describe(effect: type[Effect]) -> dict[str, Any]:
         "also_like": list(effect.also_like),
         "experiment": effect.experiment or None,
         "magnitude": effect.magnitude or None,
+        "seen_from": list(effect.seen_from),
         "regression": effect.regression,
         "evidence": effect.evidence or None,
+        "measuring": effect.measuring,
     }
 
 
@@ -85,6 +87,7 @@ def page(effect: type[Effect]) -> str:
         ("in time", _SYMMETRY[effect.symmetry]),
         ("in a residual", effect.signature),
         ("evidence", effect.evidence),
+        ("seen from", "the motor side of the gear only" if "link" not in effect.seen_from else ""),
         ("confused with", ", ".join((*effect.confused_with, *effect.also_like))),
         ("told by", effect.experiment),
         ("usual size", effect.magnitude + (" (industrial arm / cobot)" if effect.magnitude else "")),

@@ -49,6 +49,11 @@ def run(args: argparse.Namespace) -> int:
     if not (form == "c" and target.is_dir()):
         refuse_existing(target, force=args.force)
     model = read_model(args.model)
+    if model.robot.ampere_joints:
+        raise InputError(
+            f"{args.model}: the gains of {', '.join(model.robot.ampere_joints)} are not known, so that its parameters"
+            " carry the unit A: no inertia to export; a recording with a known payload would tell them"
+        )
     made = FORMATS[form](model, args)
     cost = _cost(model, made, args)
     if "" in made.files:
@@ -110,7 +115,9 @@ def _cost(model: Model, made: Exported, args: argparse.Namespace) -> dict[str, d
     from robot_ident.recording.process import process
 
     processing = Processing(**dict(model.processing)) if model.processing else Processing()
-    measured = process(read_recording(args.validation, topic=args.topic), model.robot, processing)
+    measured = process(
+        read_recording(args.validation, topic=args.topic or model.robot.effort.topic), model.robot, processing
+    )
     found = torque_of(model, made.left, measured.motion)
     return {label: dict(zip(model.robot.joints, map(float, rms), strict=True)) for label, rms in found.items()}
 

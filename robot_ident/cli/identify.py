@@ -6,9 +6,11 @@ import argparse
 import math
 from collections.abc import Mapping
 from dataclasses import replace
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, Any
 
+from robot_ident.cli.identify_payload import add_only, run_only
 from robot_ident.cli.output import add_json, add_output, add_robot, print_json, say, table, tell
+from robot_ident.cli.some_joints import add_joints, held_in_recordings, held_note
 
 if TYPE_CHECKING:
     from robot_ident.model.model import Fit, Model
@@ -32,6 +34,11 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
     parser.add_argument(
         "--physical", action="store_true", help="the nearest parameters that a real arm can have (needs clarabel)"
     )
+    parser.add_argument(
+        "--as-declared", action="store_true", help="go on where the data contradict what the robot YAML says of effort"
+    )
+    add_only(parser)
+    add_joints(parser, angle="where it stands in the recording")
     add_processing(parser)
     add_output(parser, "MODEL", "model.yaml to write")
     add_json(parser)
@@ -40,27 +47,45 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
 def run(args: argparse.Namespace) -> int:
     """Identify and print the parameters with their uncertainty."""
     from robot_ident.bags import read_recording
-    from robot_ident.cli.processing import processing_of
-    from robot_ident.estimation.identify import identify
+    from robot_ident.cli.declared import contradictions
+    from robot_ident.cli.processing import at_its_speed, processing_of
+    from robot_ident.estimation.gains import with_known_gains
+    from robot_ident.estimation.identify import estimate
     from robot_ident.files import refuse_existing, refuse_twice
     from robot_ident.model.model_file import write_model
+    from robot_ident.model.structure import Structure
     from robot_ident.provenance import provenance
+    from robot_ident.recording.process import process
     from robot_ident.robot import load_robot
 
+    if args.only:
+        return run_only(args)
     if args.output:
         refuse_existing(args.output, force=args.force)
-    robot = load_robot(args.robot)
-    processing = processing_of(args, robot)
+    whole = load_robot(args.robot)
     refuse_twice(args.bags)
-    recordings = [read_recording(bag, topic=args.topic) for bag in args.bags]
-    model = identify(
-        recordings, robot, effects=args.effect, estimator=args.estimator, processing=processing, physical=args.physical
+    recordings = [read_recording(bag, topic=args.topic or whole.effort.topic) for bag in args.bags]
+    robot, recordings, held = held_in_recordings(args, whole, recordings)
+    recordings, processing = at_its_speed(args, recordings, processing_of(args, robot, played=whole))
+    structure = Structure.build(robot, args.effect)
+    measurements = [process(recording, robot, processing) for recording in recordings]
+    doubts = contradictions(measurements, robot, as_declared=args.as_declared)
+    known, structure, gains = with_known_gains(recordings, measurements, structure, processing)
+    model = estimate(
+        known,
+        structure,
+        estimator=args.estimator,
+        processing=processing,
+        physical=args.physical,
+        gains=gains,
     )
+    model = replace(model, notes=(*held_note(whole, held), *doubts, *model.notes))
     options = {
         "trajectory": args.trajectory,
         "topic": args.topic,
         "effects": args.effect or None,
         "physical": args.physical or None,
+        "held": held or None,
     }
     model = replace(model, provenance=provenance(args.bags, options))
     if args.output:
@@ -82,9 +107,19 @@ def run(args: argparse.Namespace) -> int:
             f"{one['source']}: the {one['periods']} periods alone scatter {one['scatter_over_sigma']:.2f} times what"
             " sigma says (1: the noise alone makes them differ)"
         )
+    if model.days is not None:
+        say(_days(model.days))
     if args.output:
         say(f"written: {args.output}")
     return 0
+
+
+def _days(days: Mapping[str, Any]) -> str:
+    """Return what the intervals hold for."""
+    if days["scatter_over_sigma"] is None:
+        return "intervals: this day only (recordings of three days or more tell how days differ)"
+    ratio = days["scatter_over_sigma"]
+    return f"intervals: {len(days['days'])} days, whose estimates scatter {ratio:.2f} times what sigma says"
 
 
 def parameter_table(model: Model) -> str:

@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import argparse
-from dataclasses import asdict
 from typing import TYPE_CHECKING
 
 from robot_ident.cli.output import add_json, add_robot, print_json, say, table, tell
@@ -32,7 +31,7 @@ def run(args: argparse.Namespace) -> int:
     robot = load_robot(args.robot) if args.robot else None
     summary, trouble, declared = None, None, []
     try:
-        recording = read_recording(args.bag, topic=args.topic)
+        recording = read_recording(args.bag, topic=args.topic or (robot.effort.topic if robot else None))
         if robot is not None:
             recording = recording.with_joints(robot.joints)
             check_plausible(recording, robot)
@@ -59,7 +58,7 @@ def run(args: argparse.Namespace) -> int:
             {
                 **data,
                 "recording": summary.to_dict() if summary else None,
-                "declaration": [asdict(one) for one in declared],
+                "declaration": [one.to_dict() for one in declared],
                 "notes": notes,
             }
         )
@@ -87,6 +86,11 @@ def _print(summary: Summary) -> None:
     say(f"{summary.samples} samples in {summary.duration:.3f} s at {summary.rate:.6g} Hz, {summary.missing} missing")
     if summary.period is not None:
         say(f"period {summary.period:.6g} s, {summary.periods or 'fewer than 2'} steady periods")
+    elif summary.cycles is not None:
+        cycles = summary.cycles
+        say(f"{cycles.count} cycles of {len(cycles.samples)} moves, {cycles.length:.4g} s each without their pauses")
+    else:
+        say("nothing in it repeats")
     noise_tau, noise_q = summary.torque_variance, summary.position_variance
     rows = [
         (

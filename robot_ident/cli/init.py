@@ -66,7 +66,8 @@ def run(args: argparse.Namespace) -> int:
     if not args.urdf:
         write_text(urdf, text, force=args.force)
     write_text(output, draft.text, force=args.force)
-    _check(output)
+    if _check(output) and args.bag:
+        _test_effort(output, args.bag, args.topic)
     if args.json:
         print_json(_to_dict(draft, inventory, name, output))
         return 0
@@ -146,14 +147,36 @@ def _by_joint(text: str | None, moving: list[str]) -> dict[str, float]:
     return dict(zip(moving, values * len(moving) if len(values) == 1 else values, strict=True))
 
 
-def _check(output: Path) -> None:
-    """Load what was written, so that what is still wrong with the robot is told now."""
+def _check(output: Path) -> bool:
+    """Load what was written, so that what is still wrong with the robot is told now; return whether it can be used."""
     from robot_ident.robot import load_robot
 
     try:
         load_robot(output)
     except InputError as error:
         tell(f"written, but it can't be used yet: {error}")
+        return False
+    return True
+
+
+def _test_effort(output: Path, bag: str, topic: str | None) -> None:
+    """Say where the recording contradicts what the draft guesses of effort, and what to write instead."""
+    from robot_ident.bags import read_recording
+    from robot_ident.configuration import line_of
+    from robot_ident.estimation.contradiction import contradiction
+    from robot_ident.estimation.declaration import judge_declaration
+    from robot_ident.robot import load_robot
+
+    robot = load_robot(output)
+    try:
+        found = contradiction(judge_declaration(read_recording(bag, topic=topic), robot), robot)
+    except InputError as error:
+        tell(f"what effort means could not be tested: {error}")
+        return
+    if found is not None:
+        line = line_of(output, found.entry)
+        place = output if line is None else f"{output}:{line}"
+        tell(f"{place}: {found.in_words}; change it to '{found.change}'")
 
 
 def _to_dict(draft: Draft, inventory: Inventory, name: str, output: Path) -> dict[str, object]:

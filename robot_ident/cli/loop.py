@@ -49,7 +49,28 @@ def read_inputs(words: Sequence[str], validation: Sequence[str], topic: str | No
     models = tuple(read_model(path) for path in paths)
     measured = tuple(_measured(models[0], bag, topic) for bag in bags)
     unseen = tuple(_measured(models[0], bag, topic) for bag in validation)
+    for bag, measurement in zip(validation, unseen, strict=True):
+        _refuse_stranger(models[0], bag, measurement)
     return Inputs(models, paths, bags, measured, unseen)
+
+
+def _refuse_stranger(model: Model, bag: str, measured: Measurement) -> None:
+    """Raise InputError for a recording of which the model predicts nothing: joints of other robots have like names."""
+    import numpy as np
+
+    from robot_ident.estimation.extend import mean_square_errors
+
+    used = measured.used[measured.rows]
+    torque = np.sum(np.where(used, measured.passed(measured.torque) ** 2, 0.0), axis=0) / np.maximum(
+        used.sum(axis=0), 1
+    )
+    error = mean_square_errors(model, measured)
+    if used.any() and np.all(error > torque):
+        unit = model.robot.torque_unit(0)
+        raise InputError(
+            f"{bag}: a recording of another robot than {model.robot.name}? at every joint the model errs by more than"
+            f" the torque itself ({measured.joints[0]}: by {error[0] ** 0.5:.3g} {unit} rms of {torque[0] ** 0.5:.3g})"
+        )
 
 
 def _measured(model: Model, bag: str, topic: str | None) -> Measurement:
@@ -58,4 +79,4 @@ def _measured(model: Model, bag: str, topic: str | None) -> Measurement:
     from robot_ident.recording.process import process
 
     processing = Processing(**dict(model.processing)) if model.processing else Processing()
-    return process(read_recording(bag, topic=topic), model.robot, processing)
+    return process(read_recording(bag, topic=topic or model.robot.effort.topic), model.robot, processing)

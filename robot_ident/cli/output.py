@@ -166,10 +166,17 @@ def _narrowed(widths: Sequence[int], numeric: Sequence[bool], columns: int) -> l
     return out
 
 
+class _Wrapper(textwrap.TextWrapper):
+    """Breaks `effect@joint` before the joint."""
+
+    wordsep_simple_re = re.compile(r"(\s+|(?=@))")
+
+
 def _wrapped(row: Sequence[str], widths: Sequence[int]) -> list[list[str]]:
     """Return a row as the lines that its cells need."""
     parts = [
-        [cell] if len(cell) <= width else textwrap.wrap(cell, width) for cell, width in zip(row, widths, strict=True)
+        [cell] if len(cell) <= width else _Wrapper(width, break_on_hyphens=False).wrap(cell)
+        for cell, width in zip(row, widths, strict=True)
     ]
     return [[part[k] if k < len(part) else "" for part in parts] for k in range(max(map(len, parts)))]
 

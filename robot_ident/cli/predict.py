@@ -3,18 +3,25 @@
 from __future__ import annotations
 
 import argparse
+from pathlib import Path
 from typing import TYPE_CHECKING
 
 from robot_ident.cli.output import add_json, add_output, print_json, say, table, tell
+from robot_ident.errors import InputError
 
 if TYPE_CHECKING:
     from robot_ident.estimation.predict import Prediction
+    from robot_ident.model.model import Model
+
+_SAMPLE_RATE = 150.0  # Hz at which moves from point to point are looked at
 
 
 def add_arguments(parser: argparse.ArgumentParser) -> None:
     """Add the verb's options."""
     parser.add_argument("model", metavar="model.yaml", help="an identified model")
-    parser.add_argument("bag", metavar="BAG", help="a recording whose motion counts")
+    parser.add_argument(
+        "bag", metavar="BAG", help="a recording whose motion counts, or a planned motion (excitation.yaml or moves)"
+    )
     parser.add_argument("--topic", metavar="T", help="topic of the joint states")
     add_output(parser, "OUT", "prediction to write: .npz, .csv, .mcap or a folder", required=True)
     add_json(parser)
@@ -29,7 +36,8 @@ def run(args: argparse.Namespace) -> int:
 
     refuse_existing(args.output, force=args.force)
     model = read_model(args.model)
-    found = predict(model, read_recording(args.bag, topic=args.topic))
+    planned = _planned(args.bag, model)
+    found = planned or predict(model, read_recording(args.bag, topic=args.topic or model.robot.effort.topic))
     write_prediction(args.output, found, force=args.force)
     joints = {joint: _of_joint(found, k) for k, joint in enumerate(found.joints)}
     if args.json:
@@ -44,6 +52,37 @@ def run(args: argparse.Namespace) -> int:
     say("sigma: by the parameters' uncertainty; misfit: what the model left unexplained where it was identified")
     say(f"written: {args.output}")
     return 0
+
+
+def _planned(path: str, model: Model) -> Prediction | None:
+    """Return the torque along a motion in a YAML, None where the file is none.
+
+    A motion of more joints than the model has must leave the others where the model holds them.
+    """
+    if Path(path).suffix not in (".yaml", ".yml"):
+        return None
+    import numpy as np
+
+    from robot_ident.estimation.predict import predict_motion
+    from robot_ident.excitation.excitation import Excitation
+    from robot_ident.excitation.point_to_point import load_motion
+    from robot_ident.motion import Motion
+
+    motion = load_motion(path)
+    if isinstance(motion, Excitation):
+        t, state = motion.times(), motion.samples()
+    else:
+        t = np.arange(0.0, motion.duration, 1.0 / _SAMPLE_RATE)
+        state = motion.reference(t)
+    missing = [name for name in model.robot.joints if name not in motion.joints]
+    if missing:
+        raise InputError(f"{path}: joint {missing[0]!r} is missing; the motion has {', '.join(motion.joints)}")
+    others = [k for k, name in enumerate(motion.joints) if name not in model.robot.joints]
+    if np.any(state.dq[:, others]):
+        raise InputError(f"{path}: {motion.joints[others[0]]} moves, which the model holds")
+    pick = [motion.joints.index(name) for name in model.robot.joints]
+    chosen = Motion(state.q[:, pick], state.dq[:, pick], state.ddq[:, pick], state.dt, state.periodic)
+    return predict_motion(model, t, chosen)
 
 
 def _of_joint(found: Prediction, k: int) -> dict[str, float]:

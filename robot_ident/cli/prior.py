@@ -40,7 +40,9 @@ def _of_recordings(bags: Sequence[str], target: Target, model: Model | None, bou
     from robot_ident.recording.process import process
 
     processing = Processing(**dict(model.processing)) if model and model.processing else Processing()
-    measurements = [process(read_recording(bag), target.robot, processing) for bag in bags]
+    measurements = [
+        process(read_recording(bag, topic=target.robot.effort.topic), target.robot, processing) for bag in bags
+    ]
     return information(measurements, target.structure, target.values, bound=bound)
 
 

@@ -3,6 +3,8 @@
 from __future__ import annotations
 
 import argparse
+from collections.abc import Sequence
+from dataclasses import replace
 from typing import TYPE_CHECKING
 
 from robot_ident.cli.output import within
@@ -10,7 +12,10 @@ from robot_ident.errors import InputError
 
 if TYPE_CHECKING:
     from robot_ident.recording.measurement import Processing
+    from robot_ident.recording.recording import Recording
     from robot_ident.robot.robot import Robot
+
+_ALIKE = 1e-4  # difference of speeds that are the same
 
 
 def add_processing(parser: argparse.ArgumentParser) -> None:
@@ -56,8 +61,11 @@ def add_processing(parser: argparse.ArgumentParser) -> None:
     )
 
 
-def processing_of(args: argparse.Namespace, robot: Robot) -> Processing:
-    """Return the processing that the options ask for; InputError names an option out of its bounds."""
+def processing_of(args: argparse.Namespace, robot: Robot, *, played: Robot) -> Processing:
+    """Return the processing that the options ask for; InputError names an option out of its bounds.
+
+    played: the robot that --trajectory is for, `robot` with all its joints.
+    """
     from robot_ident.recording.measurement import Processing
 
     frequency = args.base_frequency
@@ -65,7 +73,7 @@ def processing_of(args: argparse.Namespace, robot: Robot) -> Processing:
         from robot_ident.excitation.excitation import Excitation
 
         excitation = Excitation.read(args.trajectory)
-        excitation.check_robot(robot)
+        excitation.check_robot(played)
         frequency = excitation.base_frequency
     for name, value in (
         ("--base-frequency", frequency),
@@ -90,6 +98,45 @@ def processing_of(args: argparse.Namespace, robot: Robot) -> Processing:
         minimum_speed=_speeds(args.minimum_speed, robot),
         anti_alias=_filter(args.anti_alias),
     )
+
+
+def at_its_speed(
+    args: argparse.Namespace, recordings: Sequence[Recording], processing: Processing
+) -> tuple[list[Recording], Processing]:
+    """Return recordings and processing with the time that a speed override stretched: where the path is that of
+    --trajectory but slower, its period is what the data say, and a note says so.
+    """
+    if not args.trajectory:
+        return list(recordings), processing
+    from robot_ident.excitation.excitation import Excitation
+    from robot_ident.recording.speed_scaling import speed_scale
+
+    excitation = Excitation.read(args.trajectory)
+    scales = [
+        speed_scale(
+            one.with_joints(excitation.joints), lambda t: excitation.series.motion(t).q, excitation.base_frequency
+        )
+        for one in recordings
+    ]
+    if all(scale is None or scale == 1.0 for scale in scales):
+        return list(recordings), processing
+    told = [
+        one
+        if scale is None or scale == 1.0
+        else replace(
+            one,
+            notes=(
+                *one.notes,
+                f"run at {100 * scale:.4g} % of the speed of {args.trajectory}: a speed override stretched time; its"
+                f" base frequency is taken as {scale * excitation.base_frequency:.6g} Hz",
+            ),
+        )
+        for one, scale in zip(recordings, scales, strict=True)
+    ]
+    found = [scale for scale in scales if scale is not None]
+    alike = len(found) == len(scales) and max(found) - min(found) < _ALIKE
+    frequency = found[0] * excitation.base_frequency if alike else None
+    return told, replace(processing, base_frequency=frequency, periodic=True)
 
 
 def _filter(text: str | None) -> tuple[float, float] | None:

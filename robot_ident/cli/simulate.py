@@ -9,6 +9,7 @@ from typing import TYPE_CHECKING, Any
 from robot_ident.cli.output import add_json, add_output, add_robot, print_json, say, tell, within
 
 if TYPE_CHECKING:
+    from robot_ident.recording.conditions import KnownPayload
     from robot_ident.robot import Robot
 
 _SAMPLE_RATE = 150.0  # Hz, for motions that name none
@@ -36,6 +37,11 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
         help="hide effects drawn at random, without saying which; the answer goes to BAG.sealed, the same for the same"
         " seed and robot whatever the motion (robot_ident trial --open shows it)",
     )
+    parser.add_argument(
+        "--payload",
+        metavar="KG[,X,Y,Z]",
+        help="a point mass in the hand, its centre in m in the end effector's frame; stated in BAG.conditions.yaml",
+    )
     parser.add_argument("--servo", default="feedforward", help="feedforward or pd (default %(default)s)")
     parser.add_argument(
         "--sample-rate", type=within(1.0, 1e5), metavar="HZ", help="default: the excitation's, else 150"
@@ -56,6 +62,7 @@ def run(args: argparse.Namespace) -> int:
     from robot_ident.excitation.playback import Playback
     from robot_ident.excitation.point_to_point import load_motion
     from robot_ident.files import refuse_existing, write_text
+    from robot_ident.recording.conditions import Conditions, sidecar
     from robot_ident.robot import load_robot
     from robot_ident.simulation.scenario import draw_scenario
     from robot_ident.simulation.sealed import seal, sealed_path
@@ -71,11 +78,14 @@ def run(args: argparse.Namespace) -> int:
         raise InputError(f"--periods {args.periods}: at least 1")
     if args.seed < 0:
         raise InputError(f"--seed {args.seed}: must not be negative")
+    carried = _payload(args.payload)
+    refuse_existing(sidecar(args.output), force=args.force)
     robot = load_robot(args.robot)
     motion = load_motion(args.excitation)
     motion.check_robot(robot)
     scenario = None if args.hidden is None else draw_scenario(args.hidden, robot)
     effects = args.effect if scenario is None else scenario.all_effects
+    effects = [*effects, *_carrying(carried)]
     started = time.perf_counter()
     options: dict[str, Any] = {"servo": args.servo, "seed": args.seed, "effects": effects}
     options["anti_alias"] = args.anti_alias
@@ -88,6 +98,10 @@ def run(args: argparse.Namespace) -> int:
     seconds = time.perf_counter() - started
     notes = [*result.notes, *_without_noise(robot)]
     write_recording(args.output, result.recording, force=args.force)
+    if carried is not None:
+        write_text(sidecar(args.output), Conditions(carried).text(), force=args.force)
+    elif args.force:  # what an earlier recording of this name carried
+        sidecar(args.output).unlink(missing_ok=True)
     if scenario is not None and answer is not None:
         write_text(answer, seal(scenario.answer()), force=args.force)
     if args.json:
@@ -103,6 +117,31 @@ def run(args: argparse.Namespace) -> int:
     if answer is not None:
         say(f"what is hidden stands in {answer} (sealed)")
     return 0
+
+
+def _payload(text: str | None) -> KnownPayload | None:
+    """Return the point mass of `KG` or `KG,X,Y,Z`; InputError on anything else."""
+    from robot_ident.errors import InputError
+    from robot_ident.recording.conditions import KnownPayload
+
+    if text is None:
+        return None
+    try:
+        values = [float(word) for word in text.split(",")]
+    except ValueError as error:
+        raise InputError(f"--payload {text}: KG or KG,X,Y,Z was expected") from error
+    if len(values) not in (1, 4) or not all(abs(v) < 1e6 for v in values) or not values[0] > 0:
+        raise InputError(f"--payload {text}: KG or KG,X,Y,Z was expected, the mass above 0")
+    x, y, z = values[1:] or (0.0, 0.0, 0.0)
+    return KnownPayload(values[0], (x, y, z))
+
+
+def _carrying(payload: KnownPayload | None) -> list[str]:
+    """Return a payload as an effect of the plant."""
+    if payload is None:
+        return []
+    x, y, z = payload.centre
+    return [f"payload:payload={payload.mass!r},x={x!r},y={y!r},z={z!r}"]
 
 
 def _without_noise(robot: Robot) -> list[str]:

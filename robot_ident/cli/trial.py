@@ -29,6 +29,8 @@ _ROWS = {
     "false_name_on_null": "name given where nothing is hidden",
     "unknown_named": "name given to what no effect is",
     "pair_found_nothing_else": "pairs: both found, nothing else",
+    "fault_named": "fault of measuring named, or tied",
+    "friction_named_for_fault": "friction named for a fault of measuring",
     "named_right_with_background": "named right beside three others of 30 %",
 }
 
@@ -42,6 +44,12 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
         action="append",
         default=[],
         help="single, pair_other_joints, null, unknown or single_with_background, each with all seeds; default: drawn",
+    )
+    parser.add_argument(
+        "--family",
+        choices=("effects", "measurement"),
+        default="effects",
+        help="what is hidden: effects of the arm, or faults of what is measured (default %(default)s)",
     )
     parser.add_argument(
         "--noise", type=float, default=1.0, help="factor on the robot's noise variances (default %(default)s)"
@@ -114,8 +122,11 @@ def _open(args: argparse.Namespace) -> int:
 
 def _cases(args: argparse.Namespace) -> list[Case]:
     """Return the cases of `--seeds` and `--kind`."""
-    from robot_ident.diagnosis.trial import Case
+    from robot_ident.diagnosis.trial import MEASUREMENT, Case
     from robot_ident.simulation.scenario import KINDS
+
+    if args.family == "measurement" and args.kind:
+        raise InputError(f"--kind {args.kind[0]}: is for --family effects")
 
     for kind in args.kind:
         if kind not in KINDS:
@@ -123,7 +134,7 @@ def _cases(args: argparse.Namespace) -> list[Case]:
     first, colon, last = args.seeds.partition(":")
     if not (colon and first.isdigit() and last.isdigit() and int(first) < int(last)):
         raise InputError(f"--seeds {args.seeds!r}: A:B with 0 <= A < B was expected, like 0:20")
-    kinds = list(dict.fromkeys(args.kind)) or [None]
+    kinds = [MEASUREMENT] if args.family == "measurement" else list(dict.fromkeys(args.kind)) or [None]
     return [Case(seed, kind) for kind in kinds for seed in range(int(first), int(last))]
 
 

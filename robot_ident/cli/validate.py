@@ -34,7 +34,9 @@ def run(args: argparse.Namespace) -> int:
     from robot_ident.model.model_file import read_model
 
     model = read_model(args.model)
-    result = validate(model, read_recording(args.bag, topic=args.topic), low_pass=args.low_pass)
+    result = validate(
+        model, read_recording(args.bag, topic=args.topic or model.robot.effort.topic), low_pass=args.low_pass
+    )
     if args.json:
         print_json(result.to_dict())
     else:

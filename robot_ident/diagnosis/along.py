@@ -10,8 +10,8 @@ import numpy as np
 from robot_ident.model.model import Model
 from robot_ident.motion import Array
 from robot_ident.recording.average import average
-from robot_ident.recording.chain import in_newton_metres
 from robot_ident.recording.clock import read_clock
+from robot_ident.recording.effort import at_the_joints
 from robot_ident.recording.measurement import Measurement
 from robot_ident.recording.recording import Recording
 
@@ -41,15 +41,19 @@ class Along:
 def along(model: Model, recording: Recording, measured: Measurement) -> Along:
     """Return the model along the samples of a recording of which `measured` was made.
 
-    Periodic: the steady periods, the model being evaluated on their mean motion, which has little noise; what comes
-    before and after them is left out. Otherwise all samples.
+    Periodic: the steady periods, or the cycles, the model being evaluated on their mean motion, which has little noise;
+    what comes before, between and after them is left out. Otherwise all samples.
     """
-    recording = in_newton_metres(recording.with_joints(model.robot.joints), model.robot)
+    recording = at_the_joints(recording.with_joints(model.robot.joints), model.robot)
     clock = read_clock(recording)
     by_effect = shares(model, measured)
     if measured.base_frequency is None:
         phase, period = clock.t - clock.t[0], None
         rows = np.ones(recording.samples, dtype=bool)
+    elif measured.cycles is not None:
+        phase, period = measured.cycles.phase(clock.t), measured.cycles.length
+        rows = np.isfinite(phase)
+        phase = phase[rows]
     else:
         period = 1.0 / measured.base_frequency
         steady, _ = average(recording, clock, period / clock.dt)
@@ -62,8 +66,7 @@ def along(model: Model, recording: Recording, measured: Measurement) -> Along:
         name: np.column_stack([np.interp(phase, grid, column, period=period) for column in share.T])
         for name, share in by_effect.items()
     }
-    first, last = (int(k) for k in np.flatnonzero(rows)[[0, -1]])
-    return Along(recording[slice(first, last + 1)], np.sum(list(there.values()), axis=0), there)
+    return Along(recording[rows], np.sum(list(there.values()), axis=0), there)
 
 
 def shares(model: Model, measured: Measurement) -> dict[str, Array]:
@@ -73,4 +76,6 @@ def shares(model: Model, measured: Measurement) -> dict[str, Array]:
     for place, parameter in enumerate(model.structure.parameters):
         share = columns[:, :, place] * model.linear[place]
         out[parameter.effect] = out[parameter.effect] + share if parameter.effect in out else share
+    if measured.conditions.payload is not None:
+        out["payload"] = measured.conditions.payload.torque(model.robot, measured.motion)
     return out

@@ -66,7 +66,8 @@ def estimates(evidence: Evidence, effect: Effect) -> tuple[Estimate, ...]:
     )
     spread = blocks @ bread
     variance = np.maximum(np.diag(bread), np.sum(spread**2, axis=0))
-    variance = np.maximum(variance, _jackknife(grams, [s.sum(axis=(0, 1)) for s in scores]))
+    if not effect.trends:  # groups of periods, one after the other, are no repetitions of each other
+        variance = np.maximum(variance, _jackknife(grams, [s.sum(axis=(0, 1)) for s in scores]))
     std = np.sqrt(np.maximum(variance, 0.0)) / scale
     place = {name: k for k, name in enumerate(evidence.structure.names)}
     linear = [

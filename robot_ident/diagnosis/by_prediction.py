@@ -16,6 +16,7 @@ from robot_ident.diagnosis.before_after import errors, estimates, mean_squares
 from robot_ident.diagnosis.candidates import Candidate, Folds, Score, enumerate_candidates, score
 from robot_ident.diagnosis.diagnosis import Diagnosis, Suspect, Verdict
 from robot_ident.diagnosis.evidence import Evidence, Trajectory, added, extended, fitted, split
+from robot_ident.diagnosis.progress import Tell, after, silent
 from robot_ident.diagnosis.refine import refined
 from robot_ident.diagnosis.scan import add, base_gram, columns_of, gram
 from robot_ident.diagnosis.ties import BLOCK, tied
@@ -79,7 +80,10 @@ def tells_noise(measured: Measurement) -> bool:
 
 
 def diagnose_by_prediction(
-    measurements: Sequence[Measurement], structure: Structure, validation: Sequence[Measurement] = ()
+    measurements: Sequence[Measurement],
+    structure: Structure,
+    validation: Sequence[Measurement] = (),
+    tell: Tell = silent,
 ) -> Diagnosis:
     """Return what is missing from a model by the error on data left out; the verdict is never `adequate`.
 
@@ -87,15 +91,18 @@ def diagnose_by_prediction(
     an effect has to help each way. A named effect removes 10 % or more of the squared error, beyond chance, and doesn't
     harm the validation.
     """
+    tell(0.05, "trying every effect")
     whole = weighed_by_residual(measurements, structure)
     stage = first = _stage(_views(whole))
     members: list[Score] = []
     while len(members) < MOST:
+        tell(after(len(members), 0.3, 0.8), "looking for more" if members else "looking for a cause")
         found = _choose(stage, members, whole, validation)
         if found is None:
             break
         members.append(found)
         stage = _stage(_extended(first.views, members))
+    tell(0.8, "weighing what was found")
     members = _needed(first, members)
     return _conclude(whole, first, members, validation, measurements)
 
@@ -141,7 +148,7 @@ def _thinned(measured: Measurement) -> Measurement:
         measured = replace(
             measured,
             dt=measured.dt * every,
-            motion=Motion(q, dq, ddq, dt=measured.dt * every),
+            motion=Motion(q, dq, ddq, dt=measured.dt * every, gravity=measured.motion.gravity),
             torque=smooth.apply(measured.torque)[::every],
             used=measured.used[::every],
             standstill=measured.standstill[::every],

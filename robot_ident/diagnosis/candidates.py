@@ -9,6 +9,7 @@ import numpy as np
 
 from robot_ident.diagnosis.evidence import Evidence
 from robot_ident.diagnosis.scan import BaseFit, BaseGram, Columns, Gram, add, columns_of, gram, loss_with
+from robot_ident.diagnosis.unseen import Unseen
 from robot_ident.effects import Effect, candidates_of
 from robot_ident.motion import Array
 
@@ -18,8 +19,8 @@ class Score:
     """How well an effect explains what is missing.
 
     gain: fall of the squared error over all trajectories, in units of chi-square, at the best setting. held_out: fall
-    of the squared error on trajectories left out of the fit, summed over them, and by joint [n]. effect: at that
-    setting.
+    of the squared error on trajectories left out of the fit, summed over them, and by joint [n]; recordings that no fit
+    sees count there, and by themselves in unseen_by_joint [n], None without any. effect: at that setting.
     """
 
     effect: Effect
@@ -28,6 +29,7 @@ class Score:
     held_out_by_joint: Array
     columns: Columns
     gram: Gram
+    unseen_by_joint: Array | None = None
 
     @property
     def label(self) -> str:
@@ -46,7 +48,9 @@ class Candidate:
 def enumerate_candidates(evidence: Evidence, leave_out: Sequence[str] = ()) -> list[Candidate]:
     """Return the candidates that the model doesn't hold and the robot can have."""
     present = {*evidence.structure.labels, *leave_out}
-    made = [candidate_of(e, evidence) for e in candidates_of(evidence.structure) if e.label not in present]
+    averaged = all(t.motion.periodic for t in evidence.trajectories)  # trends have a test of their own there
+    possible = [e for e in candidates_of(evidence.structure) if not (e.trends and averaged)]
+    made = [candidate_of(e, evidence) for e in possible if e.label not in present]
     return [candidate for candidate in made if candidate.columns]
 
 
@@ -72,23 +76,24 @@ def remembered(effect: Effect, evidence: Evidence, torques: Sequence[object]) ->
 
 @dataclass(frozen=True)
 class Folds:
-    """The base fitted to all trajectories and to all but one."""
+    """The base fitted to all trajectories and to all but one; `unseen`: recordings that no fit sees, None without."""
 
     base: BaseGram
     whole: BaseFit
     without: tuple[BaseFit, ...]
     loss: Array
+    unseen: Unseen | None = None
 
     @classmethod
-    def of(cls, base: BaseGram) -> Folds:
+    def of(cls, base: BaseGram, unseen: Unseen | None = None) -> Folds:
         """Fit the base; `loss` [T, n] is its squared error on each trajectory left out."""
         count = len(base.power)
         everything = range(count)
         if count < 2:
-            return cls(base, BaseFit.of(base, everything), (), np.zeros((0, base.power.shape[1])))
+            return cls(base, BaseFit.of(base, everything), (), np.zeros((0, base.power.shape[1])), unseen)
         without = tuple(BaseFit.of(base, [t for t in everything if t != left]) for left in everything)
         loss = np.array([fit.loss(base, left) for left, fit in enumerate(without)])
-        return cls(base, BaseFit.of(base, everything), without, loss)
+        return cls(base, BaseFit.of(base, everything), without, loss, unseen)
 
 
 def score(candidate: Candidate, evidence: Evidence, folds: Folds) -> Score:
@@ -100,12 +105,16 @@ def score(candidate: Candidate, evidence: Evidence, folds: Folds) -> Score:
 def score_grams(candidate: Candidate, grams: Sequence[Gram], folds: Folds) -> Score:
     """Return a candidate's score from Gram matrices that are known already."""
     signs = [columns.effect.signs for columns in candidate.columns]
-    gains = [add(g, folds.whole, sign).gain for g, sign in zip(grams, signs, strict=True)]
+    whole = [add(g, folds.whole, sign) for g, sign in zip(grams, signs, strict=True)]
+    gains = [addition.gain for addition in whole]
     best = int(np.argmax(gains))
     by_joint = np.zeros(folds.base.power.shape[1])
     for left, fit in enumerate(folds.without):
         additions = [add(g, fit, sign) for g, sign in zip(grams, signs, strict=True)]
         chosen = int(np.argmax([addition.gain for addition in additions]))
         by_joint += folds.loss[left] - loss_with(grams[chosen], folds.base, additions[chosen], left)
-    effect = candidate.columns[best].effect
-    return Score(effect, gains[best], float(by_joint.sum()), by_joint, candidate.columns[best], grams[best])
+    effect, unseen = candidate.columns[best].effect, None
+    if folds.unseen is not None:
+        unseen = folds.unseen.loss(folds.whole) - folds.unseen.loss_with(effect, whole[best])
+        by_joint += unseen
+    return Score(effect, gains[best], float(by_joint.sum()), by_joint, candidate.columns[best], grams[best], unseen)

@@ -13,7 +13,9 @@ import numpy as np
 
 from robot_ident.diagnosis.curves import Variable, held_out_share, own, variables
 from robot_ident.diagnosis.evidence import Evidence, Trajectory, trajectory
-from robot_ident.diagnosis.misfit import Misfit, misfit
+from robot_ident.diagnosis.misfit import misfit
+from robot_ident.diagnosis.noise_test import NoiseTest, chance
+from robot_ident.diagnosis.profile import Profile, profiles
 from robot_ident.diagnosis.regions import Region, densest
 from robot_ident.diagnosis.spectrum import bands
 from robot_ident.diagnosis.symmetry import odd_and_even
@@ -26,6 +28,7 @@ EDGES = (0.0, 0.5, 1.0, 2.0, 5.0, 10.0, 15.0, 30.0, np.inf)  # Hz
 _LISTED = 6  # regions named for a joint
 _DENSE = 0.05  # by which a region's share of the error must exceed its share of the time
 _LISTED_SHARE = 0.005  # of the excess: less is no dependence
+_NOTEWORTHY = 0.005  # of the rms: a difference that a table shows
 _OTHERS = 0.02  # of the excess that another joint's motion must explain to be listed
 
 
@@ -37,19 +40,21 @@ class JointComparison:
     latter None where unknown. misfit: None where the recordings don't tell their noise. excess [Nm rms]: beyond the
     noise. explained_by: share of the excess that a curve over each variable explains on unseen motion. by_frequency:
     share of the excess in bands (lower, upper [Hz], share). odd, even: shares under time reversal, None where the
-    motion has no mirror. worst: regions that hold most error beyond their share of the time.
+    motion has no mirror. worst: regions that hold most error beyond their share of the time. profiles: mean and rms
+    beside the noise along each variable, whether it fits or not.
     """
 
     name: str
     residual_mse: float
     noise_variance: float | None
-    misfit: Misfit | None
+    misfit: NoiseTest | None
     excess: float
     explained_by: Mapping[str, float]
     by_frequency: tuple[tuple[float, float, float], ...]
     odd: float | None
     even: float | None
     worst: tuple[Region, ...]
+    profiles: tuple[Profile, ...]
 
     @property
     def fails(self) -> bool | None:
@@ -74,7 +79,7 @@ class JointComparison:
             None if self.noise_variance is None else self.noise_variance**0.5,
             self.excess,
             None if self.misfit is None else self.misfit.statistic,
-            None if self.misfit is None else f"{self.misfit.p_value:.2g}",
+            None if self.misfit is None else chance(self.misfit.p_value),
             self.in_words,
             "" if most is None or most[1] < _LISTED_SHARE else f"{most[0].replace('_', ' ')} ({100 * most[1]:.0f} %)",
         )
@@ -100,6 +105,7 @@ class JointComparison:
                 | ({"recording": r.recording} if r.recording else {})
                 for r in self.worst
             ],
+            "profiles": [profile.to_dict() for profile in self.profiles],
         }
 
 
@@ -136,7 +142,29 @@ def compare(model: Model, measurements: Sequence[Measurement]) -> Comparison:
         for measured, yes in zip(measurements, known, strict=True)
         if not yes
     ]
-    return Comparison(joints, tuple(notes))
+    return Comparison(joints, (*notes, *_at_reversals(evidence, joints)))
+
+
+def _at_reversals(evidence: Evidence, joints: Sequence[JointComparison]) -> list[str]:
+    """Return a line for each joint where rows that a fit counts, but no judgement, make a difference."""
+    robot, out = evidence.structure.robot, []
+    for number, joint in enumerate(joints):
+        squared, rows, left_out = 0.0, 0, 0
+        for t in evidence.trajectories:
+            measured = t.measured
+            counted = measured.used[measured.rows][:, number]
+            predicted = evidence.structure.columns(t.motion, evidence.values) @ evidence.values
+            error = measured.passed(measured.torque - predicted)[counted, number]
+            squared += float(np.sum(error**2))
+            rows += len(error)
+            left_out += int(np.sum(counted & (t.weight[:, number] <= 0)))
+        rms, unit = (squared / max(rows, 1)) ** 0.5, robot.torque_unit(number)
+        if left_out and abs(rms / max(joint.residual_mse**0.5, 1e-300) - 1.0) > _NOTEWORTHY:
+            out.append(
+                f"{joint.name}: {left_out} of {rows} rows at reversals are left out, where noise hides which way the"
+                f" joint moves; with them the residual is {rms:.4g} {unit} rms, as identify and add print it"
+            )
+    return out
 
 
 def _noise_known(measured: Measurement) -> bool:
@@ -168,7 +196,7 @@ def _evidence(model: Model, trajectories: Sequence[Trajectory]) -> Evidence:
     return Evidence(structure, tuple(trajectories), rigid, phi, model.linear)
 
 
-def _joint(evidence: Evidence, joint: int, fit: Misfit | None) -> JointComparison:
+def _joint(evidence: Evidence, joint: int, fit: NoiseTest | None) -> JointComparison:
     trajectories = evidence.trajectories
     residual = [r[:, joint] for r in evidence.residual]
     used = [t.weight[:, joint] > 0 for t in trajectories]
@@ -180,10 +208,10 @@ def _joint(evidence: Evidence, joint: int, fit: Misfit | None) -> JointCompariso
     parts = [u.sum() * t.measured.averaged_variance[joint] for u, t in zip(used, trajectories, strict=True)]
     floor = float(sum(parts) / rows) if all(dof) else None
     fails = fit is None or fit.fails
-    seen = [_variables(evidence, t, joint) for t in trajectories] if fails else []
+    seen = [_variables(evidence, t, joint) for t in trajectories]
     shares = {
         name: held_out_share([one[name] for one in seen], residual, used, excess)
-        for name in (seen[0] if seen else ())
+        for name in (seen[0] if fails else ())
         if all(name in one for one in seen)
     }
     odd, even = _symmetry(evidence, joint) if fails else (None, None)
@@ -198,6 +226,7 @@ def _joint(evidence: Evidence, joint: int, fit: Misfit | None) -> JointCompariso
         odd=odd,
         even=even,
         worst=_worst(evidence, joint, seen, shares) if fails else (),
+        profiles=profiles(evidence, joint, seen, bands(evidence, joint, EDGES), floor is not None),
     )
 
 
@@ -208,12 +237,11 @@ def _variables(evidence: Evidence, t: Trajectory, joint: int) -> dict[str, Varia
 
 def _by_frequency(evidence: Evidence, joint: int) -> tuple[tuple[float, float, float], ...]:
     found = bands(evidence, joint, EDGES)
-    beyond = [max(0.0, band.power - band.dof) for band in found]
-    total = sum(beyond)
+    total = sum(band.beyond for band in found)
     if total <= 0.0:
         return ()
     top = [0.5 / t.measured.dt for t in evidence.trajectories]
-    return tuple((b.lower, min(b.upper, max(top)), part / total) for b, part in zip(found, beyond, strict=True))
+    return tuple((band.lower, min(band.upper, max(top)), band.beyond / total) for band in found)
 
 
 def _symmetry(evidence: Evidence, joint: int) -> tuple[float | None, float | None]:

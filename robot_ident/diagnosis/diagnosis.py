@@ -3,11 +3,12 @@
 from __future__ import annotations
 
 from collections.abc import Mapping
-from dataclasses import dataclass
+from dataclasses import dataclass, field, replace
 from typing import Any, Literal
 
 from robot_ident.diagnosis.families import family
-from robot_ident.effects import Effect
+from robot_ident.effects import Effect, unseen_of
+from robot_ident.robot.robot import Robot
 
 Verdict = Literal["adequate", "missing", "unexplained", "not_decidable"]
 
@@ -34,7 +35,7 @@ class Suspect:
 
     explained: share of the excess squared error on its joints that it removes on trajectories left out of the fit.
     Mean squares by joint, (Nm)^2. experiment: the command that designs the motion which tells it from the first of
-    those that it is tied with.
+    those that it is tied with. fix: of a fault of what is measured, the line to change.
     """
 
     effect: Effect
@@ -47,6 +48,7 @@ class Suspect:
     parameters: tuple[Estimate, ...]
     tied_with: tuple[str, ...]
     experiment: str | None
+    fix: str | None = None
 
     @property
     def label(self) -> str:
@@ -78,6 +80,7 @@ class Suspect:
             "tied_with": list(self.tied_with),
             "family": self.family,
             "experiment": self.experiment,
+            "fix": self.fix,
         }
 
 
@@ -94,7 +97,10 @@ class Unexplained:
 
 @dataclass(frozen=True)
 class Diagnosis:
-    """Verdict, the members found in their order, further candidates, the remainder by joint [Nm rms], and notes."""
+    """Verdict, the members found in their order, further candidates, the remainder by joint [Nm rms], and notes.
+
+    hidden_from_sensor: by joint the effects that were no candidates, since effort is measured where they don't show.
+    """
 
     verdict: Verdict
     missing: tuple[Suspect, ...]
@@ -102,6 +108,7 @@ class Diagnosis:
     remaining_rms: Mapping[str, float]
     unexplained: Unexplained | None
     notes: tuple[str, ...] = ()
+    hidden_from_sensor: Mapping[str, tuple[str, ...]] = field(default_factory=dict)
 
     @property
     def in_words(self) -> str:
@@ -114,6 +121,18 @@ class Diagnosis:
             return "not decidable from these recordings"
         where = f"; {self.unexplained.joint}: {self.unexplained.where}" if self.unexplained else ""
         return f"unexplained: none of the known effects accounts for the error{where}"
+
+    def seen_by(self, robot: Robot) -> Diagnosis:
+        """Return the same with what the robot's sensors can't show, and a line that says so."""
+        hidden = unseen_of(robot)
+        if not hidden:
+            return self
+        kinds = dict.fromkeys(name for names in hidden.values() for name in names)
+        line = (
+            f"{', '.join(hidden)}: effort is measured behind the gear, where {', '.join(kinds)} don't show; they may be"
+            " there and were not looked for"
+        )
+        return replace(self, hidden_from_sensor=hidden, notes=(*self.notes, line))
 
     def _repr_html_(self) -> str:
         """Show the verdict, the candidates with their evidence and what remains, in a notebook."""
@@ -150,5 +169,6 @@ class Diagnosis:
                 "depends_on": dict(self.unexplained.depends_on),
                 "where": self.unexplained.where,
             },
+            "hidden_from_sensor": {joint: list(names) for joint, names in self.hidden_from_sensor.items()},
             "notes": list(self.notes),
         }

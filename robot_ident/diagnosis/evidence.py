@@ -162,6 +162,13 @@ def extended(evidence: Evidence, effects: Sequence[Effect]) -> Evidence:
     return fitted(structure, evidence.trajectories, evidence.rigid, evidence.memory)
 
 
+def held(evidence: Evidence, structure: Structure, values: Array) -> Evidence:
+    """Return the evidence on another model of the same robot as it stands, linear parameters values [p] included."""
+    pairs = zip(evidence.trajectories, evidence.rigid, strict=True)
+    phi = tuple(t.weighed(structure.columns(t.motion, values, rigid)) for t, rigid in pairs)
+    return Evidence(structure, evidence.trajectories, evidence.rigid, phi, values, evidence.memory)
+
+
 def added(structure: Structure) -> list[Effect]:
     """Return the effects of a structure that its robot doesn't bring along."""
     usual = Structure.build(structure.robot).labels
@@ -183,8 +190,9 @@ def split(evidence: Evidence, parts: int = 4, block: float | None = None) -> Evi
         weight = np.where((part == number)[:, None], whole.weight, 0.0)
         share = (weight > 0).sum(axis=0) / np.maximum(1, (whole.weight > 0).sum(axis=0))
         pieces.append(replace(whole, weight=weight, y=np.where(weight > 0, whole.y, 0.0), dof=whole.dof * share))
-    # what is weighed belongs to the whole, what isn't to its parts, too
-    memory: dict[Hashable, object] = {
-        key: kept for key, kept in evidence.memory.items() if isinstance(key, tuple) and key[0] == _RIGID
-    }
-    return fitted(evidence.structure, tuple(pieces), evidence.rigid * parts, memory)
+    return fitted(evidence.structure, tuple(pieces), evidence.rigid * parts, kept_between_parts(evidence))
+
+
+def kept_between_parts(evidence: Evidence) -> dict[Hashable, object]:
+    """Return what an evidence remembers that holds for parts of its trajectories, too: what is not weighed."""
+    return {key: kept for key, kept in evidence.memory.items() if isinstance(key, tuple) and key[0] == _RIGID}

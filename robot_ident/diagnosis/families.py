@@ -17,6 +17,23 @@ FAMILIES: dict[str, frozenset[str]] = {
 }
 
 
+FRICTION = frozenset(
+    (
+        "viscous",
+        "coulomb",
+        "stribeck",
+        "viscous_asymmetric",
+        "viscous_nonlinear",
+        "presliding",
+        "load_friction",
+        "position_friction",
+        "joint_coupling",
+        "temperature_drift",
+    )
+)
+"""Effects that rub: what is blamed first, and wrongly where the measuring is at fault."""
+
+
 def family(names: Collection[str]) -> str | None:
     """Return the family that holds all effects of some names, None where none does."""
     return next((name for name, members in FAMILIES.items() if members.issuperset(names)), None)

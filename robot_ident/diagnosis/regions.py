@@ -32,7 +32,7 @@ class Region:
 
     def in_words(self, robot: Robot, joint: int) -> str:
         """Return where it lies along the motion of a robot's joint: `|dq| < 0.05 rad/s: 61 % of the excess...`."""
-        symbol, unit = _symbol(self.what, robot, joint)
+        symbol, unit = symbol_and_unit(self.what, robot, joint)
         if self.lower <= 0.0 and self.what in ("speed", "time_since_reversal"):
             where = f"{symbol} < {self.upper:.3g} {unit}"
         else:
@@ -41,7 +41,7 @@ class Region:
         return f"{where}{source}: {100 * self.share:.0f} % of the excess in {100 * self.of_time:.0f} % of the time"
 
 
-def _symbol(what: str, robot: Robot, joint: int) -> tuple[str, str]:
+def symbol_and_unit(what: str, robot: Robot, joint: int) -> tuple[str, str]:
     """Return the symbol and the unit of a variable."""
     kind, _, other = what.partition(" of ")
     length = "m" if robot.prismatic[robot.joint_index(other) if other else joint] else "rad"
@@ -54,6 +54,7 @@ def _symbol(what: str, robot: Robot, joint: int) -> tuple[str, str]:
         "load": ("load torque", robot.torque_unit(joint)),
         "time_since_reversal": ("time since reversal", "s"),
         "time": ("t", "s"),
+        "frequency": ("frequency", "Hz"),
     }
     return symbols[kind]
 
@@ -80,7 +81,8 @@ def densest(
     first, last = _best_run(share - time)
     run = slice(first, last + 1)
     held = float(np.clip(share[run].sum(), 0.0, 1.0))
-    return Region(what, float(edges[first]), float(edges[last + 1]), held, float(time[run].sum()))
+    lower = 0.0 if what == "speed" and first == 0 else float(edges[first])
+    return Region(what, lower, float(edges[last + 1]), held, float(time[run].sum()))
 
 
 def _best_run(score: Array) -> tuple[int, int]:

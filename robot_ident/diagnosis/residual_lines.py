@@ -8,7 +8,7 @@ import numpy as np
 
 from robot_ident.diagnosis.beside import Beside
 from robot_ident.motion import Array, Mask
-from robot_ident.recording.low_pass import ZeroPhaseLowPass
+from robot_ident.recording.low_pass import SoftPeriodicLowPass, ZeroPhaseLowPass
 from robot_ident.recording.measurement import Measurement
 
 _SEGMENT = 10.0  # s: stretches over which the spectrum of a motion that doesn't repeat is averaged
@@ -75,7 +75,7 @@ def _shape(measured: Measurement, frequency: Array) -> Array:
     n = len(measured.joints)
     share = measured.low_pass.independent if measured.low_pass else 1.0
     shape = np.full((len(frequency), n), 1.0 / share)
-    if isinstance(measured.low_pass, ZeroPhaseLowPass):
+    if isinstance(measured.low_pass, ZeroPhaseLowPass | SoftPeriodicLowPass):
         shape /= (1.0 + (frequency[:, None] / measured.low_pass.cutoff) ** 8) ** 2
     told = measured.noise
     for joint in range(n):

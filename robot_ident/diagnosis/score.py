@@ -9,7 +9,8 @@ from typing import Any
 
 import numpy as np
 
-from robot_ident.diagnosis.trial import Outcome
+from robot_ident.diagnosis.families import FRICTION
+from robot_ident.diagnosis.trial import MEASUREMENT, Outcome
 
 _Z = 1.959963984540054  # standard normal quantile of a two-sided 95 % interval
 NOTHING = "nothing"
@@ -76,8 +77,13 @@ def named_wrong(o: Outcome) -> bool:
 
 
 def found_beside_background(o: Outcome) -> bool:
-    """Return whether the main effect was named, and nothing that is not there."""
-    return set(o.truth) <= set(o.named) <= {*o.truth, *o.background}
+    """Return whether the main effect was named, and nothing that is neither there nor said to tie with what is."""
+    return set(o.truth) <= set(o.named) and not named_wrong(o)
+
+
+def friction_named(o: Outcome) -> bool:
+    """Return whether something that rubs was named."""
+    return any(label.partition("@")[0] in FRICTION for label in o.named)
 
 
 @dataclass(frozen=True)
@@ -103,6 +109,8 @@ def rates(outcomes: Sequence[Outcome], least: float) -> list[Rate]:
         _Row("false_name_on_null", lambda o: o.kind == "null", lambda o: bool(o.named), wanted=False),
         _Row("unknown_named", lambda o: o.kind == "unknown", lambda o: bool(o.named), wanted=False),
         _Row("pair_found_nothing_else", lambda o: o.kind == "pair_other_joints", named_right),
+        _Row("fault_named", lambda o: o.kind == MEASUREMENT, in_tie_group),
+        _Row("friction_named_for_fault", lambda o: o.kind == MEASUREMENT, friction_named, wanted=False),
         _Row("named_right_with_background", lambda o: o.kind == "single_with_background", found_beside_background),
     )
     out = []

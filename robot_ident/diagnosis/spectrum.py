@@ -1,77 +1,104 @@
-"""The residual's power in bands of frequency, in units of the noise that each line has."""
+"""The residual's lines in units of the noise that each of them has, and its power in bands of frequency."""
 
 from __future__ import annotations
 
 from collections.abc import Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
+from typing import Any
 
 import numpy as np
+from numpy.typing import NDArray
 
 from robot_ident.diagnosis.evidence import Evidence, Trajectory
-from robot_ident.motion import Array
+from robot_ident.motion import Array, Mask
+
+Values = NDArray[np.inexact[Any]]
+
+_CHANCE = 2.5  # standard deviations by which a band must exceed its noise to count
 
 
 @dataclass(frozen=True)
-class Band:
-    """Lines from `lower` up to `upper` [Hz]: their squared error in units of the noise, and its degrees of freedom."""
+class Whitening:
+    """Turns weighed rows [N, ...] of one joint and measurement into values with independent noise of variance 1.
 
-    lower: float
-    upper: float
-    power: float
-    dof: float
-
-
-def bands(evidence: Evidence, joint: int, edges: Sequence[float]) -> list[Band]:
-    """Return the bands between edges [Hz] of a joint, all trajectories together; none where one isn't periodic."""
-    power, dof = np.zeros(len(edges) - 1), np.zeros(len(edges) - 1)
-    for t, residual in zip(evidence.trajectories, evidence.residual, strict=True):
-        frequency = t.measured.base_frequency
-        if frequency is None or t.measured.decimate != 1:
-            return []
-        square, count = _lines(t, residual[:, joint], joint)
-        rate = np.arange(len(square)) * frequency
-        place = np.searchsorted(edges, rate, side="right") - 1
-        inside = (place >= 0) & (place < len(power))
-        np.add.at(power, place[inside], square[inside])
-        np.add.at(dof, place[inside], count[inside])
-    return [
-        Band(float(a), float(b), float(p), float(d))
-        for a, b, p, d in zip(edges[:-1], edges[1:], power, dof, strict=True)
-        if d > 0
-    ]
-
-
-def effective_share(t: Trajectory, joint: int) -> float:
-    """Return the factor by which coloured noise of density S lowers the degrees of freedom of a squared error.
-
-    (mean S)^2 / mean S^2.
+    By Fourier's transform where rows are a whole period: rate [L] Hz of every line, shape [L]: its noise over the mean,
+    1 where white. Without (rate None) the rows are left as they are. count [L]: degrees of freedom of each.
+    known_dof: those of the noise's own estimate. scatter [L]: squares of the periods' scatter about their mean, as
+    large as the noise of the rows, each line for itself; None where the noise is white or periods don't tell it.
     """
-    density = _density(t, joint)
-    if density is None:
-        return 1.0
-    density = density[density > 0]
-    return float(np.mean(density) ** 2 / np.mean(density**2))
 
+    count: Array
+    shape: Array
+    rate: Array | None
+    known_dof: float
+    scatter: Array | None = None
 
-def _lines(t: Trajectory, residual: Array, joint: int) -> tuple[Array, Array]:
-    """Return the squared error of every line in units of its own noise, and its degrees of freedom."""
-    samples = len(residual)
-    spectrum = np.abs(np.fft.rfft(residual)) ** 2 * (2.0 / samples)
-    count = np.full(len(spectrum), 2.0)
-    ends = [0, -1] if samples % 2 == 0 else [0]
-    spectrum[ends] *= 0.5
-    count[ends] = 1.0
-    filtered = t.measured.low_pass
-    if filtered is not None and t.measured.base_frequency is not None:
-        count[np.arange(len(count)) * t.measured.base_frequency > filtered.cutoff + 1e-9] = 0.0
-    # rows that don't count are zero: they take their share of every line's noise with them
-    count = count * float(np.mean(t.weight[:, joint] > 0))
-    density = _density(t, joint)
-    if density is not None:
-        shape = density / np.mean(density[density > 0])
-        count = np.where(shape > 0, count, 0.0)
-        spectrum = spectrum / np.where(shape > 0, shape, 1.0)
-    return np.where(count > 0, spectrum, 0.0), count
+    @classmethod
+    def of(cls, t: Trajectory, joint: int, used: Mask) -> Whitening:
+        """Return the whitening of a trajectory's joint, of which the rows `used` [N] count."""
+        measured = t.measured
+        samples, whole = len(t.y), measured.variance_dof
+        if measured.base_frequency is None or measured.decimate != 1:
+            return cls(np.asarray(used * measured.independent, dtype=float), np.ones(samples), None, whole)
+        rate = np.asarray(np.arange(samples // 2 + 1) * measured.base_frequency, dtype=float)
+        count = np.where(np.arange(len(rate)) % (samples / 2) == 0, 1.0, 2.0)
+        if measured.low_pass is not None:
+            count[rate > measured.low_pass.cutoff + 1e-9] = 0.0
+        density = _density(t, joint)
+        if density is None:
+            return cls(count * np.mean(used), np.ones(len(rate)), rate, whole)
+        count = np.where(density > 0.0, count, 0.0)
+        shape = np.where(count > 0.0, density / (np.sum(count * density) / np.sum(count)), 1.0)
+        plain = cls(count * np.mean(used), shape, rate, whole)
+        return replace(plain, scatter=plain._scatter(measured.period_torque, joint))
+
+    def _scatter(self, periods: Array | None, joint: int) -> Array | None:
+        """Return the squares of the lines of periods [M, N, n] about their mean; gaps are nan."""
+        if periods is None or periods.shape[1] != 2 * (len(self.shape) - 1) + periods.shape[1] % 2:
+            return None
+        rest = (periods[:, :, joint] - np.nanmean(periods[:, :, joint], axis=0)).T
+        present = np.isfinite(rest)
+        squares = np.sum(np.abs(self.lines(np.where(present, rest, 0.0), 0.0)) ** 2, axis=1)
+        mean = float(np.sum(squares) / np.sum(self.count))
+        return np.asarray(squares / mean) if mean > 0.0 and present.any() else None
+
+    @property
+    def coloured(self) -> bool:
+        """Whether lines differ in their noise."""
+        return bool(np.any(self.shape != 1.0))
+
+    def lines(self, rows: Array, power: float = -0.5) -> Values:
+        """Return rows [N, ...] as values whose squares add up to theirs, times `power` of the noise's shape.
+
+        A line with a cosine and a sine counts as one complex value.
+        """
+        if self.rate is None:
+            return rows
+        end = np.where(np.arange(len(self.rate)) % (len(rows) / 2) == 0, 0.5, 1.0)
+        factor = np.where(self.count > 0.0, np.sqrt(end * 2.0 / len(rows)) * self.shape**power, 0.0)
+        return (np.fft.rfft(rows, axis=0).T * factor).T
+
+    def inside(self, lower: float, upper: float) -> Mask:
+        """Return which values lie from `lower` up to `upper` [Hz]; all of them where they are no lines."""
+        if self.rate is None:
+            return np.ones(len(self.count), dtype=bool)
+        return np.asarray((self.rate >= lower) & (self.rate < upper))
+
+    def noise_dof(self, inside: Mask) -> float:
+        """Return the degrees of freedom of the noise's estimate over some of the lines."""
+        return (
+            self.known_dof * float(np.sum(self.count[inside]) / np.sum(self.count)) if self.coloured else self.known_dof
+        )
+
+    def noise(self, inside: Mask) -> float:
+        """Return the square that noise makes of some of the whitened lines.
+
+        Their number where the shape is known; where it is an estimate, smoothed over its neighbours, by the scatter of
+        these very lines: an error of the shape then only weighs them a little otherwise.
+        """
+        if self.scatter is None:
+            return float(np.sum(self.count[inside]))
+        return float(np.sum(self.scatter[inside] / self.shape[inside]))
 
 
 def _density(t: Trajectory, joint: int) -> Array | None:
@@ -79,4 +106,80 @@ def _density(t: Trajectory, joint: int) -> Array | None:
     noise = t.measured.noise
     if noise is None or not noise.coloured[joint] or len(noise.density) != len(t.y) // 2 + 1:
         return None
-    return np.real(noise.density[:, joint, joint])
+    rounding = t.measured.quantisation
+    floor = 0.0 if rounding is None else float(rounding[joint]) * t.measured.averages
+    density = np.real(noise.density[:, joint, joint])
+    return np.asarray(np.where(density > 0.0, density + floor, 0.0))
+
+
+@dataclass(frozen=True)
+class Whole:
+    """One measurement's joint, put together from the parts of time into which the evidence may have cut it.
+
+    places: of those parts among the trajectories. used [N]: rows that count. residual [N]: weighed.
+    """
+
+    places: tuple[int, ...]
+    trajectory: Trajectory
+    used: Mask
+    residual: Array
+    whitening: Whitening
+
+    @property
+    def spectral(self) -> bool:
+        """Whether its values are lines."""
+        return self.whitening.rate is not None
+
+    def joined(self, columns: Sequence[Array], joint: int) -> Array:
+        """Return columns [N, n, k] of each trajectory at a joint, [N, k] of the measurement."""
+        return np.asarray(np.sum([columns[place][:, joint] for place in self.places], axis=0))
+
+
+def wholes(evidence: Evidence, joint: int, residual: Sequence[Array] | None = None) -> list[Whole]:
+    """Return the measurements of the evidence at a joint; residual [N, n] of each trajectory: the evidence's own."""
+    residual = evidence.residual if residual is None else residual
+    by_source: dict[int, list[int]] = {}
+    for place, t in enumerate(evidence.trajectories):
+        by_source.setdefault(id(t.measured), []).append(place)
+    out = []
+    for places in by_source.values():
+        first = evidence.trajectories[places[0]]
+        used = np.any([evidence.trajectories[k].weight[:, joint] > 0 for k in places], axis=0)
+        joined = np.sum([residual[k][:, joint] for k in places], axis=0)
+        out.append(Whole(tuple(places), first, used, joined, Whitening.of(first, joint, used)))
+    return out
+
+
+@dataclass(frozen=True)
+class Band:
+    """Lines from `lower` up to `upper` [Hz]: their squared error in units of the noise, and what of it noise makes.
+
+    beyond: the difference, 0 where chance alone may have made it.
+    """
+
+    lower: float
+    upper: float
+    power: float
+    noise: float
+    beyond: float
+
+
+def bands(evidence: Evidence, joint: int, edges: Sequence[float]) -> list[Band]:
+    """Return the bands between edges [Hz] of a joint, all trajectories together; none where one isn't periodic."""
+    parts = wholes(evidence, joint)
+    if not all(part.spectral for part in parts):
+        return []
+    out = []
+    for lower, upper in zip(edges[:-1], edges[1:], strict=True):
+        power = noise = spread = 0.0
+        for part in parts:
+            w = part.whitening
+            inside = w.inside(lower, upper)
+            power += float(np.sum(np.abs(w.lines(part.residual, 0.0)[inside]) ** 2))
+            level = w.count[inside] * w.shape[inside]
+            noise += float(np.sum(level))
+            spread += float(np.sum(2.0 * level * w.shape[inside]))
+        if noise > 0.0:
+            beyond = power - noise if power - noise > _CHANCE * np.sqrt(spread) else 0.0
+            out.append(Band(float(lower), float(upper), power, noise, beyond))
+    return out

@@ -7,7 +7,7 @@ from collections.abc import Sequence
 import numpy as np
 
 from robot_ident.diagnosis.candidates import Folds, Score
-from robot_ident.diagnosis.evidence import Evidence
+from robot_ident.diagnosis.evidence import Evidence, Trajectory
 from robot_ident.diagnosis.scan import Columns, add, gram
 from robot_ident.motion import Array
 
@@ -40,7 +40,7 @@ def tied(best: Score, scores: Sequence[Score], evidence: Evidence, folds: Folds)
 
 
 def _block_losses(score: Score, evidence: Evidence, folds: Folds) -> Array:
-    """Return the squared error in blocks of time of every trajectory left out, at the score's setting."""
+    """Return the squared error in blocks of time of every trajectory left out or unseen, at the score's setting."""
     columns: Columns = score.columns
     inner = gram(columns, evidence)
     losses = []
@@ -49,9 +49,17 @@ def _block_losses(score: Score, evidence: Evidence, folds: Folds) -> Array:
         trajectory = evidence.trajectories[left]
         residual = trajectory.y - evidence.phi[left] @ addition.values
         residual[:, columns.joints] -= columns.parts[left] @ addition.coefficients
-        squared = np.sum(residual**2, axis=1)
-        size = max(1, round(BLOCK / (trajectory.measured.dt * trajectory.measured.decimate)))
-        used = np.flatnonzero(trajectory.weight.any(axis=1))
-        span = squared[used[0] : used[-1] + 1] if len(used) else squared
-        losses += [float(block.sum()) for block in np.array_split(span, max(1, len(span) // size))]
+        losses += _in_blocks(residual, trajectory)
+    if folds.unseen is not None:
+        rests = folds.unseen.residuals(score.effect, add(inner, folds.whole, score.effect.signs))
+        for residual, trajectory in zip(rests, folds.unseen.trajectories, strict=True):
+            losses += _in_blocks(residual, trajectory)
     return np.array(losses)
+
+
+def _in_blocks(residual: Array, trajectory: Trajectory) -> list[float]:
+    squared = np.sum(residual**2, axis=1)
+    size = max(1, round(BLOCK / (trajectory.measured.dt * trajectory.measured.decimate)))
+    used = np.flatnonzero(trajectory.weight.any(axis=1))
+    span = squared[used[0] : used[-1] + 1] if len(used) else squared
+    return [float(block.sum()) for block in np.array_split(span, max(1, len(span) // size))]

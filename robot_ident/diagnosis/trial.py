@@ -22,7 +22,11 @@ from robot_ident.model.structure import Structure
 from robot_ident.recording.measurement import Measurement
 from robot_ident.recording.process import process
 from robot_ident.robot.robot import Robot
+from robot_ident.simulation.measuring_faults import draw_fault, recordings_with
 from robot_ident.simulation.scenario import Scenario, draw_scenario
+
+MEASUREMENT = "measurement"
+"""The kind of a case in which the measuring is at fault and the arm is as modelled."""
 
 _UNSEEN_PERIODS = 2  # of the motion on which errors are judged: without noise one would do, were it periodic
 
@@ -98,6 +102,8 @@ class Outcome:
 
 def run_case(case: Case, setting: Setting) -> Outcome:
     """Hide, simulate, identify, diagnose, add."""
+    if case.kind == MEASUREMENT:
+        return _run_measuring_case(case, setting)
     robot = setting.robot
     kinds = () if case.kind is None else (case.kind,)
     scenario = draw_scenario(case.seed, robot, kinds=kinds, references=setting.training)
@@ -117,14 +123,33 @@ def run_case(case: Case, setting: Setting) -> Outcome:
     return _outcome(scenario, robot, found, before, after, seconds, trouble)
 
 
+def _run_measuring_case(case: Case, setting: Setting) -> Outcome:
+    """Spoil what is measured, identify, diagnose; nothing is added, since the remedy is not in the model."""
+    robot = setting.robot
+    fault = draw_fault(case.seed, robot, len(setting.training))
+    recordings = recordings_with(
+        fault, robot, setting.training, periods=setting.periods, noise=setting.noise, seed=case.seed
+    )
+    measurements = [process(recording, robot) for recording in recordings]
+    structure = Structure.build(robot)
+    started = time.process_time()
+    found = diagnose(measurements, structure)
+    seconds = time.process_time() - started
+    fits = estimate(measurements, structure).residual
+    excess = [max(0.0, fit.mse - (fit.noise_variance or 0.0)) ** 0.5 for fit in fits.values()]
+    scenario = Scenario(MEASUREMENT, case.seed, robot.name, (fault.text(robot),), (), tuple(excess))
+    return _outcome(scenario, robot, found, None, None, seconds, "")
+
+
 def _errors(
     measurements: list[Measurement], structure: Structure, found: Diagnosis, unseen: Measurement
 ) -> tuple[dict[str, float] | None, dict[str, float] | None, str]:
     """Return the errors on the unseen motion before and after what was named is added, or why it couldn't be."""
-    if not found.missing:
+    named = [suspect.effect for suspect in found.missing if not suspect.effect.measuring]
+    if not named:
         return None, None, ""
     try:
-        longer = Structure.build(structure.robot, [suspect.effect for suspect in found.missing])
+        longer = Structure.build(structure.robot, named)
         models = [estimate(measurements, s) for s in (structure, longer)]
     except InputError as error:
         return None, None, str(error)

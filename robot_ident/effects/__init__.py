@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from robot_ident.effects.catalogue import CATALOGUE, beside, candidates_of, holder, make_effect, register
+from robot_ident.effects.catalogue import CATALOGUE, beside, candidates_of, holder, make_effect, register, unseen_of
 from robot_ident.effects.effect import Coefficient, Course, Effect, Inner, Mathematics, Sensitivity, Signals, Torques
 from robot_ident.effects.load_file import load_effects
 
@@ -22,4 +22,5 @@ __all__ = [
     "load_effects",
     "make_effect",
     "register",
+    "unseen_of",
 ]

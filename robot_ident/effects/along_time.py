@@ -44,6 +44,22 @@ def delayed(x: Array, motion: Motion, delay: float) -> Array:
     return np.asarray(x[left] + u * rise + bend)
 
 
+def lagged(x: Array, motion: Motion, span: float) -> Array:
+    """Return x [N, ...] behind a first-order lag of time constant span [s]: span dy/dt = x - y.
+
+    Exact at samples joined by straight lines; settled on a period, or, elsewhere, on the first sample.
+    """
+    from scipy.signal import lfilter
+
+    ratio = step(motion) / span
+    kept = float(np.exp(-ratio))
+    early = (1.0 - kept) / ratio - kept  # of the sample before, and of this one: a straight line's response
+    b, a = [1.0 - (1.0 - kept) / ratio, early], [1.0, -kept]
+    whole = np.concatenate([x, x]) if motion.periodic else x
+    start = np.asarray(early * whole[:1] + kept * whole[:1])
+    return np.asarray(lfilter(b, a, whole, axis=0, zi=start)[0][-len(x) :])
+
+
 def _monotone_slopes(x: Array, periodic: bool) -> Array:
     """Return slopes per sample [N, ...]: harmonic means of the neighbouring rises, zero at extremes."""
     rise = np.roll(x, -1, axis=0) - x

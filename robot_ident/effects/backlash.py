@@ -40,7 +40,9 @@ class Backlash(Effect):
     symbolic = False
     brief = True
     regression = False
-    evidence = "more than 60 % of the residual's energy lies above 5 Hz, and more than 90 % of that near load reversals"
+    evidence = (
+        "a third or more of the residual's energy lies above 5 Hz, most of that after load reversals, as its column"
+    )
 
     def full_columns(self, motion: Motion, torques: Torques | None = None) -> Array:
         """Return -D[tau] of the smoothed step, Nm per mrad of gap."""

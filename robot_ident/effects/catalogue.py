@@ -10,16 +10,20 @@ from robot_ident.effects.base_tilt import BaseTilt
 from robot_ident.effects.cable import Cable
 from robot_ident.effects.coulomb import Coulomb
 from robot_ident.effects.effect import Effect
+from robot_ident.effects.effort_filter import EffortFilter
+from robot_ident.effects.effort_gain import EffortGain
 from robot_ident.effects.encoder_eccentricity import EncoderEccentricity
 from robot_ident.effects.end_stop import EndStop
 from robot_ident.effects.gravity_spring import GravitySpring
 from robot_ident.effects.joint_coupling import JointCoupling
 from robot_ident.effects.joint_elasticity import JointElasticity
+from robot_ident.effects.link_length import LinkLength
 from robot_ident.effects.load_friction import LoadFriction
 from robot_ident.effects.payload import Payload
 from robot_ident.effects.position_friction import PositionFriction
 from robot_ident.effects.presliding import Presliding
 from robot_ident.effects.rotor_inertia import RotorInertia
+from robot_ident.effects.stamp_jitter import StampJitter
 from robot_ident.effects.stribeck import Stribeck
 from robot_ident.effects.temperature_drift import TemperatureDrift
 from robot_ident.effects.time_delay import TimeDelay
@@ -58,6 +62,10 @@ _ALL: tuple[type[Effect], ...] = (
     WristCoupling,
     TemperatureDrift,
     EndStop,
+    EffortGain,
+    EffortFilter,
+    StampJitter,
+    LinkLength,
 )
 
 CATALOGUE: dict[str, type[Effect]] = {effect.name: effect for effect in _ALL}
@@ -88,6 +96,11 @@ def make_effect(label: str, robot: Robot, setting: Mapping[str, float] | None = 
     reason = kind.available(robot, place)
     if reason:
         raise InputError(f"{label}: {reason}")
+    if kind.measuring:
+        raise InputError(
+            f"{label}: a fault of what is measured is no part of a model; put it right in the robot YAML"
+            " (diagnose says the line)"
+        )
     return kind(robot, place, setting)
 
 
@@ -135,7 +148,9 @@ class Holder(Protocol):
 
 
 def candidates_of(structure: Holder) -> Sequence[Effect]:
-    """Return the effects that a model may lack: those that a column can show, at every place that the robot has."""
+    """Return the effects that a model may lack: those that a column can show, at every place that the robot has and
+    where its sensors can see them.
+    """
     robot, out = structure.robot, []
     for kind in CATALOGUE.values():
         if not (kind.candidate and kind.regression):
@@ -144,8 +159,21 @@ def candidates_of(structure: Holder) -> Sequence[Effect]:
             if kind.available(robot, place) or (kind is RotorInertia and place not in structure.base.free_rotors):
                 continue
             effect = kind(robot, place)
+            if effect.unseen:
+                continue
             if effect.label not in structure.labels and not holder(effect, structure.labels):
                 out.append(beside(effect, structure.labels))
+    return out
+
+
+def unseen_of(robot: Robot) -> dict[str, tuple[str, ...]]:
+    """Return by joint the effects that its sensor can't show, whatever a model lacks; joints that show all left out."""
+    out = {}
+    for joint, name in enumerate(robot.joints):
+        kinds = [k for k in CATALOGUE.values() if k.candidate and k.scope != "robot" and not k.available(robot, joint)]
+        unseen = tuple(kind.name for kind in kinds if kind(robot, joint).unseen)
+        if unseen:
+            out[name] = unseen
     return out
 
 

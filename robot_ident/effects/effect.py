@@ -13,12 +13,18 @@ import numpy as np
 
 from robot_ident.errors import InputError, did_you_mean
 from robot_ident.motion import Array, Motion
+from robot_ident.robot.effort import Side, in_ampere
 from robot_ident.robot.robot import Robot
 
 Symmetry = Literal["dissipative", "conservative", "memory", "mixed"]
 """What a column does when a motion runs backwards: its sign turns, it stays, depends on the past, or has both."""
 
 Scope = Literal["joint", "robot", "joint_or_robot"]
+
+DRIVE_SIDE: tuple[Side, ...] = ("motor", "joint")
+"""Where the losses and the inertia of motor and gear show: in the motor's torque, not behind the gear."""
+
+EVERYWHERE: tuple[Side, ...] = (*DRIVE_SIDE, "link")
 
 
 class Mathematics(Protocol):
@@ -80,6 +86,11 @@ class Sensitivity(Protocol):
 
     def gravity(self, direction: Array) -> Array:
         """Return the torque [N, n] Nm per m/s^2 of gravity in a direction [3] of the base."""
+
+    def mounted(self, joint: int, direction: Array) -> Array:
+        """Return the change of torque [N, n] Nm per metre by which a joint's origin moves in a direction [3] of the
+        frame before.
+        """
 
 
 class Torques(NamedTuple):
@@ -152,9 +163,13 @@ class Effect(ABC):
     that resemble it, also_like: causes that are no effects here; experiment: the one that tells. magnitude: what is
     usual, an industrial arm / a cobot. loads_gear: the gear carries its torque. steps: its torque is sign(dq) of its
     joint times something smooth. uses_torque: its columns depend on the model's torque. needs_time: they depend on
-    samples before or after. symbolic: `terms` works on expressions; where it doesn't, `smooth_terms` writes what the
-    design of excitations takes instead. brief: its torque comes in bursts far shorter than the motion's own time scale.
-    contains: effects whose column it holds too -> its coefficient. candidate: it may be what a model lacks.
+    samples before or after. trends: its torque changes from one period of a motion to the next, so that the mean of
+    periods tells its level alone. symbolic: `terms` works on expressions; where it doesn't, `smooth_terms` writes what
+    the design of excitations takes instead. brief: its torque comes in bursts far shorter than the motion's own time
+    scale.
+    seen_from: where effort may be measured for it to show. contains: effects whose column it holds too -> its
+    coefficient. candidate: it may be what a model lacks. measuring: a
+    fault of what is measured, to be put right in the robot YAML rather than added to the model.
     regression: a column shows it; else `evidence` says what does.
     """
 
@@ -174,10 +189,13 @@ class Effect(ABC):
     steps: ClassVar[bool] = False
     uses_torque: ClassVar[bool] = False
     needs_time: ClassVar[bool] = False
+    trends: ClassVar[bool] = False
     symbolic: ClassVar[bool] = True
     brief: ClassVar[bool] = False
+    seen_from: ClassVar[tuple[Side, ...]] = EVERYWHERE
     contains: ClassVar[Mapping[str, str]] = {}
     candidate: ClassVar[bool] = True
+    measuring: ClassVar[bool] = False
     regression: ClassVar[bool] = True
     evidence: ClassVar[str] = ""
 
@@ -276,6 +294,14 @@ class Effect(ABC):
         return None if self.whole else self.robot.joints[self.joint]
 
     @property
+    def unseen(self) -> str | None:
+        """Why the robot's sensors can't show it here, None where they can."""
+        joints = range(self.robot.n) if self.whole else (self.joint,)
+        if any(self.robot.side(joint) in self.seen_from for joint in joints):
+            return None
+        return f"effort is measured on the {self.robot.side(self.joint)} side, where it does not show"
+
+    @property
     def label(self) -> str:
         """The effect as users write it: `name@joint`, or `name`."""
         return self.name if self.place is None else f"{self.name}@{self.place}"
@@ -294,7 +320,9 @@ class Effect(ABC):
 
     def parameter_units(self) -> tuple[str, ...]:
         """Return the units of its coefficients."""
-        return tuple(c.unit_prismatic if self._prismatic else c.unit for c in self.coefficients)
+        units = (c.unit_prismatic if self._prismatic else c.unit for c in self.coefficients)
+        ampere = not self.whole and self.robot.in_ampere(self.joint)
+        return tuple(in_ampere(unit) if ampere else unit for unit in units)
 
     def inner_units(self) -> tuple[str, ...]:
         """Return the units of its inner parameters."""

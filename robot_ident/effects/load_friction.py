@@ -5,7 +5,7 @@ from __future__ import annotations
 from collections.abc import Sequence
 from typing import Any
 
-from robot_ident.effects.effect import Coefficient, Effect, Mathematics, Signals
+from robot_ident.effects.effect import DRIVE_SIDE, Coefficient, Effect, Mathematics, Signals
 
 
 class LoadFriction(Effect):
@@ -22,6 +22,7 @@ class LoadFriction(Effect):
     confused_with = ("position_friction", "torque_saturation")
     experiment = "the same motion with and without a payload: load friction grows with it"
     magnitude = "2-12 % of the load / the same"
+    seen_from = DRIVE_SIDE
     uses_torque = True
 
     def full_terms(self, x: Signals, m: Mathematics) -> Sequence[dict[int, Any]]:

@@ -30,6 +30,7 @@ class Payload(Effect):
     scope = "robot"
     symbolic = False
     regression = False
+    measuring = True
     evidence = "the last link's parameters differ between two recordings by more than their uncertainty"
 
     @classmethod

@@ -5,7 +5,7 @@ from __future__ import annotations
 from collections.abc import Sequence
 from typing import Any
 
-from robot_ident.effects.effect import Coefficient, Effect, Mathematics, Signals
+from robot_ident.effects.effect import DRIVE_SIDE, Coefficient, Effect, Mathematics, Signals
 
 
 class RotorInertia(Effect):
@@ -23,6 +23,7 @@ class RotorInertia(Effect):
     also_like = ("wrong kinematics",)
     experiment = "fast small motions of this joint alone, where acceleration outweighs gravity"
     magnitude = "0.5-5 / 0.05-1 kg m^2"
+    seen_from = DRIVE_SIDE
 
     def full_terms(self, x: Signals, m: Mathematics) -> Sequence[dict[int, Any]]:
         """Return ddq."""

@@ -8,14 +8,11 @@ from typing import Any
 import numpy as np
 
 from robot_ident.effects.along_time import step
-from robot_ident.effects.effect import Coefficient, Course, Effect, Inner, Mathematics, Signals, Torques
+from robot_ident.effects.effect import DRIVE_SIDE, Coefficient, Course, Effect, Inner, Mathematics, Signals, Torques
 from robot_ident.errors import InputError
 from robot_ident.motion import Array, Motion
 
-_HIDDEN = (
-    "the average over periods shows no drift; the single periods do (per_period of an identified model), or the whole"
-    " recording as one pass (identify --not-periodic --effect temperature_drift@JOINT)"
-)
+_HIDDEN = "a periodic motion shows no drift but from period to period, and when its periods were is not known"
 _SHORT = 0.02  # of T0: friction changes by this share over the recording
 
 
@@ -23,7 +20,8 @@ class TemperatureDrift(Effect):
     """Lubricant that thins as it warms: tau = b dq exp(-t / T0), what viscous friction is above its warm value at a
     time t after the start of the recording.
 
-    In the average over periods it is viscous friction; it trends from period to period.
+    In the average over periods it is viscous friction, of the mean of exp(-t / T0) over them; it trends from period to
+    period.
     """
 
     name = "temperature_drift"
@@ -37,14 +35,16 @@ class TemperatureDrift(Effect):
     also_like = ("wear",)
     experiment = "repeat the recording warm: wear stays, temperature's part is gone"
     magnitude = "20-60 % of viscous friction / the same"
+    seen_from = DRIVE_SIDE
     needs_time = True
+    trends = True
     symbolic = False
     evidence = "viscous friction of the single periods trends over their number"
 
     def hidden_in(self, motion: Motion) -> str | None:
-        """Vanish in the average over periods, and look like viscous friction in a recording far shorter than T0."""
+        """Look like viscous friction in a period by itself, and in a recording far shorter than T0."""
         if motion.periodic:
-            return _HIDDEN
+            return None if motion.began else _HIDDEN
         duration = motion.samples * step(motion)
         if duration < _SHORT * self.setting["T0"]:
             return f"in {duration:.3g} s nothing drifts whose time constant is {self.setting['T0']:.3g} s"
@@ -55,8 +55,9 @@ class TemperatureDrift(Effect):
         raise InputError(f"no excitation can be designed for {self.label}: {_HIDDEN}")
 
     def full_columns(self, motion: Motion, torques: Torques | None = None) -> Array:
-        """Return dq exp(-t / T0), t from the first sample."""
-        t = np.arange(motion.samples) * step(motion)
+        """Return dq exp(-t / T0), t from the recording's first sample; where periods are averaged, its mean."""
+        t, span = np.arange(motion.samples) * step(motion), self.setting["T0"]
+        level = float(np.mean(np.exp(-np.array(motion.began) / span))) if motion.began else 1.0
         out = np.zeros((motion.samples, self.robot.n, 1))
-        out[:, self.joint, 0] = motion.dq[:, self.joint] * np.exp(-t / self.setting["T0"])
+        out[:, self.joint, 0] = motion.dq[:, self.joint] * level * np.exp(-t / span)
         return out

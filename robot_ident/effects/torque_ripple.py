@@ -5,7 +5,7 @@ from __future__ import annotations
 from collections.abc import Sequence
 from typing import Any
 
-from robot_ident.effects.effect import Coefficient, Effect, Inner, Mathematics, Signals
+from robot_ident.effects.effect import DRIVE_SIDE, Coefficient, Effect, Inner, Mathematics, Signals
 from robot_ident.robot.robot import Robot
 
 
@@ -27,6 +27,7 @@ class TorqueRipple(Effect):
     confused_with = ("encoder_eccentricity",)
     experiment = "two speeds: ripple's frequency follows the speed, a disturbance's stays"
     magnitude = "1-6 / 0.1-1 Nm"
+    seen_from = DRIVE_SIDE
 
     @classmethod
     def available(cls, robot: Robot, joint: int | None) -> str | None:

@@ -5,7 +5,7 @@ from __future__ import annotations
 from collections.abc import Sequence
 from typing import Any
 
-from robot_ident.effects.effect import Coefficient, Effect, Mathematics, Signals
+from robot_ident.effects.effect import DRIVE_SIDE, Coefficient, Effect, Mathematics, Signals
 
 
 class TorqueSaturation(Effect):
@@ -20,6 +20,7 @@ class TorqueSaturation(Effect):
     confused_with = ("load_friction",)
     experiment = "high torque at low speed: holding poses with a payload"
     magnitude = "1-8 % at the peak / the same"
+    seen_from = DRIVE_SIDE
     uses_torque = True
 
     def full_terms(self, x: Signals, m: Mathematics) -> Sequence[dict[int, Any]]:

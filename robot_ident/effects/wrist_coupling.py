@@ -5,7 +5,7 @@ from __future__ import annotations
 from collections.abc import Sequence
 from typing import Any
 
-from robot_ident.effects.effect import Coefficient, Effect, Mathematics, Signals
+from robot_ident.effects.effect import DRIVE_SIDE, Coefficient, Effect, Mathematics, Signals
 from robot_ident.robot.robot import Robot
 
 
@@ -30,6 +30,7 @@ class WristCoupling(Effect):
     confused_with = ("joint_coupling",)
     experiment = "move one of the two joints at a time: a shared motor acts on the one that stands still"
     magnitude = "as the joint's own friction and rotor inertia / the same"
+    seen_from = DRIVE_SIDE
     candidate = False  # joint_coupling finds it; that one motor is behind it says the maker's drawing
 
     @classmethod

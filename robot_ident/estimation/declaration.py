@@ -2,11 +2,13 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from collections.abc import Sequence
+from dataclasses import asdict, dataclass, replace
+from typing import Any
 
 import numpy as np
 
-from robot_ident.motion import Array, Motion
+from robot_ident.motion import Array
 from robot_ident.recording.measurement import Measurement, Processing
 from robot_ident.recording.process import process
 from robot_ident.recording.recording import Recording
@@ -17,6 +19,9 @@ _LITTLE = 0.15  # share below which next to nothing of it is found
 _SURE = 4.0  # standard deviations
 _BLOCK = 0.5  # s; within it the residual is not independent
 _HARDLY = 0.1  # sigma of the share from which on the motion loads a joint well enough to tell
+_ROWS = 20_000  # that are looked at, at most
+
+NOT_TOLD = float("nan")
 
 
 @dataclass(frozen=True)
@@ -24,8 +29,10 @@ class Declared:
     """What a recording says of a joint's effort: `share` of the URDF's gravity torque (of the inertial one where the
     joint carries no gravity) that is found in it, with its standard deviation, the verdict, and what to look at.
 
-    verdict: consistent, compensated (gravity is taken out), sign, factor, or not_told where the motion loads the joint
-    too little.
+    verdict: consistent, compensated (gravity is taken out), included (though declared to be taken out), sign, factor,
+    or not_told where the motion loads the joint too little. gravity, inertia: the two shares, nan where not told.
+    friction: power that is lost over the product of rms torque and rms speed; negative where effort has the wrong sign.
+    explained: part of the effort, friction left aside, that the URDF's torque times those shares accounts for.
     """
 
     joint: str
@@ -33,21 +40,48 @@ class Declared:
     std: float
     verdict: str
     hint: str
+    gravity: float = NOT_TOLD
+    inertia: float = NOT_TOLD
+    friction: float = 0.0
+    explained: float = 0.0
+
+    def to_dict(self) -> dict[str, Any]:
+        """Return it as `info --json` prints it: null where nothing is told."""
+        values = asdict(self)
+        return {key: None if isinstance(v, float) and not np.isfinite(v) else v for key, v in values.items()}
 
 
 def judge_declaration(recording: Recording, robot: Robot) -> list[Declared]:
+    """Return by joint how effort and rigid model go together, from a recording taken as one pass.
+
+    Raises InputError where the recording isn't of this robot. See `judge_measured`.
+    """
+    return judge_measured(process(recording, robot, Processing(periodic=False)), robot)
+
+
+def judge_measured(measured: Measurement, robot: Robot) -> list[Declared]:
     """Return by joint how effort and rigid model go together.
 
     tau = k_g g(q) + k_i (tau_rigid - g(q)) + b dq + c sign(dq) + offset: k_g near 1 is consistent; near 0 beside k_i
     near 1 the driver has taken gravity out; below 0 the sign is wrong; any other constant is a gain, a gear ratio or a
-    current in ampere. Needs masses in the URDF. Raises InputError where the recording isn't of this robot.
+    current in ampere. Needs masses in the URDF.
     """
-    measured = process(recording, robot, Processing(periodic=False))
+    every = slice(None, None, max(1, measured.motion.samples // _ROWS))
     motion = measured.motion
     still = np.zeros_like(motion.q)
-    gravity = robot.rigid.inverse_dynamics(Motion(motion.q, still, still))
-    inertial = robot.rigid.inverse_dynamics(motion) - gravity
+    at_rest = replace(motion[every], dq=still[every], ddq=still[every])
+    gravity = _spread_out(robot.rigid.inverse_dynamics(at_rest), measured)
+    inertial = _spread_out(robot.rigid.inverse_dynamics(motion[every]), measured) - gravity
     return [_judge(robot, measured, gravity[:, joint], inertial[:, joint], joint) for joint in range(robot.n)]
+
+
+def _spread_out(torque: Array, measured: Measurement) -> Array:
+    """Return a torque [K, n] of every so many rows at all of them, linear between."""
+    samples = measured.motion.samples
+    if len(torque) == samples:
+        return torque
+    at = np.arange(0, samples, max(1, samples // _ROWS))
+    return np.column_stack([np.interp(np.arange(samples), at, column) for column in torque.T])
 
 
 def _judge(robot: Robot, measured: Measurement, gravity: Array, inertial: Array, joint: int) -> Declared:
@@ -57,31 +91,51 @@ def _judge(robot: Robot, measured: Measurement, gravity: Array, inertial: Array,
     columns, tau = columns[rows], measured.passed(measured.torque)[rows, joint]
     size = np.linalg.norm(columns, axis=0)
     size = np.where(size > 1e-9 * size.max(initial=1.0), size, np.inf)  # a column of nothing tells nothing
+    name = robot.joints[joint]
     if len(columns) < 10:
-        return Declared(robot.joints[joint], float("nan"), float("inf"), "not_told", "it hardly moves")
+        return Declared(name, NOT_TOLD, float("inf"), "not_told", "it hardly moves")
     scaled = columns / size
     solved, *_ = np.linalg.lstsq(scaled, tau, rcond=1e-9)
-    spread = _clustered(scaled, tau - scaled @ solved, max(1, round(_BLOCK / measured.dt)))
-    told = [(float(solved[k] / size[k]), float(spread[k] / size[k])) for k in (0, 1) if np.isfinite(size[k])]
-    told = [(share, std) for share, std in told if 0.0 < std < _HARDLY or abs(share) > _SURE * std > 0.0]
+    spread = _clustered(scaled, tau - scaled @ solved, max(1, round(_BLOCK / (measured.dt * measured.decimate))))
+    told = {k: (float(solved[k] / size[k]), float(spread[k] / size[k])) for k in (0, 1) if np.isfinite(size[k])}
+    told = {k: (s, std) for k, (s, std) in told.items() if 0.0 < std < _HARDLY or abs(s) > _SURE * std > 0.0}
     if not told:
-        return Declared(robot.joints[joint], float("nan"), float("inf"), "not_told", "the motion loads it too little")
-    return _verdict(robot, joint, told)
+        return Declared(name, NOT_TOLD, float("inf"), "not_told", "the motion loads it too little")
+    share, std = told.get(0) or told[1]
+    verdict, hint = _verdict(robot, joint, told)
+    lost = columns[:, 2] @ (scaled[:, 2:4] @ solved[2:4])
+    power = np.linalg.norm(tau - np.mean(tau)) * np.linalg.norm(columns[:, 2])
+    shares = [told[k][0] if k in told else NOT_TOLD for k in (0, 1)]
+    friction = float(lost / power) if power > 0 else 0.0
+    return Declared(name, share, std, verdict, hint, shares[0], shares[1], friction, _explained(scaled, tau, solved))
 
 
-def _verdict(robot: Robot, joint: int, told: list[tuple[float, float]]) -> Declared:
-    """Return the verdict on the shares (value, sigma) that are told: of gravity, then of inertia."""
-    (share, std), (inertia, _) = told[0], told[-1]
-    name, unit = robot.joints[joint], robot.torque_unit(joint)
+def _explained(columns: Array, tau: Array, solved: Array) -> float:
+    """Return the part of the effort beside friction and offset that gravity and inertia of the URDF account for."""
+    rest, *_ = np.linalg.lstsq(columns[:, 2:], tau, rcond=1e-9)
+    without, left = np.sum((tau - columns[:, 2:] @ rest) ** 2), np.sum((tau - columns @ solved) ** 2)
+    return float(1.0 - left / without) if without > 0 else 0.0
+
+
+def _verdict(robot: Robot, joint: int, told: dict[int, tuple[float, float]]) -> tuple[str, str]:
+    """Return verdict and hint for the shares (value, sigma) that are told: 0 of gravity, 1 of inertia."""
+    (share, std), (inertia, _) = told.get(0) or told[1], told.get(1) or told[0]
+    unit = "N" if robot.prismatic[joint] else "Nm"
+    declared = robot.effort.of(robot.joints[joint])
+    if declared.gravity == "removed" and 0 in told and abs(share - 2.0) < max(_NEAR, _SURE * std):
+        return "included", "gravity is in it already: effort: {gravity: included}"
     if abs(share - 1.0) < max(_NEAR, _SURE * std):
-        return Declared(name, share, std, "consistent", "")
+        return "consistent", ""
     if share < -max(_LITTLE, _SURE * std):
-        return Declared(name, share, std, "sign", "it grows where the rigid torque falls: opposite sign")
-    if len(told) > 1 and abs(share) < max(_LITTLE, _SURE * std) and inertia > 1.0 - _NEAR:
-        return Declared(name, share, std, "compensated", "gravity is not in it: does the driver take it out?")
-    asked = "torque_constant, or effort: torque" if robot.effort == "current" else "effort: current, or torque_constant"
-    hint = f"{share:.3g} times the URDF's {unit}: a gain, a gear ratio or ampere ({asked})?"
-    return Declared(name, share, std, "factor", hint)
+        return "sign", "it grows where the rigid torque falls: opposite sign"
+    if 0 in told and 1 in told and abs(share) < max(_LITTLE, _SURE * std) and inertia > 1.0 - _NEAR:
+        return "compensated", "gravity is not in it: effort: {gravity: removed}"
+    if robot.in_ampere(joint):
+        return "factor", f"{1.0 / share:.3g} {unit} per A would fit the URDF's masses (torque_constant)"
+    asked = (
+        "torque_constant, or effort: torque" if declared.quantity == "current" else "effort: current, or side: motor"
+    )
+    return "factor", f"{share:.3g} times the URDF's {unit}: a gain, a gear ratio or ampere ({asked})?"
 
 
 def _clustered(columns: Array, residual: Array, block: int) -> Array:
@@ -90,3 +144,9 @@ def _clustered(columns: Array, residual: Array, block: int) -> Array:
     pieces = np.array_split(columns * residual[:, None], max(2, len(residual) // block))
     scores = np.array([piece.sum(axis=0) for piece in pieces])
     return np.sqrt(np.maximum(np.diag(inverse @ scores.T @ scores @ inverse), 0.0))
+
+
+def judge_all(measurements: Sequence[Measurement], robot: Robot) -> list[Declared]:
+    """Return by joint the judgement of the recording that tells its share best."""
+    judged = [judge_measured(measured, robot) for measured in measurements]
+    return [min((one[joint] for one in judged), key=lambda d: d.std) for joint in range(robot.n)]

@@ -12,6 +12,8 @@ from robot_ident.model.structure import Structure
 from robot_ident.motion import Array
 from robot_ident.recording.measurement import Measurement
 
+_STILL = 1e-3  # rad or m: what strays less stands still
+
 
 @dataclass(frozen=True)
 class Equations:
@@ -71,11 +73,18 @@ def stack(
             )
     joined = [np.concatenate(part) for part in zip(*parts, strict=True)]
     phi, torque, joint_of, block_of, sample, variance_of, independent = joined
-    for joint, name in enumerate(structure.robot.joints):
-        if not np.any(joint_of == joint):
-            raise InputError(
-                f"{source}: {name} has no usable sample (it stands still, or is slower than the minimum speed)"
-            )
+    reach = np.max([np.ptp(measured.motion.q, axis=0) for measured in measurements], axis=0)
+    silent = [
+        name
+        for joint, name in enumerate(structure.robot.joints)
+        if reach[joint] < _STILL or not np.any(joint_of == joint)
+    ]
+    if silent:
+        moving = [name for name in structure.robot.joints if name not in silent]
+        hint = f"; identify the others alone: --joints {','.join(moving)}" if moving else ""
+        raise InputError(
+            f"{source}: {silent[0]} has no usable sample (it stands still, or is slower than the minimum speed){hint}"
+        )
     if len(torque) <= len(structure.parameters):
         raise InputError(
             f"{source}: {len(torque)} usable samples are too few for {len(structure.parameters)} parameters"

@@ -3,15 +3,19 @@
 from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
-from dataclasses import asdict
+from dataclasses import asdict, replace
 
 import numpy as np
 
 from robot_ident.errors import InputError, did_you_mean
-from robot_ident.estimation.equations import Equations
+from robot_ident.estimation.apart import apart
+from robot_ident.estimation.days import by_day
+from robot_ident.estimation.equations import Equations, stack
+from robot_ident.estimation.gains import Gains, spread_by_gains, with_known_gains
 from robot_ident.estimation.identifiability import identifiability
 from robot_ident.estimation.per_period import drift_notes, per_period
 from robot_ident.estimation.position_noise import position_notes
+from robot_ident.estimation.problem import Solution
 from robot_ident.estimation.scale import scale_notes
 from robot_ident.estimation.solve import ESTIMATORS, solve
 from robot_ident.model.model import Fit, Model, NoiseLevel
@@ -40,7 +44,8 @@ def identify(
     processing = processing or Processing()
     structure = Structure.build(robot, effects)
     measurements = [process(recording, robot, processing) for recording in recordings]
-    return estimate(measurements, structure, estimator=estimator, processing=processing, physical=physical)
+    known, structure, gains = with_known_gains(recordings, measurements, structure, processing)
+    return estimate(known, structure, estimator=estimator, processing=processing, physical=physical, gains=gains)
 
 
 def estimate(
@@ -50,20 +55,34 @@ def estimate(
     estimator: str = "wls",
     processing: Processing | None = None,
     physical: bool = False,
+    gains: Gains | None = None,
 ) -> Model:
     """Return the model of some measurements: eq. (7), (10) or the minimum of (4), with its covariance.
 
-    physical: take the nearest parameters that a real arm can have.
+    physical: take the nearest parameters that a real arm can have. gains: those of the drives that the same recordings
+    told, whose uncertainty the covariance takes in.
     """
     if estimator not in ESTIMATORS:
         raise InputError(f"unknown estimator {estimator!r}{did_you_mean(estimator, ESTIMATORS)}")
     if not measurements:
         raise InputError("no recording was given")
-    found = solve(measurements, structure, estimator)
-    periods = per_period(measurements, found, estimator)
+    _check_conditions(measurements)
+    if physical and structure.robot.ampere_joints:
+        raise InputError(
+            f"robot {structure.robot.name}: without drive gains no inertia is known in kg m^2, and none can be physical"
+        )
+    taken = apart(measurements, structure.effects)
+    found = solve(taken, structure, estimator)
+    # where a trend is part of the model, no period by itself tells it from the level
+    periods = per_period(measurements, found, estimator) if taken is measurements else ()
     notes = [*structure.notes, *(f"{m.source}: {note}" for m in measurements for note in m.notes), *found.notes]
+    if gains is not None:
+        notes += gains.notes
+        found = replace(found, covariance=_with_gains(found, gains, measurements))
     notes += drift_notes(periods, structure.names)
-    notes += scale_notes(measurements, found)
+    notes += [] if structure.robot.ampere_joints else scale_notes(measurements, found)
+    days = by_day(measurements, found)
+    notes += days.notes(structure.names)
     notes += identifiability(found, measurements).notes
     consistent = None
     if physical:
@@ -72,7 +91,8 @@ def estimate(
         consistent = nearest_physical(found)
         found = consistent.solution
         notes += consistent.notes
-    equations, linear = found.equations, found.values[: len(structure.parameters)]
+    linear = found.values[: len(structure.parameters)]
+    equations = found.equations if taken is measurements else stack(measurements, found.structure, linear)
     residual = _fits(equations, equations.torque - equations.phi @ linear, structure)
     _, logdet = np.linalg.slogdet(found.covariance[: len(linear), : len(linear)])
     return Model(
@@ -90,7 +110,29 @@ def estimate(
         chi_square=found.chi_square if np.isfinite(found.chi_square) else None,
         dof=found.dof if np.isfinite(found.dof) else None,
         physical=None if consistent is None else consistent.to_dict(),
+        recordings=tuple(measured.facts() for measured in measurements),
+        gains=None if gains is None else tuple(gains.to_dict()),
+        days=days.to_dict(structure.names),
     )
+
+
+def _with_gains(found: Solution, gains: Gains, measurements: Sequence[Measurement]) -> Array:
+    """Return the covariance [p + r, p + r] with what the gains' uncertainty makes of the linear parameters."""
+    covariance = np.array(found.covariance)
+    linear = len(found.structure.parameters)
+    values = found.values[:linear]
+    covariance[:linear, :linear] += spread_by_gains(gains, measurements, found.structure, values)
+    return covariance
+
+
+def _check_conditions(measurements: Sequence[Measurement]) -> None:
+    """Raise InputError where a recording says that its payload is yet to be estimated."""
+    for measured in measurements:
+        if measured.conditions.estimated:
+            raise InputError(
+                f"{measured.source}: its conditions leave the payload to be estimated: identify the arm without it,"
+                f" then robot_ident identify {measured.source} --only payload --model model.yaml"
+            )
 
 
 def _misfit_notes(residual: Mapping[str, Fit], equations: Equations) -> list[str]:

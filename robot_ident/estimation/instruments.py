@@ -75,7 +75,7 @@ def _reconstructed(measured: Measurement) -> Measurement:
         return measured
     hole = max(1, round(_HOLE / (measured.low_pass.cutoff * measured.dt)))
     motion = without_neighbours(measured.motion.q, measured.dt, hole, round(_REACH * hole))
-    return replace(measured, motion=motion)
+    return replace(measured, motion=replace(motion, gravity=measured.motion.gravity))
 
 
 def without_neighbours(q: Array, dt: float, hole: int, reach: int) -> Motion:

@@ -81,7 +81,7 @@ class Trajectory:
         for base, whole in zip(self.basis, (self.motion.q, self.motion.dq, self.motion.ddq), strict=True):
             add = np.column_stack([base @ (delta * (self.joint == j)) for j in range(whole.shape[1])])
             parts.append(whole + add)
-        return Motion(parts[0], parts[1], parts[2], dt=self.motion.dt, periodic=True)
+        return replace(self.motion, q=parts[0], dq=parts[1], ddq=parts[2])
 
     def torque_slope(self, structure: Structure, motion: Motion, values: Array) -> tuple[Array, tuple[str, ...]]:
         """Return d tau / d delta [N, n, d], and which effects it neglects."""

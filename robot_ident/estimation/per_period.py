@@ -170,8 +170,8 @@ def drift_notes(periods: Sequence[PerPeriod], names: Sequence[str]) -> tuple[str
             word = "falls" if drift.change < 0 else "rises"
             notes.append(
                 f"{one.source}: the friction of {drift.joint} {word} by {100 * abs(drift.change):.2g} % from the first"
-                f" period to the last (p = {drift.p_value:.1g}): warm up before recording, or identify the recording as"
-                f" one pass: --not-periodic --effect temperature_drift@{drift.joint}"
+                f" period to the last (p = {drift.p_value:.1g}): warm up before recording, or add the effect:"
+                f" temperature_drift@{drift.joint}"
             )
         loud = one.restless()
         if loud:

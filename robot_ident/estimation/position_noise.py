@@ -27,12 +27,32 @@ def acceleration_noise(measured: Measurement) -> Array:
 
 
 def torque_of_position_noise(measured: Measurement, structure: Structure, values: Array) -> Array:
-    """Return the variance [n] (Nm)^2 that the noise of the motion's lines gives the model's torque, mean over time."""
-    from robot_ident.estimation.maximum_likelihood import Trajectory
+    """Return the variance [n] (Nm)^2 that the noise of the motion's lines gives the model's torque, mean over time.
 
-    trajectory = Trajectory.of(measured, structure, values)
-    slope, _ = trajectory.torque_slope(structure, measured.motion, values)
-    return np.asarray(np.einsum("kjd,d->j", slope**2, trajectory.variance) / len(slope))
+    Lines of equal noise sigma^2 / N (twice that but for the mean), cosine and sine alike, give the position a variance
+    v_0 at every instant, the velocity v_1, the acceleration v_2, and position and acceleration the covariance -v_1:
+    var tau = sum over joints of (dtau/dq)^2 v_0 + ((dtau/ddq)^2 - 2 dtau/dq dtau/dddq) v_1 + (dtau/dddq)^2 v_2.
+    Lines count by what the low pass of the measurement leaves of them.
+    """
+    from robot_ident.model.derivatives import torque_derivatives
+
+    lines, noise = measured.position_lines, measured.averaged_position_variance
+    if lines is None or noise is None or measured.base_frequency is None:
+        return np.zeros(len(measured.joints))
+    rates = 2.0 * np.pi * measured.base_frequency * np.arange(len(lines))
+    size = noise / measured.motion.samples
+    weight = lines * _passed(measured, len(lines))[:, None] ** 2
+    v0 = size * (2.0 * weight.sum(axis=0) - weight[0])
+    v1, v2 = (2.0 * size * (weight.T @ rates**power) for power in (2, 4))
+    slopes = torque_derivatives(structure, measured.motion, values)
+    q, v, a = slopes.position, slopes.velocity, slopes.acceleration
+    return np.asarray(np.mean(q**2 @ v0 + (v**2 - 2.0 * q * a) @ v1 + a**2 @ v2, axis=0))
+
+
+def _passed(measured: Measurement, count: int) -> Array:
+    """Return the gain [count] of a measurement's low pass on the lines of its period, 1 where it has none."""
+    gain = getattr(measured.low_pass, "gain", None)
+    return np.ones(count) if gain is None else np.asarray(gain, dtype=float)[:count]
 
 
 def position_notes(measurements: Sequence[Measurement], found: Solution, estimator: str) -> list[str]:

@@ -14,6 +14,7 @@ from robot_ident.recording.process import process
 from robot_ident.recording.recording import Recording
 
 _BAND = 1.96  # standard deviations of 95 % of a normal distribution
+_FURTHER = 0.1  # of the range and of the speed: more is beyond what was identified
 _STEP = 1e-4  # share by which an inner parameter is moved to see what the torque makes of it
 _ROWS = 20_000  # whose columns are held at once
 
@@ -48,18 +49,62 @@ def predict(model: Model, recording: Recording) -> Prediction:
     measured = process(recording, model.robot, replace(used, periodic=False, base_frequency=None, decimate=1))
     motion = measured.motion
     std = standard_deviation(model, motion, measured.passed)
+    torque = model.predict(motion)
+    if recording.conditions.payload is not None:
+        torque = torque + recording.conditions.payload.torque(model.robot, motion)
     misfit = np.array([_misfit(model, joint) for joint in model.robot.joints])
     return Prediction(
         joints=model.robot.joints,
         t=recording.t[0] + measured.dt * np.arange(motion.samples),
         motion=motion,
-        torque=measured.passed(model.predict(motion)),
+        torque=measured.passed(torque),
         std=std,
         band=_BAND * np.sqrt(std**2 + misfit**2),
         misfit=misfit,
         start_ns=recording.start_ns,
-        notes=measured.notes,
+        notes=(*measured.notes, *beyond_notes(model, motion)),
     )
+
+
+def predict_motion(model: Model, t: Array, motion: Motion) -> Prediction:
+    """Return the model's torque along a motion that is known exactly at instants t [N] s: one that is planned (eq. 1).
+
+    The band holds 95 % of the torque that the motion will take, as far as what the model lacks is as large as where it
+    was identified; the notes say where the motion goes further than that.
+    """
+    std = standard_deviation(model, motion)
+    misfit = np.array([_misfit(model, joint) for joint in model.robot.joints])
+    return Prediction(
+        joints=model.robot.joints,
+        t=t,
+        motion=motion,
+        torque=model.predict(motion),
+        std=std,
+        band=_BAND * np.sqrt(std**2 + misfit**2),
+        misfit=misfit,
+        start_ns=0,
+        notes=beyond_notes(model, motion),
+    )
+
+
+def beyond_notes(model: Model, motion: Motion) -> tuple[str, ...]:
+    """Return a line for every joint that goes further or faster than in the recordings that the model rests on."""
+    out = []
+    for k, name in enumerate(model.robot.joints):
+        reaches = [one["reach"][name] for one in model.recordings if name in one.get("reach", {})]
+        if not reaches:
+            continue
+        low, high, top = min(r[0] for r in reaches), max(r[1] for r in reaches), max(r[2] for r in reaches)
+        room = _FURTHER * (high - low)
+        q, speed = motion.q[:, k], float(np.abs(motion.dq[:, k]).max())
+        words = []
+        if q.min() < low - room or q.max() > high + room:
+            words.append(f"from {q.min():.3g} to {q.max():.3g}, identified from {low:.3g} to {high:.3g}")
+        if speed > (1.0 + _FURTHER) * top:
+            words.append(f"at up to {speed:.3g} a second, identified up to {top:.3g}")
+        if words:
+            out.append(f"{name} moves {' and '.join(words)}: there the band does not hold what the model may lack")
+    return tuple(out)
 
 
 def standard_deviation(model: Model, motion: Motion, passed: Callable[[Array], Array] = lambda x: x) -> Array:

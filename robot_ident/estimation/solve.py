@@ -109,7 +109,17 @@ def _refine(problem: Problem, structure: Structure) -> Structure:
         return structure.with_settings(moved)
 
     start = np.clip((settings[free] - lower[free]) / range_, 1e-6, 1 - 1e-6)
-    found = least_squares(
-        lambda x: problem.residual(at(x)), start, bounds=(0.0, 1.0), diff_step=STEP, max_nfev=15, xtol=1e-5, ftol=1e-7
-    )
+    unexplained: Array | None = None
+
+    def rest(x: Array) -> Array:
+        """Return the projected residual; where the motion no longer meets a column, as if nothing were explained."""
+        nonlocal unexplained
+        try:
+            return problem.residual(at(x))
+        except InputError:
+            if unexplained is None:
+                unexplained = problem.noise.whiten(problem.equations(structure, None).torque)
+            return unexplained
+
+    found = least_squares(rest, start, bounds=(0.0, 1.0), diff_step=STEP, max_nfev=15, xtol=1e-5, ftol=1e-7)
     return at(found.x)

@@ -19,6 +19,7 @@ from robot_ident.robot.load import builtin_robots
 from robot_ident.robot.robot import Robot
 
 SCHEMA = "robot_ident/excitation/1"
+_MOST_SAMPLES = 1e7  # a period
 Positive = Annotated[float, Field(gt=0)]
 
 
@@ -176,6 +177,8 @@ def check_sampling(base_frequency: float, sample_rate: float, harmonics: int) ->
         if not 0.0 < value < float("inf"):
             raise InputError(f"{name} = {value:g}: must be above 0 and finite")
     samples = sample_rate / base_frequency
+    if samples > _MOST_SAMPLES:
+        raise InputError(f"a period of {samples:.3g} samples is too long (at most {_MOST_SAMPLES:.0e})")
     if abs(samples - round(samples)) > 1e-9 or round(samples) < 1:
         raise InputError(
             f"sample_rate {sample_rate:g} Hz over base_frequency {base_frequency:g} Hz gives {samples:.10g} samples"

@@ -40,7 +40,7 @@ def candidates_figure(found: Diagnosis) -> Figure:
                 )
             )
     order = [plain(suspect.label) for suspect in (*found.missing, *found.others)]
-    figure.update_yaxes(categoryorder="array", categoryarray=order[::-1], automargin=True)
+    figure.update_yaxes(categoryorder="array", categoryarray=order[::-1], automargin=True, showgrid=False)
     figure.update_xaxes(
         title_text="of the excess error explained on motion left out [%]",
         range=[0, 112],

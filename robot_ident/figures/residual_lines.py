@@ -50,7 +50,7 @@ def residual_lines_figure(lines: Mapping[str, ResidualLines], robot: Robot, coun
             rare = last.noise[:, joint] * _exceeded(count)
             label = f"1 noise line in {1 / _RARE:g} is above"
             figure.add_trace(_level(label, last, rare, "dot", unit, joint), **place)
-        figure.update_yaxes(title_text=f"{plain(name)}<br>[{unit} rms a line]", type="log", **place)
+        figure.update_yaxes(title_text=f"{plain(name)}<br>[{unit} rms a line]", type="log", dtick="D2", **place)
         figure.update_xaxes(type="log", **place)
     figure.update_xaxes(title_text="frequency [Hz]", row=robot.n, col=1)
     return themed(figure, height=120 + _ROW * robot.n)

@@ -33,34 +33,44 @@ def dash(index: int) -> str:
     return DASHES[(index // len(COLOURS)) % len(DASHES)]
 
 
-def themed(figure: Figure, *, height: int, **layout: Any) -> Figure:
-    """Return the figure in the common look; `layout` goes to plotly's layout."""
-    shade = SHADES["light"]
+def page_look(shade: str) -> dict[str, Any]:
+    """Return the layout that all figures share, on a light or a dark page."""
+    tone = SHADES[shade]
     clear = "rgba(0,0,0,0)"
-    figure.update_layout(
-        template="none",
-        height=height,
-        autosize=True,
-        paper_bgcolor=clear,
-        plot_bgcolor=clear,
-        font={"family": FONT, "size": 13, "color": shade["text"]},
-        hoverlabel={"bgcolor": shade["hover"], "font": {"family": FONT, "color": shade["text"]}},
-        margin={"l": 64, "r": 16, "t": 28, "b": 52},
-        legend={"orientation": "h", "yanchor": "bottom", "y": 1.0, "xanchor": "left", "x": 0.0},
-    )
-    axis = {
-        "gridcolor": shade["grid"],
-        "linecolor": shade["axis"],
-        "tickcolor": shade["axis"],
+    return {
+        "template": "none",
+        "autosize": True,
+        "paper_bgcolor": clear,
+        "plot_bgcolor": clear,
+        "font": {"family": FONT, "size": 13, "color": tone["text"]},
+        "hoverlabel": {"bgcolor": tone["hover"], "font": {"family": FONT, "color": tone["text"]}},
+        "margin": {"l": 64, "r": 16, "t": 28, "b": 52},
+        "legend": {"orientation": "h", "yanchor": "bottom", "y": 1.0, "xanchor": "left", "x": 0.0},
+    }
+
+
+def axis_look(shade: str) -> dict[str, Any]:
+    """Return what all axes share."""
+    tone = SHADES[shade]
+    return {
+        "gridcolor": tone["grid"],
+        "linecolor": tone["axis"],
+        "tickcolor": tone["axis"],
         "zeroline": False,
         "showline": True,
         "ticks": "outside",
         "automargin": True,
         "title": {"standoff": 8},
     }
+
+
+def themed(figure: Figure, *, height: int, **layout: Any) -> Figure:
+    """Return the figure in the common look; `layout` goes to plotly's layout."""
+    figure.update_layout(height=height, **page_look("light"))
+    axis = axis_look("light")
     figure.update_xaxes(**axis)
     figure.update_yaxes(**axis)
-    figure.update_annotations(font={"color": shade["text"]})
+    figure.update_annotations(font={"color": SHADES["light"]["text"]})
     figure.update_layout(**layout)
     return figure
 

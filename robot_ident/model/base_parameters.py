@@ -52,7 +52,8 @@ def reduce_to_base(robot: Robot) -> BaseParameters:
     """
     rigid = robot.rigid
     motion = random_states(robot)
-    rotors = np.einsum("kj,ij->kij", motion.ddq, np.eye(robot.n))
+    in_front = [float(robot.side(joint) != "link") for joint in range(robot.n)]  # a link-side sensor feels no rotor
+    rotors = np.einsum("kj,ij->kij", motion.ddq, np.diag(in_front))
     w = np.concatenate([rigid.regressor(motion), rotors], axis=2).reshape(-1, 11 * robot.n)
     wanted = _named(robot)
     order = wanted or _preference(robot)

@@ -50,7 +50,8 @@ class Model:
     provenance: recordings with their hashes, versions, date. notes: what was said on the way. per_period: estimates of
     the single periods of each recording, their scatter and drift. chi_square, dof: weighted squared error of the fit
     and its degrees of freedom, None where the noise is unknown. physical: how a physically consistent set was reached
-    and the standard inertias that give it, None where none was asked for.
+    and the standard inertias that give it, None where none was asked for. gains: of drives, as the recordings told
+    them, None where the robot's files know them. days: how estimates of single days scatter.
     """
 
     structure: Structure
@@ -68,6 +69,9 @@ class Model:
     chi_square: float | None = None
     dof: float | None = None
     physical: Mapping[str, Any] | None = None
+    recordings: tuple[Mapping[str, Any], ...] = ()
+    gains: tuple[Mapping[str, Any], ...] | None = None
+    days: Mapping[str, Any] | None = None
 
     def __post_init__(self) -> None:
         """Freeze the arrays and check their shapes."""
@@ -191,6 +195,9 @@ class Model:
             "dof": self.dof,
             "per_period": [dict(one) for one in self.per_period],
             "physical": None if self.physical is None else dict(self.physical),
+            "gains": None if self.gains is None else [dict(one) for one in self.gains],
+            "days": None if self.days is None else dict(self.days),
+            "recordings": [dict(one) for one in self.recordings],
             "processing": dict(self.processing),
             "provenance": dict(self.provenance),
             "notes": list(self.notes),

@@ -77,6 +77,17 @@ class PhysicalFile(Closed):
     rotor_inertia: dict[str, float]
 
 
+class GainFile(Closed):
+    """The gain of a drive in `model.yaml`, as recordings with and without a known payload told it."""
+
+    joint: str
+    value: Positive
+    std: NotNegative
+    unit: str
+    payload_rms: NotNegative
+    loaded: bool
+
+
 class DefinitionFile(Closed):
     """The robot in `model.yaml`, where it doesn't come with the package."""
 
@@ -100,6 +111,9 @@ class ModelFile(Closed):
     dof: float | None = None
     per_period: list[dict[str, Any]] = []
     physical: PhysicalFile | None = None
+    recordings: list[dict[str, Any]] = []
+    gains: list[GainFile] | None = None
+    days: dict[str, Any] | None = None
     processing: ProcessingFile = ProcessingFile()
     provenance: dict[str, Any] = {}
     notes: list[str] = []
@@ -158,6 +172,9 @@ def read_model(path: Path | str) -> Model:
         chi_square=file.chi_square,
         dof=file.dof,
         physical=None if file.physical is None else file.physical.model_dump(),
+        recordings=tuple(file.recordings),
+        gains=None if file.gains is None else tuple(gain.model_dump() for gain in file.gains),
+        days=file.days,
     )
 
 

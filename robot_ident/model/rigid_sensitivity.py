@@ -12,6 +12,7 @@ from robot_ident.model.base_parameters import BaseParameters
 from robot_ident.motion import Array, Motion
 from robot_ident.robot.robot import Robot
 
+_STEP = 1e-2  # m, between the ends of a difference that has no error of second order
 _MASSLESS = 1e-3  # kg, for links whose mass nothing tells: a centre of mass needs one, and a gram changes no torque
 
 
@@ -48,6 +49,22 @@ class RigidSensitivity:
         data = model.createData()
         return np.array([pinocchio.computeGeneralizedGravity(model, data, q).copy() for q in self.motion.q])
 
+    def mounted(self, joint: int, direction: Array) -> Array:
+        """Return the change of torque [N, n] Nm per metre by which a joint's origin moves in a direction [3] of the
+        frame before: a central difference of the torque, which is quadratic in it.
+        """
+        import pinocchio
+
+        out = np.zeros(self.motion.q.shape)
+        for side in (0.5, -0.5):
+            model = self._model()
+            placement = model.jointPlacements[1 + joint]
+            placement.translation = placement.translation + side * _STEP * np.asarray(direction, dtype=float)
+            data = model.createData()
+            for k, (q, v, a) in enumerate(zip(self.motion.q, self.motion.dq, self.motion.ddq, strict=True)):
+                out[k] += np.sign(side) / _STEP * pinocchio.rnea(model, data, q, v, a)
+        return out
+
     @cached_property
     def derivatives(self) -> tuple[Array, Array, Array]:
         """Derivatives of the torque by position, velocity and acceleration, [N, n, n] each."""
@@ -66,7 +83,7 @@ class RigidSensitivity:
         """Return the Pinocchio model whose links have these base parameters, rotors included in them."""
         import pinocchio
 
-        model = self.robot.rigid.model.copy()
+        model = self.robot.rigid.standing(self.motion.gravity).copy()
         model.armature = np.zeros(self.robot.n)
         for link, ten in enumerate(standard_parameters(self.robot, self.base, self.values)):
             model.inertias[1 + link] = pinocchio.Inertia.FromDynamicParameters(ten)

@@ -13,7 +13,11 @@ from robot_ident.errors import InputError
 from robot_ident.model.base_parameters import BaseParameters, random_states, reduce_to_base
 from robot_ident.model.rigid_sensitivity import RigidSensitivity
 from robot_ident.motion import Array, Motion
+from robot_ident.robot.effort import in_ampere
 from robot_ident.robot.robot import Robot
+
+PAPER = ("viscous", "coulomb")
+"""Effects of the paper's model, on every joint."""
 
 
 @dataclass(frozen=True)
@@ -51,12 +55,15 @@ class Structure:
         span.
         """
         base = reduce_to_base(robot)
-        known = [f"{name}@{joint}" for name in ("viscous", "coulomb") for joint in robot.joints]
+        known = [f"{name}@{joint}" for name in PAPER for joint in robot.joints]
         known += [label for label in robot.known_effects if label not in known]
         made: list[Effect] = []
         notes: list[str] = []
         for effect in (make_effect(label, robot) for label in known):
             labels = [other.label for other in made]
+            if effect.unseen and effect.name not in PAPER:
+                notes.append(f"{effect.label} is left out: {effect.unseen}")
+                continue
             into = _merges(effect, base) or holder(effect, labels)
             if into:
                 notes.append(f"{effect.label} merges with {into}")
@@ -67,10 +74,13 @@ class Structure:
             labels = [other.label for other in made]
             if effect.label in labels:
                 raise InputError(f"effect {effect.label!r} is in the model already")
+            if effect.unseen:
+                raise InputError(f"effect {effect.label!r}: {effect.unseen}")
             into = _merges(effect, base) or holder(effect, labels)
             if into:
                 raise InputError(f"effect {effect.label!r} merges with {into}: its column is in the model already")
             made.append(beside(effect, labels))
+        notes += _behind_the_gear(robot)
         return cls(robot, base, tuple(made), _linear(robot, base, made), _inner(made), tuple(notes))
 
     @property
@@ -203,9 +213,20 @@ def _merges(effect: Effect, base: BaseParameters) -> str:
     return ", ".join(into)
 
 
+def _behind_the_gear(robot: Robot) -> list[str]:
+    """Return a line about joints whose sensor stands behind the gear, on what the paper's friction means there."""
+    names = [name for joint, name in enumerate(robot.joints) if robot.side(joint) == "link"]
+    if not names:
+        return []
+    return [
+        f"{', '.join(names)}: effort is measured behind the gear; viscous and coulomb are those of bearings and seals"
+        " beyond the sensor and of its own hysteresis, near zero as a rule, and no rotor inertia is in the links"
+    ]
+
+
 def _linear(robot: Robot, base: BaseParameters, effects: Sequence[Effect]) -> tuple[Parameter, ...]:
     rigid = [
-        Parameter(name, unit, robot.joints[link], "rigid_body", rule)
+        Parameter(name, in_ampere(unit) if robot.ampere_joints else unit, robot.joints[link], "rigid_body", rule)
         for name, unit, link, rule in zip(base.names, base.units, base.links, base.rules, strict=True)
     ]
     further = [

@@ -8,7 +8,7 @@ import signal
 import sys
 import tempfile
 import threading
-from collections.abc import Callable, Iterator, Sequence
+from collections.abc import Callable, Iterator, Mapping, Sequence
 from contextlib import contextmanager
 from types import FrameType, TracebackType
 from typing import Any, ClassVar
@@ -42,6 +42,16 @@ def reliable(depth: int) -> QoSProfile:
     )
 
 
+def latched() -> QoSProfile:
+    """Return the profile of what is told now and then: who comes later hears the latest."""
+    return QoSProfile(
+        reliability=ReliabilityPolicy.RELIABLE,
+        durability=DurabilityPolicy.TRANSIENT_LOCAL,
+        history=HistoryPolicy.KEEP_LAST,
+        depth=1,
+    )
+
+
 def overridable() -> QoSOverridingOptions:
     """Return the options by which users change a profile (`qos_overrides./joint_states.subscription.depth`)."""
     return QoSOverridingOptions.with_default_policies()
@@ -53,11 +63,15 @@ class BaseNode(Node):
     node_name: ClassVar[str]
     description: ClassVar[str]
     table: ClassVar[tuple[Parameter, ...]]
+    status_topic: ClassVar[str] = ""
+    """Where the node tells its status besides `/diagnostics`."""
 
     def __init__(self) -> None:
         """Declare the parameters; InputError when one doesn't fit."""
-        super().__init__(self.node_name)
+        Node.__init__(self, self.node_name)
         declare(self, self.table)
+        topics = ("/diagnostics", self.status_topic)
+        self._told_on = [self.create_publisher(DiagnosticArray, topic, 10) for topic in topics if topic]
         self._steady = Clock(clock_type=ClockType.STEADY_TIME)
         self._end = threading.Event()
         self._failure: BaseException | None = None
@@ -97,6 +111,10 @@ class BaseNode(Node):
         """End the node; from any thread."""
         self._end.set()
 
+    def wait_end(self, seconds: float) -> bool:
+        """Wait so long, or until the node is to end; return whether it is."""
+        return self._end.wait(seconds)
+
     def fail(self, error: BaseException) -> None:
         """End the node with an error; from any thread."""
         if self._failure is None:
@@ -115,8 +133,8 @@ class BaseNode(Node):
     def close(self) -> None:
         """Release what the node holds: threads joined, files closed."""
 
-    def status_array(self, level: bytes, message: str, values: dict[str, object]) -> DiagnosticArray:
-        """Return a diagnostic message about this node."""
+    def tell(self, level: bytes, message: str, values: Mapping[str, object]) -> None:
+        """Publish the node's status on `/diagnostics` and where it is told besides."""
         status = DiagnosticStatus(
             level=level,
             name=self.get_fully_qualified_name().lstrip("/"),
@@ -126,7 +144,8 @@ class BaseNode(Node):
         )
         array = DiagnosticArray(status=[status])
         array.header.stamp = self.get_clock().now().to_msg()
-        return array
+        for publisher in self._told_on:
+            publisher.publish(array)
 
 
 class Signals:
@@ -202,12 +221,15 @@ def _live(make: type[BaseNode], argv: list[str], signals: Signals) -> None:
         return  # somebody else ended the context: an end like any other
     finally:
         signals.closing = True
-        if node is not None:
-            node.close()
-            executor.remove_node(node)
-            node.destroy_node()
-        executor.shutdown(timeout_sec=0.0)
-        rclpy.try_shutdown()
+        try:
+            if node is not None:
+                node.close()
+        finally:  # also where the last words can't be written: the disk is full
+            if node is not None:
+                executor.remove_node(node)
+                node.destroy_node()
+            executor.shutdown(timeout_sec=0.0)
+            rclpy.try_shutdown()
 
 
 @contextmanager

@@ -11,26 +11,30 @@ from pathlib import Path
 from typing import Any, ClassVar
 
 import numpy as np
-from diagnostic_msgs.msg import DiagnosticArray
+from rcl_interfaces.msg import SetParametersResult
+from rclpy.callback_groups import ReentrantCallbackGroup
+from rclpy.parameter import Parameter as RosParameter
 from rclpy.serialization import deserialize_message
 from rclpy.task import Future
 from sensor_msgs.msg import JointState
+from std_msgs.msg import Float64MultiArray, String
 from std_srvs.srv import Trigger
 
 from robot_ident.diagnosis.running import Change, RunningVerdict
 from robot_ident.errors import InputError, RobotIdentError
 from robot_ident.estimation.identify import identify
-from robot_ident.estimation.solve import ESTIMATORS
 from robot_ident.excitation.excitation import Excitation
 from robot_ident.model.model import Model
 from robot_ident.model.model_file import read_model, write_model
 from robot_ident.motion import Array, Motion
 from robot_ident.nodes.collector import Collector
-from robot_ident.nodes.common import ERROR, OK, WARN, BaseNode, overridable, reliable, run
-from robot_ident.nodes.joint_states import columns, joint_state, stamp_of
+from robot_ident.nodes.common import ERROR, OK, WARN, BaseNode, latched, overridable, reliable, run
+from robot_ident.nodes.estimator_parameters import TABLE
+from robot_ident.nodes.joint_states import columns, joint_state, labelled, stamp_of
 from robot_ident.nodes.parameters import Parameter
 from robot_ident.playing.local_motion import LocalMotion, LocalState
 from robot_ident.playing.periods import PeriodCounter
+from robot_ident.recording.effort import joint_torque
 from robot_ident.recording.measurement import Processing
 from robot_ident.robot import load_robot
 
@@ -38,6 +42,7 @@ _SPREAD = 0.05  # s between batches of predictions
 _USUAL_PERIODS = 16
 _USUAL_WINDOW = 0.2  # s
 _USUAL_WATCH = 20.0  # s
+_FEWEST = 3  # steady periods for which a provisional identification is worth while: one may still be transient
 _LONGEST = 600.0  # s of memory where no period is known
 
 
@@ -46,87 +51,8 @@ class Estimator(BaseNode):
 
     node_name: ClassVar[str] = "estimator"
     description: ClassVar[str] = "identifies a robot from its joint states and publishes predicted and residual torque"
-    table: ClassVar[tuple[Parameter, ...]] = (
-        Parameter("robot", "kuka_ir361", "name of a robot, a robot YAML or a URDF"),
-        Parameter(
-            "trajectory", "", "excitation.yaml that is played: gives the base frequency ('' where base_frequency does)"
-        ),
-        Parameter(
-            "base_frequency",
-            0.0,
-            "base frequency of the motion; 0: from the trajectory, or found in the data",
-            0.0,
-            100.0,
-            unit="Hz",
-        ),
-        Parameter(
-            "periods",
-            0,
-            "identify after so many steady periods; 0: when the periodic motion ends",
-            0,
-            100_000,
-            live=True,
-        ),
-        Parameter("automatic", True, "identify at the end of the periods; otherwise only by ~/identify", live=True),
-        Parameter("effects", [""], "further effects in the model, as NAME@JOINT ('' for none)", live=True),
-        Parameter("estimator", "wls", "ls: eq. (10), wls: eq. (7)", choices=tuple(ESTIMATORS), live=True),
-        Parameter(
-            "low_pass",
-            0.0,
-            "low pass of torque and every column; 0: none on periods, else 10 Hz",
-            0.0,
-            1e4,
-            unit="Hz",
-            live=True,
-        ),
-        Parameter(
-            "output", "", "model.yaml to write after each identification ('' for none); it must not exist at the start"
-        ),
-        Parameter("model", "", "model.yaml with which to predict from the start ('' for none)"),
-        Parameter(
-            "memory",
-            0.0,
-            "time for which joint states are kept; 0: enough for the periods, else 600 s",
-            0.0,
-            1e5,
-            unit="s",
-        ),
-        Parameter(
-            "window",
-            0.0,
-            "window of positions for velocity and acceleration of the prediction; 0: 0.2 s or less",
-            0.0,
-            10.0,
-            unit="s",
-        ),
-        Parameter(
-            "silence",
-            2.0,
-            "identify what is there when joint_states are silent for so long",
-            0.1,
-            3600.0,
-            unit="s",
-            live=True,
-        ),
-        Parameter(
-            "watch_window",
-            0.0,
-            "time over which the residual is compared with its first so long; 0: 2 periods of the motion, else 20 s",
-            0.0,
-            1e5,
-            unit="s",
-            live=True,
-        ),
-        Parameter(
-            "watch_change",
-            0.02,
-            "share of a joint's torque by which its friction must change to be told",
-            1e-4,
-            10.0,
-            live=True,
-        ),
-        Parameter("depth", 5000, "joint states that may wait to be taken in", 1, 1_000_000),
-    )
+    status_topic: ClassVar[str] = "~/diagnostics"
+    table: ClassVar[tuple[Parameter, ...]] = TABLE
 
     def __init__(self) -> None:
         """Read robot, trajectory and model; subscribe."""
@@ -142,9 +68,8 @@ class Estimator(BaseNode):
         if Path(self.value("output")).is_file():
             raise InputError(f"parameter output: {self.value('output')} exists already; give another name")
         self._written = False
-        self._model: Model | None = read_model(self.value("model")) if self.value("model") else None
-        if self._model is not None and self._model.robot.joints != self._robot.joints:
-            raise InputError(f"{self.value('model')}: its joints are not those of robot {self._robot.name}")
+        self._model = self._estimate = self._read(self.value("model"))
+        self._tentative = False  # whether the model is of some of the periods only
         self._watch = RunningVerdict(self._robot.joints, self._watch_window())
         self._states: list[LocalState] = []
         self._spacing: float | None = None  # s between the states
@@ -152,12 +77,16 @@ class Estimator(BaseNode):
         self._used = 0  # messages received when the latest identification began
         self._fresh = False  # whether joint states came since the last silence
         self._busy: Future | None = None
+        self._due = False  # whether the periods have ended and their identification hasn't begun
+        self._seen_periods = 0
         self._worker: threading.Thread | None = None
         self._renewed = False  # whether the model is another one than the watch has seen
         self._verdict: tuple[bytes, str] = (OK, "collecting")
         self._predicted = self.create_publisher(JointState, "~/predicted", reliable(1000))
         self._residual = self.create_publisher(JointState, "~/residual", reliable(1000))
-        self._diagnostics = self.create_publisher(DiagnosticArray, "~/diagnostics", 10)
+        self._covariance = self.create_publisher(Float64MultiArray, "~/covariance", latched())
+        self._said = self.create_publisher(String, "~/verdict", latched())
+        self._last_said = ""
         self.create_subscription(
             JointState,
             "joint_states",
@@ -166,10 +95,40 @@ class Estimator(BaseNode):
             raw=True,
             qos_overriding_options=overridable(),
         )
-        self.create_service(Trigger, "~/identify", self._on_identify)
+        # in a group of its own: while one waits for an identification, joint states are taken in
+        self.create_service(Trigger, "~/identify", self._on_identify, callback_group=ReentrantCallbackGroup())
+        self.add_on_set_parameters_callback(self._on_model)
         self.every(_SPREAD, self._predict)
         self.every(0.2, self._look)
         self.every(1.0, self._tell)
+
+    def _read(self, path: str) -> Model | None:
+        """Return the model of a file, None of ''; InputError when it is another robot's."""
+        model = read_model(path) if path else None
+        if model is not None and model.robot.joints != self._robot.joints:
+            raise InputError(f"{path}: its joints are not those of robot {self._robot.name}")
+        return model
+
+    def _on_model(self, changes: list[RosParameter]) -> SetParametersResult:
+        """Predict with another model from now on, where it can be read."""
+        for change in changes:
+            if change.name == "model":
+                try:
+                    self._take(self._read(change.value))
+                except RobotIdentError as error:
+                    return SetParametersResult(successful=False, reason=str(error))
+                self._verdict = (OK, f"predicts with {change.value}" if change.value else "collecting")
+        return SetParametersResult(successful=True)
+
+    def _take(self, model: Model | None, *, provisional: bool = False) -> None:
+        """Tell of a model, and predict with it unless it is provisional and the present one is not."""
+        self._estimate = model
+        if not provisional or self._model is None or self._tentative:
+            if self._model is None:
+                self._local.reset()
+            self._model, self._renewed, self._tentative = model, True, provisional
+        if model is not None:
+            self._covariance.publish(labelled(model.covariance, [one.name for one in model.structure.parameters]))
 
     def _memory(self) -> float:
         given: float = self.value("memory")
@@ -202,31 +161,47 @@ class Estimator(BaseNode):
         if not np.isfinite(q).all():
             self._local.reset()
             return
-        if self._periods is not None and self._periods.add(stamp * 1e-9, q, self.value("periods")):
-            self._automatic()
+        if self._periods is not None:
+            self._count(self._periods, stamp * 1e-9, q)
         self._fresh = True
         if self._model is not None and tau is not None:
-            state = self._local.add(stamp, q, tau)
+            torque = joint_torque(tau[None], q[None], self._model.robot)[0]
+            state = self._local.add(stamp, q, torque)
             if state is not None:
                 self._states.append(state)
 
+    def _count(self, counter: PeriodCounter, t: float, q: Array) -> None:
+        """Identify at the end of the periods, and before it after each."""
+        if counter.add(t, q, self.value("periods")):
+            self._automatic()
+        whole = int(counter.periods)
+        if whole > self._seen_periods and whole >= _FEWEST and self.value("each_period"):
+            self._automatic(provisional=True)
+        self._seen_periods = whole
+
     def _look(self) -> None:
         """Identify what is there once the joint states have fallen silent (a replay is over)."""
+        if self._due and self._busy is None:
+            self._begin()
         new = self._collector.received - self._used
         if new > 0 and self._fresh and time.monotonic() - self._last > self.value("silence"):
             self._fresh = False
             self._automatic()
 
-    def _automatic(self) -> None:
+    def _automatic(self, *, provisional: bool = False) -> None:
+        """Identify now, or as soon as the one before is done; a provisional one isn't waited for."""
         if self.value("automatic") and self._busy is None:
-            self._begin()
+            self._begin(provisional=provisional)
+        elif self.value("automatic") and not provisional:
+            self._due = True
 
     # --- identification
 
-    def _begin(self) -> Future:
+    def _begin(self, *, provisional: bool = False) -> Future:
         """Identify in a thread of its own; return what its answer will be: (success, text)."""
         done: Future = Future(executor=self.executor)
-        self._used = self._collector.received
+        if not provisional:
+            self._used, self._due = self._collector.received, False
         self._busy = done
         options = {
             "effects": self.texts("effects"),
@@ -238,17 +213,22 @@ class Estimator(BaseNode):
             ),
         }
         messages = self._collector.snapshot()
-        self._worker = threading.Thread(target=self._work, args=(done, messages, options), name="identify", daemon=True)
+        self._worker = threading.Thread(
+            target=self._work, args=(done, messages, options, provisional), name="identify", daemon=True
+        )
         self._worker.start()
         return done
 
-    def _work(self, done: Future, messages: list[tuple[int, int, bytes]], options: dict[str, Any]) -> None:
+    def _work(
+        self, done: Future, messages: list[tuple[int, int, bytes]], options: dict[str, Any], provisional: bool
+    ) -> None:
         try:
-            answer = self._identify(messages, options)
+            answer = self._identify(messages, options, provisional)
         except RobotIdentError as error:
             answer = (False, str(error))
-            self._verdict = (ERROR, str(error))
-            self.get_logger().error(str(error))
+            if not provisional:
+                self._verdict = (ERROR, str(error))
+                self.get_logger().error(str(error))
         except BaseException as error:
             self.fail(error)
             raise
@@ -256,7 +236,9 @@ class Estimator(BaseNode):
             self._busy = None
         done.set_result(answer)
 
-    def _identify(self, messages: list[tuple[int, int, bytes]], options: dict[str, Any]) -> tuple[bool, str]:
+    def _identify(
+        self, messages: list[tuple[int, int, bytes]], options: dict[str, Any], provisional: bool
+    ) -> tuple[bool, str]:
         begun = time.monotonic()
         recording = self._collector.recording(messages, self._robot.joints)
         model = identify([recording], self._robot, **options)
@@ -271,19 +253,17 @@ class Estimator(BaseNode):
             ],
         }
         model = replace(model, provenance=provenance)
-        if self.value("output"):
+        if self.value("output") and not provisional:
             write_model(model, self.value("output"), force=self._written)
             self._written = True
-        if self._model is None:
-            self._local.reset()
-        self._model = model
-        self._renewed = True
+        self._take(model, provisional=provisional)
         text = (
             f"{len(model.values)} parameters from {model.noise.periods} periods, {recording.samples} samples,"
             f" in {time.monotonic() - begun:.2f} s"
         )
-        self._verdict = (OK, text)
-        self.get_logger().info(text)
+        self._verdict = (OK, f"{text}{', so far' if provisional else ''}")
+        if not provisional:
+            self.get_logger().info(text)
         return True, text
 
     async def _on_identify(self, request: Trigger.Request, response: Trigger.Response) -> Trigger.Response:
@@ -338,7 +318,7 @@ class Estimator(BaseNode):
         values: dict[str, object] = {"samples": len(self._collector), "received": self._collector.received}
         if self._periods is not None:
             values["steady periods"] = f"{self._periods.periods:.2f}"
-        model = self._model
+        model = self._estimate
         if model is not None:
             values |= {
                 parameter.name: f"{value:.6g} +- {std:.2g} {parameter.unit}"
@@ -349,7 +329,10 @@ class Estimator(BaseNode):
             values |= live
         elif level == OK and not self._last:
             level, text = WARN, "no joint_states yet"
-        self._diagnostics.publish(self.status_array(level, text, values))
+        self.tell(level, text, values)
+        if text != self._last_said:
+            self._last_said = text
+            self._said.publish(String(data=text))
 
     def close(self) -> None:
         """Leave an identification that is under way to itself: its thread ends with the process."""

@@ -7,9 +7,11 @@ from collections.abc import Sequence
 import numpy as np
 from builtin_interfaces.msg import Duration, Time
 from sensor_msgs.msg import JointState
-from trajectory_msgs.msg import JointTrajectory
+from std_msgs.msg import Float64MultiArray, MultiArrayDimension, MultiArrayLayout
+from trajectory_msgs.msg import JointTrajectory, JointTrajectoryPoint
 
 from robot_ident.motion import Array, Motion
+from robot_ident.playing.windows import Window
 
 
 def stamp_of(message: JointState | JointTrajectory) -> int:
@@ -39,6 +41,30 @@ def joint_state(
     message.velocity = [] if dq is None else dq.tolist()
     message.effort = [] if tau is None else tau.tolist()
     return message
+
+
+def trajectory(joints: Sequence[str], window: Window, now_ns: int) -> JointTrajectory:
+    """Return a window about the instant `now_ns` [ns] as a message, stamped with its first point's instant."""
+    message = JointTrajectory(joint_names=list(joints))
+    message.header.stamp = time_message(now_ns + round(window.t[0] * 1e9))
+    rows = zip(window.motion.q, window.motion.dq, window.motion.ddq, window.t - window.t[0], strict=True)
+    message.points = [
+        JointTrajectoryPoint(
+            positions=q.tolist(),
+            velocities=dq.tolist(),
+            accelerations=ddq.tolist(),
+            time_from_start=duration_message(round(1e9 * since)),
+        )
+        for q, dq, ddq, since in rows
+    ]
+    return message
+
+
+def labelled(matrix: Array, names: Sequence[str]) -> Float64MultiArray:
+    """Return a matrix [n, n], row by row, each dimension labelled with all names, one space between any two."""
+    n = len(names)
+    dimensions = [MultiArrayDimension(label=" ".join(names), size=n, stride=stride) for stride in (n * n, n)]
+    return Float64MultiArray(layout=MultiArrayLayout(dim=dimensions), data=matrix.ravel().tolist())
 
 
 def columns(message: JointState, joints: Sequence[str]) -> tuple[Array, Array | None, Array | None] | None:

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import time
+from collections.abc import Callable
 
 from rclpy.publisher import Publisher
 
@@ -16,16 +17,16 @@ _TRIGGER = "std_srvs/srv/Trigger"
 class Neighbours:
     """The nodes around a publisher of commands."""
 
-    def __init__(self, node: BaseNode, commands: Publisher) -> None:
-        """Look at those that listen to `commands` and publish `joint_states`."""
+    def __init__(self, node: BaseNode, commands: Callable[[], Publisher]) -> None:
+        """Look at those that listen to what `commands()` publishes and publish `joint_states`."""
         self._node = node
         self._commands = commands
         self._listeners = (0, 0.0)
 
     def not_heard(self) -> str:
         """Return why the robot may not hear the commands yet, or an empty text."""
-        topic = self._commands.topic_name
-        matched = self._commands.get_subscription_count()
+        topic = self._commands().topic_name
+        matched = self._commands().get_subscription_count()
         if matched != self._listeners[0]:
             self._listeners = (matched, time.monotonic())
         listening = self._node.get_subscriptions_info_by_topic(topic)
@@ -37,7 +38,7 @@ class Neighbours:
     def _robots(self) -> set[tuple[str, str]]:
         """Return (name, namespace) of the nodes that listen to the commands and publish the robot's state."""
         states = self._node.get_publishers_info_by_topic(self._node.resolve_topic_name("joint_states"))
-        listening = self._node.get_subscriptions_info_by_topic(self._commands.topic_name)
+        listening = self._node.get_subscriptions_info_by_topic(self._commands().topic_name)
         named = ({(info.node_name, info.node_namespace) for info in infos} for infos in (states, listening))
         return set.intersection(*named)
 
@@ -51,7 +52,7 @@ class Neighbours:
 
     def rival(self) -> str:
         """Return who else commands the robot, or an empty text."""
-        topic = self._commands.topic_name
+        topic = self._commands().topic_name
         infos = self._node.get_publishers_info_by_topic(topic)
         own = (self._node.get_namespace(), self._node.get_name())
         others = [info for info in infos if (info.node_namespace, info.node_name) != own]

@@ -2,31 +2,33 @@
 
 from __future__ import annotations
 
+import threading
 from collections.abc import Callable, Sequence
 from typing import Protocol
 
 import numpy as np
 from rclpy.publisher import Publisher
 from sensor_msgs.msg import JointState
-from trajectory_msgs.msg import JointTrajectory, JointTrajectoryPoint
+from trajectory_msgs.msg import JointTrajectory
 
 from robot_ident.excitation.reference import Reference
 from robot_ident.motion import Motion
 from robot_ident.nodes.common import BaseNode, overridable, reliable
-from robot_ident.nodes.joint_states import duration_message, joint_state, time_message
+from robot_ident.nodes.joint_states import joint_state, trajectory
+from robot_ident.nodes.neighbours import Neighbours
 from robot_ident.playing.player import Command, Phase, Player
-from robot_ident.playing.windows import Windows
+from robot_ident.playing.windows import Window, Windows
 
 OUTPUTS = {
     "joint_state": "positions and velocities, sample by sample, on joint_command",
     "joint_trajectory": "trajectories that each end at rest, for the joint_trajectory_controller named by controller",
+    "follow_joint_trajectory": "the same as goals of its action, which also tells that it gave up (needs control_msgs)",
 }
 
 
 class Output(Protocol):
     """Sends what a player commands."""
 
-    publisher: Publisher
     lead: float
     """How long before it takes effect a change of plan must be sent [s]."""
     longest_stall: float
@@ -34,6 +36,21 @@ class Output(Protocol):
 
     def send(self, player: Player, command: Command | None, t: float, stamp: Callable[[], int]) -> None:
         """Send what is due at the player's time t [s]; stamp() [ns] is the instant on the node's clock."""
+
+    def not_heard(self) -> str:
+        """Return why the robot may not hear the commands yet, or an empty text."""
+
+    def rival(self) -> str:
+        """Return who else commands the robot, or an empty text."""
+
+    def simulated(self) -> bool:
+        """Return whether what listens is a simulated robot of ours."""
+
+    def forget(self) -> None:
+        """Forget what was sent and hasn't arrived: the robot must not hear of it later."""
+
+    def close(self) -> None:
+        """Give back what it holds of the node."""
 
 
 class SampleOutput:
@@ -44,15 +61,52 @@ class SampleOutput:
 
     def __init__(self, node: BaseNode, joints: Sequence[str], depth: int) -> None:
         """Publish on `joint_command`."""
-        self._joints = tuple(joints)
-        self.publisher = node.create_publisher(
-            JointState, "joint_command", reliable(depth), qos_overriding_options=overridable()
+        self._node, self._joints, self._depth = node, tuple(joints), depth
+        self._lock = threading.Lock()
+        self._publisher = self._made()
+        neighbours = Neighbours(node, lambda: self._publisher)
+        self.not_heard, self.rival, self.simulated = neighbours.not_heard, neighbours.rival, neighbours.simulated
+
+    def _made(self) -> Publisher:
+        return self._node.create_publisher(
+            JointState, "joint_command", reliable(self._depth), qos_overriding_options=overridable()
         )
 
     def send(self, player: Player, command: Command | None, t: float, stamp: Callable[[], int]) -> None:
         """Send one sample."""
         if command is not None:
-            self.publisher.publish(joint_state(self._joints, stamp(), command.q, command.dq))
+            message = joint_state(self._joints, stamp(), command.q, command.dq)
+            with self._lock:
+                self._publisher.publish(message)
+
+    def forget(self) -> None:
+        """Begin with a new publisher: a reliable one would deliver its last commands once the network is back."""
+        with self._lock:
+            self._node.destroy_publisher(self._publisher)
+            self._publisher = self._made()
+
+    def close(self) -> None:
+        """Destroy the publisher."""
+        with self._lock:
+            self._node.destroy_publisher(self._publisher)
+
+
+class WindowSchedule:
+    """When a window is due and what it holds: ten times a second, say, and at every change of phase."""
+
+    def __init__(self, plan_stop: Callable[[Motion], Reference], lead: float, every: float) -> None:
+        """Reach `lead` [s] back, and as far ahead as three windows that are `every` [s] apart."""
+        self._every = every
+        self._windows = Windows(plan_stop, back=lead, ahead=lead + 3 * every)
+        self._sent: tuple[Phase, float] = (Phase.IDLE, -np.inf)
+
+    def due(self, player: Player, t: float) -> Window | None:
+        """Return the window that is to be sent at the player's time t [s]; a controller that holds needs none."""
+        phase, last = self._sent
+        if player.phase is phase and (not player.moving or t - last < self._every):
+            return None
+        self._sent = (player.phase, t)
+        return self._windows.around(player, t)
 
 
 class TrajectoryOutput:
@@ -71,38 +125,26 @@ class TrajectoryOutput:
         plan_stop: Callable[[Motion], Reference],
     ) -> None:
         """Publish on `CONTROLLER/joint_trajectory`."""
-        self._joints = list(joints)
-        self._windows = Windows(plan_stop, back=self.lead, ahead=self.lead + 3 * self.every)
-        self._sent: tuple[Phase, float] = (Phase.IDLE, -np.inf)
-        self.publisher = node.create_publisher(
+        self._node, self._joints = node, tuple(joints)
+        self._schedule = WindowSchedule(plan_stop, self.lead, self.every)
+        self._publisher = node.create_publisher(
             JointTrajectory,
             f"{controller.rstrip('/')}/joint_trajectory",
             reliable(depth),
             qos_overriding_options=overridable(),
         )
+        neighbours = Neighbours(node, lambda: self._publisher)
+        self.not_heard, self.rival, self.simulated = neighbours.not_heard, neighbours.rival, neighbours.simulated
 
     def send(self, player: Player, command: Command | None, t: float, stamp: Callable[[], int]) -> None:
-        """Send a window where one is due; a controller that holds needs none."""
-        phase, last = self._sent
-        changed = player.phase is not phase
-        if not changed and (not player.moving or t - last < self.every):
-            return
-        self._sent = (player.phase, t)
-        window = self._windows.around(player, t)
-        if window is None:
-            return
-        message = JointTrajectory(joint_names=self._joints)
-        message.header.stamp = time_message(stamp() + round(window.t[0] * 1e9))
-        message.points = [
-            JointTrajectoryPoint(
-                positions=q.tolist(), velocities=dq.tolist(), accelerations=ddq.tolist(), time_from_start=since
-            )
-            for q, dq, ddq, since in zip(
-                window.motion.q,
-                window.motion.dq,
-                window.motion.ddq,
-                (duration_message(round(1e9 * s)) for s in window.t - window.t[0]),
-                strict=True,
-            )
-        ]
-        self.publisher.publish(message)
+        """Send a window where one is due."""
+        window = self._schedule.due(player, t)
+        if window is not None:
+            self._publisher.publish(trajectory(self._joints, window, stamp()))
+
+    def forget(self) -> None:
+        """Do nothing: a trajectory that comes too late has ended at rest, and a controller refuses it."""
+
+    def close(self) -> None:
+        """Destroy the publisher."""
+        self._node.destroy_publisher(self._publisher)

@@ -27,7 +27,8 @@ class Parameter:
     """One parameter of a node. Its type is that of the default; a list is never empty: [''] stands for none.
 
     lower, upper: inclusive bounds of a number, or of each in a list. choices: the texts that are allowed. unit: of a
-    number. live: it may be changed while the node runs and is read when it is next needed; the others are read once.
+    number. live: it may be changed while the node runs and is read when it is next needed; until_configured: it may be
+    changed until a managed node is configured; the others are read once.
     """
 
     name: str
@@ -38,6 +39,7 @@ class Parameter:
     choices: tuple[str, ...] = ()
     unit: str = ""
     live: bool = False
+    until_configured: bool = False
 
     @property
     def kind(self) -> type[Any]:
@@ -88,7 +90,7 @@ class Parameter:
             name=self.name,
             description=self.description + unit,
             additional_constraints=self.bound,
-            read_only=not self.live,
+            read_only=not (self.live or self.until_configured),
         )
         bounded = not isinstance(self.default, list) and (self.lower is not None or self.upper is not None)
         if bounded and self.kind is float:

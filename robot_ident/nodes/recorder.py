@@ -11,7 +11,6 @@ from dataclasses import dataclass, field
 from pathlib import Path
 from typing import Any, ClassVar
 
-from diagnostic_msgs.msg import DiagnosticArray
 from rclpy.qos import DurabilityPolicy, HistoryPolicy, QoSProfile, ReliabilityPolicy
 from rclpy.subscription import Subscription
 from sensor_msgs.msg import JointState
@@ -20,11 +19,13 @@ from std_srvs.srv import Trigger
 from robot_ident.bags import BagWriter, Qos, Topic, qos_text
 from robot_ident.errors import InputError, RobotIdentError
 from robot_ident.nodes.common import ERROR, OK, WARN, BaseNode, overridable, reliable, run
+from robot_ident.nodes.definitions import definition_of
 from robot_ident.nodes.parameters import Parameter
 from robot_ident.playing.stamps import SequenceWatch, StampWatch, header_stamp
 
 _DRAIN = 2.0  # s that the end of a recording waits for messages that have come and aren't written yet
 _IDLE = 20  # looks of 5 ms without a message after which none waits any more
+_SYNC = 0.5  # s between syncs, which may themselves take as long on a slow disk: nothing older than a second is lost
 _LOOK = 0.5  # s between looks for topics whose type isn't known yet
 _STATES = "sensor_msgs/msg/JointState"
 
@@ -63,6 +64,7 @@ class Recorder(BaseNode):
 
     node_name: ClassVar[str] = "recorder"
     description: ClassVar[str] = "records joint states, commands and further topics to a rosbag2 folder (MCAP)"
+    status_topic: ClassVar[str] = "~/status"
     table: ClassVar[tuple[Parameter, ...]] = (
         Parameter(
             "output",
@@ -118,7 +120,6 @@ class Recorder(BaseNode):
         self._kinds |= {
             name: kind for name, _, kind in (entry.partition(":") for entry in self.texts("topics")) if kind
         }
-        self._status = self.create_publisher(DiagnosticArray, "~/status", 10)
         if self.value("autostart"):
             self._start()
         for name in ("joint_states", "joint_command"):
@@ -167,7 +168,8 @@ class Recorder(BaseNode):
             reliability="best_effort" if profile.reliability == ReliabilityPolicy.BEST_EFFORT else "reliable",
             durability="transient_local" if profile.durability == DurabilityPolicy.TRANSIENT_LOCAL else "volatile",
         )
-        topic = Topic(full, kind, qos=qos_text([offered]))
+        definition, type_hash = definition_of(kind)
+        topic = Topic(full, kind, definition=definition, qos=qos_text([offered]), type_hash=type_hash)
         fields = message.get_fields_and_field_types()  # type: ignore[attr-defined]
         stream = Stream(topic, next(iter(fields.values()), "") == "std_msgs/Header")
 
@@ -234,8 +236,8 @@ class Recorder(BaseNode):
             self._file_begun = now
 
     def _sync(self) -> None:
-        """Bring what was written to the disk once a second, so that a power cut takes no more than that."""
-        while not self._end.wait(1.0):
+        """Bring what was written to the disk, so that a power cut takes no more than a second of it."""
+        while not self._end.wait(_SYNC):
             bag = self._bag
             if bag is not None:
                 try:
@@ -258,16 +260,23 @@ class Recorder(BaseNode):
         return response
 
     def _on_stop(self, request: Trigger.Request, response: Trigger.Response) -> Trigger.Response:
-        text = self._stop()
-        response.success, response.message = bool(text), text or "nothing is being recorded"
+        try:
+            text = self._stop()
+            response.success, response.message = bool(text), text or "nothing is being recorded"
+        except RobotIdentError as error:  # the disk has no room for the end
+            response.success, response.message = False, str(error)
+            self.fail(error)
         return response
 
     def _tell(self) -> None:
         bag = self._bag
         if bag is None:
-            self._status.publish(self.status_array(OK, "not recording", {}))
+            self.tell(OK, "not recording", {})
             return
-        left = shutil.disk_usage(bag.path if bag.path.exists() else ".").free
+        if not bag.path.exists():
+            self.fail(InputError(f"{bag.path}: was removed while it was being recorded; what it held is lost"))
+            return
+        left = shutil.disk_usage(bag.path).free
         lost = sum(stream.numbers.lost for stream in self._streams.values())
         gaps = sum(stream.stamps.gaps for stream in self._streams.values())
         values: dict[str, object] = {
@@ -281,7 +290,7 @@ class Recorder(BaseNode):
         if left < 50_000_000:
             message = f"recording; only {left // 1_000_000} MB are left on the disk"
         level = ERROR if left < 50_000_000 else WARN if lost or gaps else OK
-        self._status.publish(self.status_array(level, message, values))
+        self.tell(level, message, values)
 
     def _drain(self) -> None:
         """Write what had come before the end: messages that wait in the subscriptions' queues."""

@@ -169,8 +169,12 @@ class SimulatedKuka(BaseNode):
         return self._interpolator.advance(instants, half)
 
     def _on_stall(self, stall: Stall) -> None:
-        """Begin the grid of stamps anew."""
+        """Begin the grid of stamps anew; what was commanded goes along with a clock that has jumped."""
         self._origin_ns = None
+        if stall.clock_jump:
+            jump_ns = round(stall.seconds * 1e9)
+            self._buffer.shift(jump_ns)
+            self._epoch_ns += jump_ns if self._epoch_ns else 0
         self.get_logger().warning(f"{stall}: the stamps of joint_states have a gap")
 
     def _on_reset(self, request: Trigger.Request, response: Trigger.Response) -> Trigger.Response:

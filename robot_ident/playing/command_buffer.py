@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections import deque
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 from robot_ident.motion import Array
 
@@ -42,6 +42,11 @@ class CommandBuffer:
         while self._commands and self._commands[0].t_ns + self.delay_ns <= now_ns:
             out.append(self._commands.popleft())
         return out
+
+    def shift(self, by_ns: int) -> None:
+        """Let the stamps of what waits go along with a clock that has jumped by so much [ns]."""
+        for k in range(len(self._commands)):  # those that come meanwhile are of the new time
+            self._commands[k] = replace(self._commands[k], t_ns=self._commands[k].t_ns + by_ns)
 
     def clear(self) -> None:
         """Forget what waits."""

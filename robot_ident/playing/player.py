@@ -68,7 +68,8 @@ class Player:
     that state to rest. rehearsals: motions that begin and end where the motion does; after each of them judge(number)
     says why the next may not follow, or nothing. lead [s]: how long before it diverges from the plan a stop is decided,
     for controllers that are sent the plan ahead. Position and velocity of the commands never step: each segment begins
-    in the state in which the one before ends, at the same instant. `tick` is called by one thread, everything else by
+    in the state in which the one before ends, at the same instant. Where a motion has ended its last position is
+    commanded on, as long as the robot is seen to be there. `tick` is called by one thread, everything else by
     any.
     """
 
@@ -181,8 +182,7 @@ class Player:
                 self.cancel()
             if self._phase in (*MOVING, Phase.HOLDING):
                 self.reason, self.fault = reason, True
-                self._plan, self._stop_reason, self._hold = (), None, None
-                self._phase = Phase.HALTED
+                self._release()
 
     def tick(self, t: float, now: float) -> Command | None:
         """Return the command at the player's time t [s]; `now` [s] is the time at which states are received."""
@@ -191,6 +191,8 @@ class Player:
             if self._waiting is not None:
                 self._plan, self._waiting, self._judged = self._timeline(self._waiting, t + self._lead), None, 0
                 self._phase = Phase.APPROACH
+            if self._phase is Phase.HOLDING:  # since an earlier tick: the position at rest is sent at least once
+                self._look_at_rest(now)
             if self._plan:
                 self._advance(t)
             if self._phase in (Phase.APPROACH, Phase.PLAYING):
@@ -239,10 +241,31 @@ class Player:
             if problem and self._stop_reason is None:
                 self._stop_reason = (problem, True)
 
+    def _look_at_rest(self, now: float) -> None:
+        """Command nothing more to a robot that is silent or elsewhere: it would leap once it heard the commands again.
+
+        Its controller holds it meanwhile, wherever it is; the next start begins from there.
+        """
+        problem = self.watch.astray(now, self._window)
+        if problem:
+            if not self.fault:
+                self.reason, self.fault = problem, True
+            self._release()
+
+    def _release(self) -> None:
+        """Command nothing any more."""
+        self._plan, self._stop_reason, self._hold = (), None, None
+        self._recent.clear()
+        self._phase = Phase.HALTED
+
+    @property
+    def _window(self) -> Array:
+        """What was commanded lately [k, n]."""
+        return np.array([q for _, q in self._recent])
+
     def _look(self, t: float, now: float) -> None:
         """Begin a smooth stop where it was asked for or the robot is not well."""
-        window = np.array([q for _, q in self._recent])
-        problem = self.watch.problem(now, window)
+        problem = self.watch.problem(now, self._window)
         if problem:
             self._stop_reason = (problem, True)
         if self._stop_reason is None:

@@ -9,7 +9,8 @@ from dataclasses import dataclass
 from typing import Literal
 
 _POLL = 0.001  # s; a clock that isn't the machine's own can only be asked again and again
-_JUMP = 0.1  # s of real time within which a clock that leaps has jumped, rather than this process stood still
+_STALE = 0.5  # s of real time between two looks at such a clock, after which its last word counts no more
+_NEWS = 0.1  # s
 
 
 @dataclass(frozen=True)
@@ -70,11 +71,18 @@ class Ticker:
         self._ended = threading.Event()
         self._thread = threading.Thread(target=self._run, name="ticker", daemon=True)
         self._timing = Timing()
+        self._woke = -float("inf")  # real time at which this process went on after standing still
+        self._seen = 0.0, 0.0  # the foreign clock and the machine's, when they were last looked at
 
     @property
     def timing(self) -> Timing:
         """How well the grid was kept so far."""
         return self._timing
+
+    @property
+    def running(self) -> bool:
+        """Whether there are ticks to come."""
+        return self._thread.is_alive() and not self._ended.is_set()
 
     def start(self) -> None:
         """Start the thread; its first tick is due at once."""
@@ -99,6 +107,7 @@ class Ticker:
             if self._ended.wait(_POLL):
                 return
         start = self._clock()
+        self._seen = start, time.monotonic()
         number = 0
         ticks = missed = stalls = 0
         worst = 0.0
@@ -126,15 +135,28 @@ class Ticker:
             self._timing = Timing(ticks, missed, worst, stalls)
 
     def _wait(self, deadline: float) -> Stall | None:
-        """Wait until the deadline; return the jump of a foreign clock that happened meanwhile."""
+        """Wait until the deadline; return the jump of a foreign clock that happened since the last look at it."""
         if not self._foreign:
             self._ended.wait(max(deadline - self._clock(), 0.0))
             return None
-        before, real = self._clock(), time.monotonic()
-        while before < deadline and not self._ended.wait(_POLL):
-            now, real_now = self._clock(), time.monotonic()
+        while True:
+            before, real_before = self._seen
+            if time.monotonic() - real_before > _STALE:
+                self._await_news(self._clock())
+                self._woke = time.monotonic()
+            now, real = self._seen = self._clock(), time.monotonic()
             step = now - before
-            if step < 0.0 or (step > self._stall and real_now - real < _JUMP):
-                return Stall(step, clock_jump=True)
-            before, real = now, real_now
-        return None
+            # what real time explains is this process standing still, not its clock; nor is what it hears on waking
+            if step < 0.0 or step - (real - real_before) > self._stall:
+                return Stall(step, clock_jump=step < 0.0 or real - self._woke > _STALE)
+            if now >= deadline or self._ended.wait(_POLL):
+                return None
+
+    def _await_news(self, known: float) -> None:
+        """Wait until a foreign clock says something new: what it said before this process stood still is old.
+
+        A clock that says nothing for `_NEWS` seconds stands still itself, and may well wait for this process.
+        """
+        deadline = time.monotonic() + _NEWS
+        while self._clock() == known and time.monotonic() < deadline and not self._ended.wait(_POLL):
+            pass

@@ -146,29 +146,33 @@ class Watch:
         return ""
 
     def problem(self, now: float, commanded: Array) -> str:
-        """Return why the motion must stop, or an empty text.
-
-        commanded [k, n] rad: the positions commanded lately. A robot follows with a delay, so what counts is the
-        distance from the range that these cover.
-        """
-        if self._fault:
-            return self._fault
-        silence = self._silence(now)
-        if silence:
-            return silence
+        """Return why the motion must stop, or an empty text; commanded: as in `astray`."""
+        problem = self._fault or self.astray(now, commanded)
         state = self.state
-        if state is None or not len(commanded):
-            return ""
-        off = np.maximum(state.q - commanded.max(axis=0), commanded.min(axis=0) - state.q)
-        self.worst_tracking = np.maximum(self.worst_tracking, off)
+        if problem or state is None or not len(commanded):
+            return problem
         self.worst_effort = np.fmax(self.worst_effort, np.abs(state.tau))
-        if np.any(off > self.bounds.tracking):
-            joint = int(np.argmax(off - self.bounds.tracking))
-            bound = f"(bound {self.bounds.tracking[joint]:g})"
-            return f"{self.joints[joint]} is {off[joint]:.4f} from where it was sent {bound}"
         if np.any(np.abs(state.tau) > self.bounds.effort):
             joint = int(np.nanargmax(np.abs(state.tau) - self.bounds.effort))
             return (
                 f"the effort of {self.joints[joint]} is {state.tau[joint]:.1f} (bound {self.bounds.effort[joint]:.1f})"
             )
+        return ""
+
+    def astray(self, now: float, commanded: Array) -> str:
+        """Return why it isn't known that the robot is where it was sent, or an empty text.
+
+        commanded [k, n] rad: the positions commanded lately. A robot follows with a delay, so what counts is the
+        distance from the range that these cover.
+        """
+        silence = self._silence(now)
+        state = self.state
+        if silence or state is None or not len(commanded):
+            return silence
+        off = np.maximum(state.q - commanded.max(axis=0), commanded.min(axis=0) - state.q)
+        self.worst_tracking = np.maximum(self.worst_tracking, off)
+        if np.any(off > self.bounds.tracking):
+            joint = int(np.argmax(off - self.bounds.tracking))
+            bound = f"(bound {self.bounds.tracking[joint]:g})"
+            return f"{self.joints[joint]} is {off[joint]:.4f} from where it was sent {bound}"
         return ""

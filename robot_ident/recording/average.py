@@ -9,6 +9,7 @@ import numpy as np
 from robot_ident.motion import Array
 from robot_ident.recording.clock import Clock, even_positions, roughness
 from robot_ident.recording.lines import Lines, evaluate, fit_lines
+from robot_ident.recording.off_clock import OffClock, off_clock
 from robot_ident.recording.outliers import outlying_periods
 from robot_ident.recording.period import Steady, steady_part
 from robot_ident.recording.recording import Recording
@@ -41,6 +42,7 @@ class Average:
     lines: int | None = None
     after: int = 0
     left_out: tuple[int, ...] = ()
+    off_clock: OffClock | None = None
 
     @property
     def periods(self) -> int:
@@ -76,8 +78,14 @@ def _fold(recording: Recording, index: np.ndarray, steady: Steady, samples: int)
     present = np.isfinite(q[:, :, 0]).sum(axis=0)
     if present.min() < 2:
         return None
+    return mean_of(q, tau)
+
+
+def mean_of(q: Array, tau: Array) -> Average:
+    """Return the mean of periods q and tau [M, N, n] (gaps nan), periods that are unlike the others left out."""
+    present = np.isfinite(q[:, :, 0]).sum(axis=0)
     outlying = sorted({*outlying_periods(tau), *outlying_periods(q, "position")})
-    kept = np.setdiff1d(np.arange(steady.periods), outlying)
+    kept = np.setdiff1d(np.arange(len(q)), outlying)
     if outlying and np.isfinite(q[kept, :, 0]).sum(axis=0).min() >= 2:
         q, tau = q[kept], tau[kept]
         present = np.isfinite(q[:, :, 0]).sum(axis=0)
@@ -95,6 +103,7 @@ def _fold(recording: Recording, index: np.ndarray, steady: Steady, samples: int)
         tau,
         tau,
         left_out=tuple(m + 1 for m in outlying),
+        off_clock=off_clock(q),
     )
 
 

@@ -2,14 +2,13 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass, replace
+from dataclasses import dataclass
 
 import numpy as np
 from numpy.typing import NDArray
 
 from robot_ident.errors import InputError
 from robot_ident.motion import Array
-from robot_ident.recording.recording import Recording
 from robot_ident.robot.robot import AntiAlias, Robot
 
 Response = NDArray[np.complex128]
@@ -99,30 +98,3 @@ def chain_of(robot: Robot, anti_alias: tuple[float, float] | None, source: str, 
             f" {0.5 * rate:g} Hz; give the filter that was in the chain (--anti-alias ORDER:HZ, or none)"
         )
     return Chain(kind, np.asarray(robot.torque_delay, dtype=float))
-
-
-def in_newton_metres(recording: Recording, robot: Robot) -> Recording:
-    """Return a recording whose effort is torque: times the drive's Nm/A, or by its curve, where effort is a current.
-
-    Raises InputError where a joint gives neither.
-    """
-    if robot.effort == "torque":
-        return recording
-    tau = np.array(recording.tau)
-    for joint, name in enumerate(robot.joints):
-        curve = robot.torque_curves.get(name)
-        constant = float(robot.drives.torque_constant[joint])
-        if curve:
-            current, torque = np.array([(0.0, 0.0), *curve]).T
-            size = np.abs(tau[:, joint])
-            slope = (torque[-1] - torque[-2]) / (current[-1] - current[-2])
-            beyond = np.maximum(size - current[-1], 0.0) * slope
-            tau[:, joint] = np.sign(tau[:, joint]) * (np.interp(size, current, torque) + beyond)
-        elif np.isfinite(constant):
-            tau[:, joint] *= constant
-        else:
-            raise InputError(
-                f"robot {robot.name}: effort is a current, but {name} has neither torque_constant nor torque_curve"
-            )
-    note = "effort taken as current: torque by the drives' gain"
-    return replace(recording, tau=tau, notes=(*recording.notes, note))

@@ -1,13 +1,14 @@
 """The clock of a recording: were the samples taken unevenly, or only stamped so?
 
 A stamp t_k = a + b k + e_k with jitter e_k. Where the robot samples evenly and stamps late, taking e_k at face value
-puts an error dq e_k on the position; where it samples unevenly, ignoring e_k does. The slope of the position's
-roughness over dq e_k is 1 when the stamps tell the truth and 0 when the clock does; the data decide.
+puts an error dq e_k on the position; where it samples unevenly, ignoring e_k does. The clock is taken that leaves the
+smaller residual of the positions about a smooth motion: r on the even clock, r - dq e as stamped.
 """
 
 from __future__ import annotations
 
 from dataclasses import dataclass
+from typing import Any
 
 import numpy as np
 
@@ -20,7 +21,48 @@ _TWO_RATES = 1.5  # ratio of sample times within one recording that no jitter or
 _FASTEST, _SLOWEST = 1e-6, 1.0  # s between samples: all else is another unit
 _SPARSE = 20.0  # places of the grid for each sample, above which the stamps make no grid
 _GAP = 10.0  # times its length: no recording has a longer hole
+_TELLS = 25.0  # (dq e)^2 over the positions' noise, summed: below, noise hides which clock is right
 _ROUGHNESS = 9  # samples of the local cubic fit that tells roughness from motion
+
+
+@dataclass(frozen=True)
+class Stamps:
+    """What the stamps of a recording are worth.
+
+    kind: `even` (no jitter that matters), `late` (sampled evenly, stamped late), `true` (stamped when sampled), or
+    `untold` where noise hides which. jitter: rms [s] about the even clock. even, stamped: residual of the positions
+    about a smooth motion on either clock, rms [rad], of the joint where they differ most; None where neither was
+    looked at.
+    """
+
+    kind: str
+    jitter: float
+    even: float | None = None
+    stamped: float | None = None
+
+    def to_dict(self) -> dict[str, Any]:
+        """Return plain data."""
+        return {
+            "stamps": self.kind,
+            "jitter": self.jitter,
+            "residual_even": self.even,
+            "residual_stamped": self.stamped,
+        }
+
+    @property
+    def note(self) -> str:
+        """Which clock is used, and why; empty where there is nothing to say."""
+        size = f"{self.jitter * 1e3:.2f} ms rms"
+        if self.kind == "even":
+            return ""
+        if self.kind == "untold":
+            return f"stamps jitter by {size}, too little to matter; even clock used"
+        if self.even is None or self.stamped is None:
+            return f"the sampling jitters by {size} as stamped; stamps used"
+        told = f"position residual {self.even:.2g} on the even clock, {self.stamped:.2g} as stamped"
+        if self.kind == "late":
+            return f"stamps jitter by {size}, the sampling does not: {told}; even clock used"
+        return f"the sampling jitters by {size} as stamped: {told}; stamps used"
 
 
 @dataclass(frozen=True)
@@ -28,14 +70,15 @@ class Clock:
     """The times at which the samples were taken.
 
     dt: sample time [s]. t [N]: times of the samples. index [N]: place of each sample on the even grid, or None when
-    the sampling itself is uneven. missing: samples that the grid has and the recording lacks. notes: what was decided
-    and why.
+    the sampling itself is uneven. missing: samples that the grid has and the recording lacks. stamps: what they are
+    worth. notes: what was decided and why.
     """
 
     dt: float
     t: Array
     index: np.ndarray | None
     missing: int
+    stamps: Stamps
     notes: tuple[str, ...]
 
 
@@ -55,21 +98,11 @@ def read_clock(recording: Recording) -> Clock:
     jitter = t - (start + dt * index)
     missing = int(index[-1] - index[0] + 1 - len(index))
     lost = (f"{missing} of {index[-1] - index[0] + 1} samples are missing",) if missing else ()
-    size = float(np.sqrt(np.mean(jitter**2)))
-    even = start + dt * index
-    if size < _EVEN * dt:
-        return Clock(dt, even, index, missing, lost)
-    slope = _slope(recording, index, jitter, dt)
-    shown = f"{size * 1e3:.2f} ms"
-    if slope is None:
-        return Clock(
-            dt, even, index, missing, (*lost, f"stamps jitter by {shown} rms, too little to matter; even clock used")
-        )
-    if slope < 0.5:
-        note = f"stamps jitter by {shown} rms, the sampling does not (slope {slope:.2f}, 0 = even); even clock used"
-        return Clock(dt, even, index, missing, (*lost, note))
-    note = f"the sampling jitters by {shown} rms as stamped (slope {slope:.2f}, 1 = as stamped); stamps used"
-    return Clock(dt, t, None, missing, (*lost, note))
+    stamps = _judged(recording, index, jitter, dt)
+    notes = (*lost, stamps.note) if stamps.note else lost
+    if stamps.kind == "true":
+        return Clock(dt, t, None, missing, stamps, notes)
+    return Clock(dt, start + dt * index, index, missing, stamps, notes)
 
 
 def _refuse_two_rates(recording: Recording) -> None:
@@ -158,14 +191,18 @@ def _place(t: Array, start: float, dt: float) -> np.ndarray:
     return np.asarray(np.maximum.accumulate(shift) + order)
 
 
-def _slope(recording: Recording, index: np.ndarray, jitter: Array, dt: float) -> float | None:
-    """Return the slope of the position's roughness over that of dq e (weighted over joints), None when noise hides
-    it.
+def _judged(recording: Recording, index: np.ndarray, jitter: Array, dt: float) -> Stamps:
+    """Return what stamps are worth, by the residual r of the positions on the even clock and r - dq e as stamped.
+
+    Joints are weighed by their roughness. Where dq e is too small beside the noise to tell, the even clock stands.
     """
+    size = float(np.sqrt(np.mean(jitter**2)))
+    if size < _EVEN * dt:
+        return Stamps("even", size)
+    if index[-1] + 1 < 3 * _ROUGHNESS or index[-1] + 1 > 4 * len(index):
+        return Stamps("true", size)
     from scipy.signal import savgol_filter
 
-    if index[-1] + 1 < 3 * _ROUGHNESS or index[-1] + 1 > 4 * len(index):
-        return 1.0
     q = fill(recording.q, index)
     e = fill(jitter[:, None], index)[:, 0]
 
@@ -175,7 +212,9 @@ def _slope(recording: Recording, index: np.ndarray, jitter: Array, dt: float) ->
     speed = savgol_filter(q, 2 * _ROUGHNESS + 1, 3, deriv=1, delta=dt, axis=0)
     r, x = rough(q), rough(speed * e[:, None])
     weight = 1.0 / np.maximum(np.var(r, axis=0), 1e-24)
-    information = float(np.sum(weight * np.sum(x * x, axis=0)))
-    if information < 25.0:
-        return None
-    return float(np.sum(weight * np.sum(r * x, axis=0)) / information)
+    even, stamped = (np.sqrt(np.mean(part**2, axis=0)) for part in (r, r - x))
+    worst = int(np.argmax(np.abs(np.log(np.maximum(even, 1e-15) / np.maximum(stamped, 1e-15)))))
+    shown = float(even[worst]), float(stamped[worst])
+    if float(np.sum(weight * np.sum(x * x, axis=0))) < _TELLS:
+        return Stamps("untold", size, *shown)
+    return Stamps("late" if np.sum(weight * (even**2 - stamped**2)) < 0.0 else "true", size, *shown)

@@ -22,7 +22,7 @@ def low_passed(recording: Recording, clock: Clock, robot: Robot, processing: Pro
     Positions pass a wider low pass (4 times the cutoff unless told) before they are differentiated; torque and
     columns then pass the same cutoff. Rows near gaps and near the ends, where the filter has no data, don't count.
     """
-    q, tau, present = _even(recording, clock)
+    q, tau, present = even_samples(recording, clock)
     nyquist = 0.5 / clock.dt
     cutoff = processing.low_pass or min(DEFAULT_LOW_PASS, 0.4 * nyquist)
     wide = processing.derivative_bandwidth or min(4.0 * cutoff, 0.8 * nyquist)
@@ -58,7 +58,7 @@ def low_passed(recording: Recording, clock: Clock, robot: Robot, processing: Pro
     )
 
 
-def _even(recording: Recording, clock: Clock) -> tuple[Array, Array, Mask]:
+def even_samples(recording: Recording, clock: Clock) -> tuple[Array, Array, Mask]:
     """Return positions, torques and which samples are real, on an even grid."""
     if clock.index is not None:
         present = np.zeros(clock.index[-1] - clock.index[0] + 1, dtype=bool)

@@ -40,6 +40,11 @@ class PeriodicLowPass:
         return min(int(self.cutoff / self.frequency + 1e-9), (self.samples - 1) // 2)
 
     @property
+    def gain(self) -> Array:
+        """Gain [N // 2 + 1] of the lines of the period."""
+        return np.asarray(np.arange(self.samples // 2 + 1) <= self.lines, dtype=float)
+
+    @property
     def independent(self) -> float:
         """(2 K + 1) / N."""
         return (2 * self.lines + 1) / self.samples
@@ -48,6 +53,35 @@ class PeriodicLowPass:
         """Return x [N, ...] without its lines above the cutoff."""
         spectrum = np.fft.rfft(x, axis=0)
         spectrum[self.lines + 1 :] = 0.0
+        return np.fft.irfft(spectrum, self.samples, axis=0)
+
+
+@dataclass(frozen=True)
+class SoftPeriodicLowPass:
+    """Butterworth gain of order 4 there and back on the lines of a period, 1 / (1 + (f / cutoff)^8): forgets within
+    1 / cutoff, so that what a rest hides does not reach far into the motion beside it.
+    """
+
+    cutoff: float
+    frequency: float
+    samples: int
+
+    @property
+    def gain(self) -> Array:
+        """Gain [N // 2 + 1] of the lines of the period."""
+        lines = np.arange(self.samples // 2 + 1) * self.frequency
+        return np.asarray(1.0 / (1.0 + (lines / self.cutoff) ** 8))
+
+    @property
+    def independent(self) -> float:
+        """Variance of white noise after the filter, relative to before."""
+        power = self.gain**2
+        last = power[-1] if self.samples % 2 == 0 else 0.0
+        return float((2.0 * power.sum() - power[0] - last) / self.samples)
+
+    def apply(self, x: Array) -> Array:
+        """Return x [N, ...], low-passed."""
+        spectrum = np.fft.rfft(x, axis=0) * self.gain.reshape(-1, *([1] * (x.ndim - 1)))
         return np.fft.irfft(spectrum, self.samples, axis=0)
 
 

@@ -3,12 +3,17 @@
 from __future__ import annotations
 
 from dataclasses import dataclass
+from typing import Any
 
 import numpy as np
 
 from robot_ident.motion import Array, Mask, Motion
-from robot_ident.recording.low_pass import LowPass, PeriodicLowPass
+from robot_ident.recording.clock import Stamps
+from robot_ident.recording.conditions import Conditions
+from robot_ident.recording.cycles import Cycles
+from robot_ident.recording.low_pass import LowPass, PeriodicLowPass, SoftPeriodicLowPass
 from robot_ident.recording.noise import NoiseSpectrum
+from robot_ident.recording.off_clock import OffClock
 
 
 @dataclass(frozen=True)
@@ -45,7 +50,10 @@ class Measurement:
     noise: spectrum of the torque's noise, None where no periods tell it. quantisation [n] (Nm)^2: variance that
     rounding leaves in a row of `torque` and no averaging removes. position_lines [K + 1, n]: the Fourier lines that
     `motion` holds; averaged_position_variance [n] rad^2: of a row of the averaged position, white. left_out: numbers
-    of periods unlike the others, from 1.
+    of periods unlike the others, from 1. cycles: where periods are cycles with pauses between them, None elsewhere.
+    stamps: what the stamps are worth, and sample_rate [Hz] of the recording. off_clock: how far the samples' instants
+    scatter about their stamps, None where no periods tell. conditions: what the recording's sidecar states; start_ns:
+    absolute stamp of its first sample, 0 where not known.
     """
 
     source: str
@@ -71,6 +79,31 @@ class Measurement:
     position_lines: Mask | None = None
     averaged_position_variance: Array | None = None
     left_out: tuple[int, ...] = ()
+    off_clock: OffClock | None = None
+    cycles: Cycles | None = None
+    stamps: Stamps | None = None
+    sample_rate: float = 0.0
+    conditions: Conditions = Conditions()
+    start_ns: int = 0
+
+    def facts(self) -> dict[str, Any]:
+        """Return how the recording was taken: its rate and clock, what of it repeats, and by joint the lowest and
+        highest position and the top speed.
+        """
+        top = np.abs(self.motion.dq).max(axis=0)
+        kind = "one_pass" if self.base_frequency is None else "periods" if self.cycles is None else "cycles"
+        return {
+            "source": self.source,
+            "sample_rate": self.sample_rate,
+            "clock": None if self.stamps is None else self.stamps.to_dict(),
+            "taken_as": kind,
+            "period": None if self.base_frequency is None else 1.0 / self.base_frequency,
+            "repeats": self.periods,
+            "reach": {
+                name: [float(self.motion.q[:, k].min()), float(self.motion.q[:, k].max()), float(top[k])]
+                for k, name in enumerate(self.joints)
+            },
+        }
 
     @property
     def rows(self) -> slice:
@@ -82,8 +115,8 @@ class Measurement:
         """Noise variance [n] of the compared torque: averaged over the periods, after the low pass."""
         share = self.low_pass.independent if self.low_pass else 1.0
         rounding = np.zeros(len(self.joints)) if self.quantisation is None else self.quantisation
-        if self.noise is not None and isinstance(self.low_pass, PeriodicLowPass):
-            return self.noise.passed_variance(self.low_pass.lines) / self.averages + rounding * share
+        if self.noise is not None and isinstance(self.low_pass, PeriodicLowPass | SoftPeriodicLowPass):
+            return self.noise.passed_variance(self.low_pass.gain) / self.averages + rounding * share
         return (self.torque_variance / self.averages + rounding) * share
 
     @property

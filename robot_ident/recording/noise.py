@@ -50,13 +50,11 @@ class NoiseSpectrum:
         """Return the covariance of one sample across joints [n, n] (Nm)^2."""
         return self.autocovariance()[0]
 
-    def passed_variance(self, lines: int) -> Array:
-        """Return the variance [n] of one sample's noise behind a low pass that keeps so many lines of the period."""
-        power = np.real(np.einsum("kii->ki", self.density))
-        twice = 2.0 * power[1 : lines + 1].sum(axis=0)
-        if 2 * lines >= self.samples:
-            twice = twice - power[-1]
-        return np.asarray((power[0] + twice) / self.samples)
+    def passed_variance(self, gain: Array) -> Array:
+        """Return the variance [n] of one sample's noise behind a low pass with a gain [K + 1] at the period's lines."""
+        power = np.real(np.einsum("kii->ki", self.density)) * (gain**2)[:, None]
+        last = power[-1] if self.samples % 2 == 0 else 0.0
+        return np.asarray((2.0 * power.sum(axis=0) - power[0] - last) / self.samples)
 
     def with_floor(self, least: Array) -> NoiseSpectrum:
         """Return the spectrum with joints of less variance than `least` [n] at that, white and alone: what scatters

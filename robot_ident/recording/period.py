@@ -100,7 +100,8 @@ def steady_part(q: Array, period: float, step: Array, source: str) -> Steady:
     awake = _awake(q)
     rows = awake[lag:] | awake[:-lag]
     # 16 = (4 sigma)^2 over the calm quarter; tremor of 1e-4 of the motion still counts as repeating
-    bound = 16.0 * np.percentile(smooth[rows], 25.0, axis=0) + 4.0 * step**2 + (1e-4 * q.std(axis=0)) ** 2
+    noise = np.maximum(step**2, _local_noise(q, kernel)[: len(smooth)])
+    bound = 16.0 * np.percentile(smooth[rows], 25.0, axis=0) + 4.0 * noise + (1e-4 * q.std(axis=0)) ** 2
     good = np.all(smooth <= bound, axis=1) & _moves_within(awake, lag)[: len(smooth)]
     first, last = _longest(good)
     last = last + lag
@@ -112,6 +113,14 @@ def steady_part(q: Array, period: float, step: Array, source: str) -> Steady:
             " at least 2 are needed where periods are averaged"
         )
     return Steady(period, periods, first, last)
+
+
+def _local_noise(q: Array, kernel: Array) -> Array:
+    """Return the noise variance of positions q [N, n] around each sample: where samples are off the clock it grows with
+    speed. Third differences hold 20 times the noise's and little motion.
+    """
+    rough = np.vstack([np.diff(q, n=3, axis=0) ** 2 / 20.0, np.zeros((3, q.shape[1]))])
+    return np.column_stack([np.convolve(column, kernel, mode="same") for column in rough.T])
 
 
 def _longest(good: np.ndarray) -> tuple[int, int]:

@@ -31,8 +31,23 @@ def averaged(recording: Recording, clock: Clock, period: float, robot: Robot, pr
     M too small).
     """
     steady, mean = average(recording, clock, period)
-    frequency = 1.0 / (period * clock.dt)
-    chain = chain_of(robot, processing.anti_alias, recording.source, 1.0 / clock.dt)
+    start = steady.last - int(steady.periods * period + 1e-6) + 1
+    notes = [f"{mean.periods} periods of {period * clock.dt:.6g} s averaged"]
+    if start > 0:
+        notes.append(f"{start * clock.dt:.3g} s of approach and transient left out")
+    if mean.after > 0:
+        notes.append(f"{mean.after * clock.dt:.3g} s after the periods left out")
+    out = of_mean(recording, mean, period, 1.0 / clock.dt, robot, processing)
+    began = _began(start, period, clock.dt, steady.periods, mean.left_out)
+    return replace(out, motion=replace(out.motion, began=began), notes=(*notes, *out.notes, *_unused(processing)))
+
+
+def of_mean(
+    recording: Recording, mean: Average, period: float, rate: float, robot: Robot, processing: Processing
+) -> Measurement:
+    """Return the measurement of a mean period of so many samples (a part of one counts) at a sample rate [Hz]."""
+    frequency = rate / period
+    chain = chain_of(robot, processing.anti_alias, recording.source, rate)
     rounding = _rounding(_quantum(recording.tau), mean.tau_variance) * len(mean.q) / round(period)
     mean, noise = _undone(mean, chain, frequency, round(period))
     least = (_SILENT * np.sqrt(np.mean(mean.tau**2, axis=0))) ** 2
@@ -47,7 +62,7 @@ def averaged(recording: Recording, clock: Clock, period: float, robot: Robot, pr
     return Measurement(
         source=recording.source,
         joints=recording.names,
-        dt=period * clock.dt / len(mean.q),
+        dt=period / rate / len(mean.q),
         motion=motion,
         torque=mean.tau,
         used=trusted(motion, robot, processing, _speed_noise(keep, variance, frequency, len(mean.q))),
@@ -62,27 +77,23 @@ def averaged(recording: Recording, clock: Clock, period: float, robot: Robot, pr
         low_pass=None if cutoff is None else PeriodicLowPass(cutoff, frequency, len(mean.q)),
         decimate=processing.decimate,
         period_torque=mean.periods_of_tau,
-        notes=(
-            *_notes(steady.last - int(steady.periods * period + 1e-6) + 1, mean, chain, noise, period, clock.dt, robot),
-            *_silence(silent),
-            *_unused(processing),
-        ),
+        notes=(*_notes(mean, chain, noise, robot), *_silence(silent)),
         noise=noise,
         quantisation=rounding if rounding.any() else None,
         position_lines=keep,
         averaged_position_variance=variance,
         left_out=mean.left_out,
+        off_clock=mean.off_clock,
     )
 
 
-def _notes(
-    cut: int, mean: Average, chain: Chain, noise: NoiseSpectrum, period: float, dt: float, robot: Robot
-) -> tuple[str, ...]:
-    notes = [f"{mean.periods} periods of {period * dt:.6g} s averaged"]
-    if cut > 0:
-        notes.append(f"{cut * dt:.3g} s of approach and transient left out")
-    if mean.after > 0:
-        notes.append(f"{mean.after * dt:.3g} s after the periods left out")
+def _began(start: int, period: float, dt: float, periods: int, left_out: tuple[int, ...]) -> tuple[float, ...]:
+    """Return when each averaged period began, s after the first sample; start, period: in samples of dt [s]."""
+    return tuple((start + number * period) * dt for number in range(periods) if number + 1 not in left_out)
+
+
+def _notes(mean: Average, chain: Chain, noise: NoiseSpectrum, robot: Robot) -> tuple[str, ...]:
+    notes = []
     if mean.left_out:
         which = ", ".join(str(m) for m in mean.left_out)
         word, own = ("period", "its scatter is") if len(mean.left_out) == 1 else ("periods", "their scatter is")
@@ -203,7 +214,8 @@ def _rounding(step: Array, variance: Array) -> Array:
     step^2 / 12 without noise; noise of `variance` dithers it away: exp(-4 pi^2 variance / step^2), its first harmonic.
     """
     size = np.where(step > 0, step, 1.0)
-    left = size**2 / 12.0 * np.exp(-4.0 * np.pi**2 * variance / size**2)
+    dither = np.minimum(np.sqrt(variance) / size, 100.0)  # beyond, nothing is left, and squares may overflow
+    left = size**2 / 12.0 * np.exp(-4.0 * np.pi**2 * dither**2)
     return np.asarray(np.where(step > 0, left, 0.0))
 
 

@@ -29,7 +29,7 @@ def check_plausible(recording: Recording, robot: Robot) -> None:
     torque = np.abs(recording.tau).max(axis=0)
     for joint in range(robot.n):
         limit = robot.limits.torque[joint]
-        if np.isfinite(limit) and torque[joint] > 20.0 * limit:
+        if np.isfinite(limit) and torque[joint] > 20.0 * limit and not robot.in_ampere(joint):
             raise InputError(
                 f"{recording.source}: the torque of {robot.joints[joint]} reaches {torque[joint]:.4g}, its limit is"
                 f" {limit:.4g} {robot.torque_unit(joint)}: wrong units?"

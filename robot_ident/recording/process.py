@@ -5,15 +5,20 @@ from __future__ import annotations
 from dataclasses import replace
 
 from robot_ident.errors import InputError
-from robot_ident.recording.chain import in_newton_metres
+from robot_ident.motion import Array
+from robot_ident.recording.arm_alone import arm_alone
 from robot_ident.recording.clock import Clock, even_positions, read_clock, roughness
 from robot_ident.recording.continuous import low_passed
+from robot_ident.recording.cycle_average import averaged_cycles
+from robot_ident.recording.cycles import find_cycles
+from robot_ident.recording.effort import at_the_joints
 from robot_ident.recording.measurement import Measurement, Processing
 from robot_ident.recording.period import find_period, refine_period, steady_part
 from robot_ident.recording.periodic import averaged
 from robot_ident.recording.plausibility import check_plausible
+from robot_ident.recording.rate import rate_note
 from robot_ident.recording.recording import Recording
-from robot_ident.recording.repeats import disturbed
+from robot_ident.recording.repeats import better, disturbed, doubtful
 from robot_ident.robot.robot import Robot
 
 
@@ -25,7 +30,7 @@ def process(recording: Recording, robot: Robot, processing: Processing | None = 
     """
     processing = processing or Processing()
     recording = recording.with_joints(robot.joints)
-    recording = in_newton_metres(recording, robot)
+    recording = at_the_joints(recording, robot)
     check_plausible(recording, robot)
     clock = read_clock(recording)
     if processing.low_pass is not None and not 0 < processing.low_pass < 0.5 / clock.dt:
@@ -33,34 +38,62 @@ def process(recording: Recording, robot: Robot, processing: Processing | None = 
             f"{recording.source}: low pass of {processing.low_pass:g} Hz;"
             f" it must lie below half the sample rate, {0.5 / clock.dt:g} Hz"
         )
-    period, note = _period(recording, clock, processing)
-    made = None if period is None else averaged(recording, clock, period, robot, processing)
-    if made is not None and processing.base_frequency is None and processing.periodic is None:
-        joints = disturbed(made, roughness(even_positions(recording, clock)))
-        if joints:
-            names = ", ".join(robot.joints[joint] for joint in joints)
-            note = f"the motion repeats every {1 / (made.base_frequency or 1):.4g} s, but not the torque of {names}"
-            made = None
+    q = even_positions(recording, clock)
+    made, note = _averaged(recording, clock, q, robot, processing)
     if made is None:
         made = low_passed(recording, clock, robot, processing)
-    return replace(made, notes=(*recording.notes, *clock.notes, *([note] if note else []), *made.notes))
+    slow = rate_note(q, clock.dt, robot.joints)
+    said = [*recording.notes, *clock.notes, *(line for line in (slow, note) if line), *made.notes]
+    made = replace(
+        made, stamps=clock.stamps, sample_rate=1.0 / clock.dt, start_ns=recording.start_ns, notes=tuple(said)
+    )
+    return arm_alone(made, recording.conditions, robot)
 
 
-def _period(recording: Recording, clock: Clock, processing: Processing) -> tuple[float | None, str]:
-    """Return the period in samples, None where the recording is to be taken as non-periodic, and why it is."""
+def _averaged(
+    recording: Recording, clock: Clock, q: Array, robot: Robot, processing: Processing
+) -> tuple[Measurement | None, str]:
+    """Return the mean of what repeats, by its period or cycle by cycle, None where the recording is to be taken as one
+    pass, and why it is; q: its positions on the even grid.
+
+    Raises InputError where periods are asked for and there are none.
+    """
     if processing.periodic is False:
         return None, ""
-    q = even_positions(recording, clock)
+    period, note = _period(recording, clock, q, processing)
+    made = None if period is None else averaged(recording, clock, period, robot, processing)
+    free = processing.base_frequency is None
+    if free and (made is None or doubtful(*_repeats(made), q)):
+        cycles = find_cycles(q, clock.dt, float(clock.t[0]))
+        other = None if cycles is None else averaged_cycles(recording, clock, cycles, robot, processing)
+        if other is not None and (made is None or better(*_repeats(other), *_repeats(made))):
+            made, note = other, ""
+    if made is None and processing.periodic:
+        raise InputError(f"{recording.source}: no period found; give --base-frequency, or record at least 2 periods")
+    if made is not None and free and processing.periodic is None:
+        joints = disturbed(made, roughness(q))
+        if joints:
+            names = ", ".join(robot.joints[joint] for joint in joints)
+            every = "from cycle to cycle" if made.cycles else f"every {1 / (made.base_frequency or 1):.4g} s"
+            return None, f"the motion repeats {every}, but not the torque of {names}"
+    return made, note
+
+
+def _repeats(made: Measurement) -> tuple[Array, int]:
+    """Return the variance of the positions about their mean [n], and how many samples it stands for."""
+    return made.position_variance, made.periods * made.samples_per_period
+
+
+def _period(recording: Recording, clock: Clock, q: Array, processing: Processing) -> tuple[float | None, str]:
+    """Return the period in samples, None where none is found, and why it is not used."""
     if processing.base_frequency is None:
         period = find_period(q, clock.dt)
-        if period is None and processing.periodic:
-            raise InputError(
-                f"{recording.source}: no period found; give --base-frequency, or record at least 2 periods"
-            )
-        if period is not None and processing.periodic is None:
+        if period is not None:
             try:
                 steady_part(q, period, roughness(q), recording.source)
             except InputError:
+                if processing.periodic:
+                    raise
                 return None, f"the motion repeats every {period * clock.dt:.4g} s, but for less than 2 periods"
         return period, ""
     given = 1.0 / (processing.base_frequency * clock.dt)
@@ -74,7 +107,7 @@ def _period(recording: Recording, clock: Clock, processing: Processing) -> tuple
     if found is not None and abs(found - given) > 0.01 * given and abs(given / found - round(given / found)) > 0.01:
         raise InputError(
             f"{recording.source}: the motion repeats every {found * clock.dt:.4g} s,"
-            f" not every {1 / processing.base_frequency:.4g} s;"
-            " is this another trajectory, or does speed scaling stretch time?"
+            f" not every {1 / processing.base_frequency:.4g} s: at {100 * given / found:.4g} % of its speed, or another"
+            f" trajectory; --trajectory EXCITATION tells, or give --base-frequency {1 / (found * clock.dt):.6g}"
         )
     return (refined if abs(refined - given) < 0.005 * given else given), ""

@@ -7,7 +7,12 @@ from dataclasses import dataclass, replace
 import numpy as np
 
 from robot_ident.errors import InputError
-from robot_ident.motion import Array, frozen_array
+from robot_ident.motion import Array, Mask, frozen_array
+from robot_ident.recording.conditions import Conditions
+
+LONGEST = 9e9  # s, of which whole nanoseconds can be counted
+LARGEST = 1e12
+"""No joint turns that far, no drive pulls that hard, in any unit; squares and sums of more leave double precision."""
 
 
 @dataclass(frozen=True)
@@ -17,7 +22,7 @@ class Recording:
     names: the n joints. t [N] s, strictly increasing, t[0] arbitrary. q [N, n] rad or m. tau [N, n] Nm or N. dq [N,
     n] rad/s as the robot reported it, or None. source: the file, for messages. notes: one line for each thing that
     was repaired or lost while reading. start_ns: the absolute stamp of t = 0 in ns since the clock's epoch, 0 where
-    it is not known.
+    it is not known. conditions: what its sidecar states.
     """
 
     names: tuple[str, ...]
@@ -28,6 +33,7 @@ class Recording:
     source: str = "recording"
     notes: tuple[str, ...] = ()
     start_ns: int = 0
+    conditions: Conditions = Conditions()
 
     def __post_init__(self) -> None:
         """Freeze the arrays; InputError on shapes that disagree, NaN samples or time that stands still."""
@@ -43,6 +49,15 @@ class Recording:
                 rows = np.flatnonzero(~np.isfinite(values.reshape(len(t), -1)).all(axis=1))
                 where = f"in {len(rows)} of {len(t)} samples, first at t = {t[rows[0]]:.3f} s"
                 raise InputError(f"{self.source}: {field} is not a number {where}")
+        for field, values in (("q", q), ("tau", tau), ("dq", dq)):
+            if values is not None and (np.abs(values) > LARGEST).any():
+                row, joint = np.argwhere(np.abs(values) > LARGEST)[0]
+                raise InputError(
+                    f"{self.source}: {field} of {self.names[joint]} is {values[row, joint]:.3g} at t = {t[row]:.3f} s;"
+                    " that is no measurement"
+                )
+        if len(t) and t[-1] - t[0] > LONGEST:
+            raise InputError(f"{self.source}: it lasts {t[-1] - t[0]:.3g} s; are its times in seconds?")
         if len(t) > 1 and np.any(np.diff(t) <= 0):
             raise InputError(f"{self.source}: time does not increase at sample {int(np.argmax(np.diff(t) <= 0)) + 1}")
         for field, values in (("t", t), ("q", q), ("tau", tau), ("dq", dq)):
@@ -58,7 +73,7 @@ class Recording:
         """Time from the first to the last sample [s]."""
         return float(self.t[-1] - self.t[0]) if len(self.t) else 0.0
 
-    def __getitem__(self, rows: slice) -> Recording:
+    def __getitem__(self, rows: slice | Mask) -> Recording:
         """Return some of the samples."""
         dq = None if self.dq is None else self.dq[rows]
         return replace(self, t=self.t[rows], q=self.q[rows], tau=self.tau[rows], dq=dq)

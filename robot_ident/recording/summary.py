@@ -10,15 +10,20 @@ import numpy as np
 from robot_ident.errors import InputError
 from robot_ident.motion import Array
 from robot_ident.recording.average import Average, average
-from robot_ident.recording.clock import Clock, even_positions, read_clock
+from robot_ident.recording.clock import Clock, Stamps, even_positions, read_clock
+from robot_ident.recording.cycle_average import cycle_notes, mean_cycle
+from robot_ident.recording.cycles import Cycles, find_cycles
 from robot_ident.recording.period import find_period
+from robot_ident.recording.rate import rate_note
 from robot_ident.recording.recording import Recording
+from robot_ident.recording.repeats import better, doubtful
 
 
 @dataclass(frozen=True)
 class Summary:
-    """Facts about a recording. Joint arrays [n]: range of q rad, top speed rad/s, largest torque Nm; noise variances
-    of one sample or None.
+    """Facts about a recording: its periods, or the cycles that repeat, or neither.
+
+    Joint arrays [n]: range of q rad, top speed rad/s, largest torque Nm; noise variances of one sample or None.
     """
 
     joints: tuple[str, ...]
@@ -28,6 +33,8 @@ class Summary:
     missing: int
     period: float | None
     periods: int | None
+    cycles: Cycles | None
+    stamps: Stamps
     lower: Array
     upper: Array
     top_speed: Array
@@ -46,6 +53,8 @@ class Summary:
             "missing_samples": self.missing,
             "period": self.period,
             "periods": self.periods,
+            "cycles": None if self.cycles is None else self.cycles.to_dict(),
+            "clock": self.stamps.to_dict(),
             "joints": [
                 {
                     "name": name,
@@ -67,10 +76,27 @@ def summarise(recording: Recording) -> Summary:
     clock = read_clock(recording)
     q = even_positions(recording, clock)
     period, mean, periods, notes = find_period(q, clock.dt), None, None, [*recording.notes, *clock.notes]
-    if period is None:
-        notes.append("no period found: one pass, or fewer than 2 periods")
-    else:
-        mean, periods = _mean_period(recording, clock, period, notes)
+    slow, cycles, trouble = rate_note(q, clock.dt, recording.names), None, ""
+    notes += [slow] if slow else []
+    if period is not None:
+        mean, periods, trouble = _mean_period(recording, clock, period)
+    if mean is None or doubtful(mean.q_variance, mean.periods * len(mean.q), q):
+        found = find_cycles(q, clock.dt, float(clock.t[0]))
+        other = None if found is None else mean_cycle(recording, clock, found)
+        size = 0 if other is None else other.periods * len(other.q)
+        if other is not None and (
+            mean is None or better(other.q_variance, size, mean.q_variance, mean.periods * len(mean.q))
+        ):
+            cycles, mean, period, periods, trouble = found, other, None, None, ""
+    if trouble:
+        notes.append(trouble)
+    if cycles is not None and mean is not None:
+        notes += cycle_notes(cycles, mean)
+    elif mean is None:
+        notes.append(
+            "nothing repeats: one pass, or fewer than 2 periods; it tells no noise floor, so that no model of it can be"
+            " called adequate (repeat the motion 8 times or more)"
+        )
     step = max(1, round(0.02 / clock.dt))
     speed = np.abs(q[step:] - q[:-step]).max(axis=0) / (step * clock.dt) if len(q) > step else np.zeros(q.shape[1])
     return Summary(
@@ -81,6 +107,8 @@ def summarise(recording: Recording) -> Summary:
         missing=clock.missing,
         period=None if period is None else period * clock.dt,
         periods=periods,
+        cycles=cycles,
+        stamps=clock.stamps,
         lower=recording.q.min(axis=0),
         upper=recording.q.max(axis=0),
         top_speed=speed,
@@ -91,12 +119,10 @@ def summarise(recording: Recording) -> Summary:
     )
 
 
-def _mean_period(
-    recording: Recording, clock: Clock, period: float, notes: list[str]
-) -> tuple[Average | None, int | None]:
+def _mean_period(recording: Recording, clock: Clock, period: float) -> tuple[Average | None, int | None, str]:
+    """Return the mean period, how many there are, and why there is none."""
     try:
         steady, mean = average(recording, clock, period)
     except InputError as error:
-        notes.append(str(error))
-        return None, None
-    return mean, steady.periods
+        return None, None, str(error)
+    return mean, steady.periods, ""

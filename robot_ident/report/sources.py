@@ -22,7 +22,7 @@ def read_sources(
     out = []
     for bag in bags:
         heard(f"reading {bag}")
-        recording = read_recording(bag, topic=topic)
+        recording = read_recording(bag, topic=topic or model.robot.effort.topic)
         out.append(Source(str(bag), fingerprint(bag), recording, process(recording, model.robot, processing)))
     return tuple(out)
 

@@ -13,6 +13,7 @@ from robot_ident.configuration import Closed, parse, read_yaml, schema
 from robot_ident.errors import InputError, did_you_mean
 from robot_ident.motion import Array, frozen_array
 from robot_ident.robot import workspace
+from robot_ident.robot.effort_file import EffortField, EffortFile, EffortsField, EffortsFile, efforts_of
 from robot_ident.robot.geometry import CLEARANCE, Geometry
 from robot_ident.robot.packages import find_resource
 from robot_ident.robot.rigid_body import RigidBody
@@ -35,11 +36,14 @@ class JointFile(Closed):
     gear_ratio: Positive = Field(1.0, description="motor turns per joint turn")
     armature: NotNegative = Field(0.0, description="rotor inertia on the joint side, kg m^2")
     encoder_step: NotNegative = Field(0.0, description="resolution of the position, rad or m")
-    torque_constant: Positive | None = Field(None, description="joint torque per ampere, Nm/A")
+    torque_constant: Positive | None = Field(None, description="torque per ampere, Nm/A, on the side of effort")
     torque_curve: list[tuple[Positive, Positive]] | None = Field(
         None, min_length=1, description="[current A, joint torque Nm] pairs, rising, in place of torque_constant"
     )
-    torque_delay: float = Field(0.0, ge=-0.5, le=0.5, description="time by which torque lags the position, s")
+    torque_delay: float | None = Field(
+        None, ge=-0.5, le=0.5, description="time by which torque lags the position, s; default the robot's"
+    )
+    effort: EffortField = Field(EffortFile(), description="what this joint reports, where it differs from the others")
     torque_variance: Positive | None = Field(None, description="noise variance of one torque sample, (Nm)^2")
     position_variance: NotNegative | None = Field(None, description="noise variance of one position sample, rad^2")
     minimum_speed: NotNegative = Field(0.0, description="samples slower than this aren't used to identify, rad/s")
@@ -141,7 +145,10 @@ class RobotFile(Closed):
     anti_alias: AntiAliasFile | None = Field(
         None, description="low pass in the torque channel, undone when identifying"
     )
-    effort: Literal["torque", "current"] = Field("torque", description="what the drives report as effort: Nm or A")
+    effort: EffortsField = Field(
+        EffortsFile(), description="what the drives report as effort: torque, current, or more words in a mapping"
+    )
+    torque_delay: float = Field(0.0, ge=-0.5, le=0.5, description="time by which torque lags the position, s")
     simulation: dict[str, dict[str, float | dict[str, float]]] = Field(
         {}, description="true values in the simulated robot: effect: {joint: value or {parameter: value}}"
     )
@@ -264,8 +271,10 @@ def _build(file: RobotFile, text: str, path: Path, definition: Definition | None
         base_parameters=dict(file.base_parameters),
         minimum_speed=_column(record.minimum_speed for record in records),
         anti_alias=AntiAlias(file.anti_alias.order, file.anti_alias.cutoff) if file.anti_alias else None,
-        effort=file.effort,
-        torque_delay=_column(record.torque_delay for record in records),
+        effort=efforts_of(
+            file.effort, {name: record.effort for name, record in zip(joints, records, strict=True)}, joints, path
+        ),
+        torque_delay=_column(file.torque_delay if r.torque_delay is None else r.torque_delay for r in records),
         torque_curves={
             name: tuple(record.torque_curve)
             for name, record in zip(joints, records, strict=True)

@@ -46,24 +46,34 @@ class RigidBody:
         """Which joints are prismatic."""
         return tuple(self.model.joints[1 + j].shortname().startswith("JointModelP") for j in range(self.n))
 
+    def standing(self, gravity: tuple[float, float, float] | None) -> Any:
+        """Return the Pinocchio model under a gravity [3] m/s^2, its own where none is told."""
+        if gravity is None:
+            return self.model
+        model = self.model.copy()
+        model.gravity.linear = np.array(gravity)
+        return model
+
     def regressor(self, motion: Motion) -> Array:
         """Return Y [N, n, 10 n], Nm per unit parameter (armature isn't part of it)."""
         import pinocchio
 
-        data = self.model.createData()
+        model = self.standing(motion.gravity)
+        data = model.createData()
         y = np.empty((motion.samples, self.n, 10 * self.n))
         for k in range(motion.samples):
-            y[k] = pinocchio.computeJointTorqueRegressor(self.model, data, motion.q[k], motion.dq[k], motion.ddq[k])
+            y[k] = pinocchio.computeJointTorqueRegressor(model, data, motion.q[k], motion.dq[k], motion.ddq[k])
         return y
 
     def inverse_dynamics(self, motion: Motion) -> Array:
         """Return the torque of the URDF's inertias and the armature [N, n] Nm, by recursive Newton-Euler."""
         import pinocchio
 
-        data = self.model.createData()
+        model = self.standing(motion.gravity)
+        data = model.createData()
         tau = np.empty((motion.samples, self.n))
         for k in range(motion.samples):
-            tau[k] = pinocchio.rnea(self.model, data, motion.q[k], motion.dq[k], motion.ddq[k])
+            tau[k] = pinocchio.rnea(model, data, motion.q[k], motion.dq[k], motion.ddq[k])
         return tau
 
     def frame_position(self, q: Array, frame: str) -> Array:

@@ -12,6 +12,7 @@ import numpy as np
 
 from robot_ident.errors import InputError, did_you_mean
 from robot_ident.motion import Array
+from robot_ident.robot.effort import Efforts, Side
 from robot_ident.robot.geometry import Geometry
 from robot_ident.robot.rigid_body import RigidBody
 from robot_ident.robot.workspace import WorkspaceRule
@@ -82,8 +83,9 @@ class Robot:
     `geometry`: the bodies of its links, None where the URDF has none or they may touch. `known_effects` are part of
     every model of this robot, as `name@joint`. `base_parameters` gives names to base parameters: shown name -> standard
     parameter. `minimum_speed` [n] rad/s: slower samples aren't used to identify.
-    Measuring chain of the torque: `anti_alias` (the filter in it, None: none), `effort` (what is reported: torque or
-    current), `torque_delay` [n] s by which torque lags position, `torque_curves` (A, Nm) by joint for a constant.
+    Measuring chain of the torque: `anti_alias` (the filter in it, None: none), `effort` (what each joint reports:
+    torque or current, where measured, sign), `torque_delay` [n] s by which torque lags position, `torque_curves` (A,
+    Nm) by joint for a constant.
     `definition` is what it was read from, None for a robot that comes with the package.
     """
 
@@ -104,7 +106,7 @@ class Robot:
     base_parameters: Mapping[str, str] = field(default_factory=dict)
     minimum_speed: Array = field(default_factory=lambda: np.zeros(0))
     anti_alias: AntiAlias | None = None
-    effort: str = "torque"
+    effort: Efforts = field(default_factory=Efforts)
     torque_delay: Array = field(default_factory=lambda: np.zeros(1))
     torque_curves: Mapping[str, tuple[tuple[float, float], ...]] = field(default_factory=dict)
 
@@ -126,8 +128,23 @@ class Robot:
         return self.rigid.prismatic
 
     def torque_unit(self, joint: int) -> str:
-        """Return the unit of a joint's torque."""
-        return "N" if self.prismatic[joint] else "Nm"
+        """Return the unit of a joint's torque: A where its drive's gain is unknown."""
+        return "A" if self.in_ampere(joint) else "N" if self.prismatic[joint] else "Nm"
+
+    def in_ampere(self, joint: int) -> bool:
+        """Return whether a joint reports a current whose Nm/A nobody knows, so that its results carry the unit A."""
+        name = self.joints[joint]
+        known = name in self.torque_curves or np.isfinite(self.drives.torque_constant[joint])
+        return self.effort.of(name).quantity == "current" and not known
+
+    @property
+    def ampere_joints(self) -> tuple[str, ...]:
+        """The joints whose results carry the unit A."""
+        return tuple(name for joint, name in enumerate(self.joints) if self.in_ampere(joint))
+
+    def side(self, joint: int) -> Side:
+        """Return where a joint's effort is measured."""
+        return self.effort.of(self.joints[joint]).side
 
     def joint_index(self, name: str) -> int:
         """Return the index of a joint; InputError suggests the nearest name."""

@@ -13,6 +13,13 @@ from xml.etree import ElementTree
 from robot_ident.errors import InputError, did_you_mean
 
 ENDLESS = 1e9  # rad, the limit that stands for none
+_NO_DIRECTION = 1e-6  # length of an axis
+_NUMBERS = {
+    "origin": {"xyz": 3, "rpy": 3},
+    "axis": {"xyz": 3},
+    "mass": {"value": 1},
+    "inertia": {key: 1 for key in ("ixx", "iyy", "izz", "ixy", "ixz", "iyz")},
+}
 
 
 def parse_urdf(text: str, path: Path) -> Any:
@@ -20,10 +27,36 @@ def parse_urdf(text: str, path: Path) -> Any:
     import pinocchio
 
     try:
+        _check_numbers(ElementTree.fromstring(text), path)
         with quiet():
             return pinocchio.buildModelFromXML(prepared(text))
     except (ValueError, RuntimeError, ElementTree.ParseError) as error:
         raise InputError(f"{path}: not a URDF that can be used ({str(error).splitlines()[0]})") from error
+
+
+def _check_numbers(tree: ElementTree.Element, path: Path) -> None:
+    """Raise InputError where a number is none, or an axis has no direction: Pinocchio takes both."""
+    for branch in (*tree.findall("link"), *tree.findall("joint")):
+        for element in branch.iter():
+            for key, count in _NUMBERS.get(element.tag, {}).items():
+                told = element.get(key)
+                if told is not None and not _are_numbers(told, count):
+                    where = f"{path}: {branch.tag} {branch.get('name', '')!r}: <{element.tag} {key}={told[:60]!r}>"
+                    raise InputError(f"{where}: {count} numbers of a possible size were expected")
+    for joint in tree.findall("joint"):
+        axis = joint.find("axis")
+        told = "1 0 0" if axis is None else axis.get("xyz", "1 0 0")
+        moves = joint.get("type") in ("revolute", "continuous", "prismatic", "planar")
+        if moves and max(abs(float(word)) for word in told.split()) < _NO_DIRECTION:
+            raise InputError(f"{path}: joint {joint.get('name', '')!r}: the axis {told!r} has no direction")
+
+
+def _are_numbers(text: str, count: int) -> bool:
+    try:
+        values = [float(word) for word in text.split()]
+    except ValueError:
+        return False
+    return len(values) == count and all(abs(value) <= ENDLESS for value in values)
 
 
 @contextmanager

@@ -9,6 +9,7 @@ import numpy as np
 
 from robot_ident.excitation.fourier import FourierSeries
 from robot_ident.motion import Array, Motion
+from robot_ident.recording.effort import as_reported
 from robot_ident.recording.recording import Recording
 from robot_ident.robot.robot import Robot
 from robot_ident.simulation.physics import Physics
@@ -86,17 +87,22 @@ class Play:
 
     def record(self, periods: int = 16, *, noise: float = 1.0, seed: int = 0) -> Recording:
         """Return a recording of some steady periods; `noise` multiplies the variances of the robot's noise."""
-        made = self.readings(periods)
-        streams = [np.random.default_rng(s) for s in np.random.SeedSequence(seed).spawn(3)]
-        sensors = Sensors.of(self.robot, self.sample_rate, noise)
-        return Recording(
-            names=self.robot.joints,
-            t=np.arange(len(made.q)) / self.sample_rate,
-            q=sensors.read_position(made.shown_q, streams[1]),
-            tau=sensors.read_torque(made.recorded, streams[0]),
-            dq=sensors.read_velocity(made.shown_dq, streams[2]),
-            source=f"simulation of {self.robot.name}",
-        )
+        return noisy(self.robot, self.sample_rate, self.readings(periods), noise=noise, seed=seed)
+
+
+def noisy(robot: Robot, sample_rate: float, made: Readings, *, noise: float = 1.0, seed: int = 0) -> Recording:
+    """Return the recording of some readings; `noise` multiplies the variances of the robot's noise."""
+    streams = [np.random.default_rng(s) for s in np.random.SeedSequence(seed).spawn(3)]
+    sensors = Sensors.of(robot, sample_rate, noise)
+    q = sensors.read_position(made.shown_q, streams[1])
+    return Recording(
+        names=robot.joints,
+        t=np.arange(len(made.q)) / sample_rate,
+        q=q,
+        tau=as_reported(sensors.read_torque(made.recorded, streams[0]), q, robot),
+        dq=sensors.read_velocity(made.shown_dq, streams[2]),
+        source=f"simulation of {robot.name}",
+    )
 
 
 def _repeated(period: Readings, times: int) -> Readings:

@@ -8,8 +8,10 @@ from typing import Any
 
 import numpy as np
 
+from robot_ident.errors import InputError
 from robot_ident.excitation.reference import Reference
-from robot_ident.motion import Array
+from robot_ident.motion import Array, Motion
+from robot_ident.simulation.link_sensor import link_side, link_torque
 from robot_ident.simulation.physics import Physics
 from robot_ident.simulation.plant import Plant
 from robot_ident.simulation.trace import Trace
@@ -22,8 +24,8 @@ class Readings:
     """Arrays [N, n] at the samples, without noise.
 
     q, dq, ddq: true motion of the joints. shown_q, shown_dq, shown_ddq: that of the encoders. torque: of the drives.
-    recorded: the same as it reaches the recording, late or early. fine: that at every step, None unless it was asked
-    for.
+    recorded: what is measured of it where the robot measures, late or early. fine: that at every step, None unless it
+    was asked for.
     """
 
     q: Array
@@ -92,6 +94,13 @@ def read(
         whole = _drives(plant, reference, course.states, np.arange(len(course.states)))
         every = _shifted(whole, course.rows, late / plant.step, periodic)[: samples * per_sample]
         recorded = every[::per_sample]
+    sensed = link_side(plant.robot)
+    if sensed:
+        if fine or late[sensed].any():
+            raise InputError("a filter or a delay can't be simulated where effort is measured on the link side")
+        recorded = np.array(recorded)
+        links = link_torque(plant.robot, plant.physics, Motion(parts.q, parts.v, ddq))
+        recorded[:, sensed] = links[which][:, sensed]
     values = (parts.q, parts.v, ddq, shown.q, shown.dq, shown.ddq, torque)
     at_samples = dict(zip(FIELDS, (value[which] for value in values), strict=False))
     return Readings(**{**at_samples, "recorded": recorded}, fine=every if fine else None)

@@ -87,9 +87,16 @@ class Scenario:
 
     @classmethod
     def of_answer(cls, answer: dict[str, Any]) -> Scenario:
-        """Return the scenario of an answer."""
-        lists = (tuple(answer[key]) for key in ("effects", "background", "visible_rms"))
-        return cls(answer["kind"], answer["seed"], answer["robot"], *lists)
+        """Return the scenario of an answer; InputError that names the field that is missing or of another kind."""
+        fields: dict[str, Any] = {"kind": str, "seed": int, "robot": str}
+        lists: dict[str, Any] = {"effects": str, "background": str, "visible_rms": float}
+        for key, kind in (fields | dict.fromkeys(lists, list)).items():
+            if not isinstance(answer.get(key), kind):
+                raise InputError(f"sealed answer: {key} = {answer.get(key)!r}: {kind.__name__} was expected")
+        for key, kind in lists.items():
+            if not all(isinstance(item, kind) for item in answer[key]):
+                raise InputError(f"sealed answer: {key} = {answer[key]!r}: a list of {kind.__name__} was expected")
+        return cls(*(answer[key] for key in fields), *(tuple(answer[key]) for key in lists))
 
     def plays(
         self, robot: Robot, references: Sequence[Excitation | FourierSeries], *, sample_rate: float = 150.0

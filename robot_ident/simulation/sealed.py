@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import base64
-import binascii
 import json
 import zlib
 from pathlib import Path
@@ -13,6 +12,8 @@ from robot_ident.errors import InputError
 
 SCHEMA = "robot_ident/sealed/1"
 NOTE = "what was hidden in the simulated robot; to open it: robot_ident trial --open FILE"
+
+_LARGEST = 1 << 20  # bytes of an answer; what is packed may claim to be any size
 
 
 def sealed_path(bag: Path | str) -> Path:
@@ -33,14 +34,15 @@ def open_sealed(path: Path | str) -> dict[str, Any]:
         data = json.loads(Path(path).read_text(encoding="utf-8"))
     except FileNotFoundError as error:
         raise InputError(f"{path}: no such file") from error
-    except (OSError, UnicodeDecodeError, json.JSONDecodeError) as error:
+    except (OSError, ValueError, RecursionError) as error:
         raise InputError(f"{path}: can't be read as a sealed file ({error})") from error
     schema = data.get("schema") if isinstance(data, dict) else None
     if schema != SCHEMA:
         raise InputError(f"{path}: schema: {schema!r} is no sealed file ({SCHEMA!r})")
     try:
-        answer = json.loads(zlib.decompress(base64.b64decode(data["sealed"], validate=True)))
-    except (KeyError, TypeError, binascii.Error, zlib.error, UnicodeDecodeError, json.JSONDecodeError) as error:
+        packed = base64.b64decode(data["sealed"], validate=True)
+        answer = json.loads(zlib.decompressobj().decompress(packed, _LARGEST))
+    except (KeyError, TypeError, ValueError, RecursionError, zlib.error) as error:
         raise InputError(f"{path}: sealed: damaged ({error})") from error
     if not isinstance(answer, dict):
         raise InputError(f"{path}: sealed: holds no answer")

@@ -10,6 +10,7 @@ import numpy as np
 from robot_ident.errors import InputError
 from robot_ident.excitation.reference import Reference
 from robot_ident.motion import Array, Motion
+from robot_ident.recording.effort import as_reported
 from robot_ident.recording.recording import Recording
 from robot_ident.robot.robot import Robot
 from robot_ident.simulation.anti_alias import filtered
@@ -83,11 +84,12 @@ def simulate(
         tau = filtered(robot, readings.fine, 1.0 / step, per_sample, sensors, streams[0])
     else:
         tau = sensors.read_torque(readings.recorded, streams[0])
+    q = sensors.read_position(readings.shown_q, streams[1])
     recording = Recording(
         names=robot.joints,
         t=t,
-        q=sensors.read_position(readings.shown_q, streams[1]),
-        tau=tau,
+        q=q,
+        tau=as_reported(tau, q, robot),
         dq=sensors.read_velocity(readings.shown_dq, streams[2]),
         source=f"simulation of {robot.name}",
     )

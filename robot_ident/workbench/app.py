@@ -6,7 +6,7 @@ from pathlib import Path
 
 from dash import Dash
 
-from robot_ident.workbench.callbacks import choices, deeds, navigation, opening, panels, pictures
+from robot_ident.workbench.callbacks import brushing, client, deeds, navigation, opening, panels, pictures, proposing
 from robot_ident.workbench.desk import Desk
 from robot_ident.workbench.guard import guard
 from robot_ident.workbench.layout import shell
@@ -25,6 +25,7 @@ def make_app(desk: Desk, port: int) -> Dash:
     )
     guard(app.server, port)
     app.layout = shell()
-    for part in (navigation, opening, choices, deeds, panels, pictures):
+    client.register(app)
+    for part in (navigation, opening, proposing, brushing, deeds, panels, pictures):
         part.register(app, desk)
     return app

@@ -132,7 +132,7 @@ def _serve(pipe: Connection, folder: str) -> None:
     while True:
         try:
             task = pipe.recv()
-        except EOFError:
+        except (EOFError, OSError):  # the server has ended, in good order or not
             return
         try:
             kept = work.run(session, kept, task, lambda share, words: pipe.send(("progress", share, words)))

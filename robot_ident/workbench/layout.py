@@ -8,6 +8,8 @@ from dash import dcc, html
 
 from robot_ident.workbench.panels.action import action
 
+UNDO, REDO = ({"do": deed, "label": "", "at": ""} for deed in ("undo", "redo"))
+
 GRAPH: Any = {
     "displaylogo": False,
     "modeBarButtonsToRemove": ["lasso2d", "autoScale2d", "toImage"],
@@ -26,12 +28,20 @@ def shell() -> html.Div:
             dcc.Store(id="recording", data=0),
             dcc.Store(id="overlays", data=[]),
             dcc.Store(id="brush", data=[]),
-            dcc.Interval(id="tick", interval=300, disabled=True),
+            *(dcc.Store(id=name) for name in ("focus", "task", "running", "pressed", "brushing")),
             html.Header(
                 [
                     html.H1([dcc.Link("robot_ident workbench", href="/")]),
                     html.Span(id="opened"),
-                    html.Span(id="backwards"),
+                    html.Span(
+                        [
+                            html.Button(
+                                "Undo", id=UNDO, disabled=True, title="look at the step before; nothing is lost"
+                            ),
+                            html.Button("Redo", id=REDO, disabled=True, title="go forward again"),
+                        ],
+                        id="backwards",
+                    ),
                     html.Button("Light or dark", id="look", title="switch between a light and a dark page"),
                 ]
             ),
@@ -47,7 +57,7 @@ def _session() -> list[Any]:
             [
                 html.Ol(id="stages"),
                 html.Div(id="next", role="status"),
-                html.Div(id="job"),
+                html.Div(_job(), id="job", role="status"),
                 html.Div(id="said", role="alert"),
             ],
             id="guide",
@@ -56,9 +66,32 @@ def _session() -> list[Any]:
     ]
 
 
-def _graph(name: str, height: int) -> dcc.Graph:
-    """Return the place of a picture, as high from the beginning as it will be."""
-    return dcc.Graph(id=name, config=GRAPH, responsive=True, style={"height": f"{height}px"})
+def _job() -> list[Any]:
+    """Return the place of the task under way: how far it is, and how it ended."""
+    bar: dict[str, Any] = {"aria-label": "how far it is"}
+    return [
+        html.Div(
+            [html.Progress(id="progress", value="0", max="100", **bar), action("Cancel", "cancel")],
+            id="work",
+            hidden=True,
+        ),
+        html.P(id="told"),
+        html.Details([html.Summary("This is a fault of the program; details"), html.Pre(id="trace")], id="fault"),
+    ]
+
+
+def _other() -> html.Div:
+    """Return a way to look at an effect that is not listed."""
+    words = "any other effect of the catalogue"
+    return html.Div(
+        [dcc.Dropdown(id="other", placeholder=words), action("Show", "preview", at="list")], className="line"
+    )
+
+
+def _graph(name: str, height: int) -> html.Div:
+    """Return the place of a picture, as high from the beginning as it will be, and of what it shows in words."""
+    graph = dcc.Graph(id=name, config=GRAPH, responsive=True, style={"height": f"{height}px"})
+    return html.Div([graph, html.P(id=f"{name}_told", className="unseen")])
 
 
 def _left() -> list[Any]:
@@ -101,7 +134,7 @@ def _left() -> list[Any]:
 
 def _right() -> list[Any]:
     return [
-        html.Section([html.H2("What may be missing"), html.Div(id="candidates")]),
+        html.Section([html.H2("What may be missing"), html.Div(id="candidates"), _other()]),
         html.Section([html.H2("Side by side"), html.Div(id="beside")]),
         html.Section([html.H2("The error from step to step"), _graph("staircase", 300)]),
         html.Section([html.H2("Steps"), html.Div(id="steps")]),

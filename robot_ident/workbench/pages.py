@@ -7,7 +7,7 @@ from typing import Any
 from dash import dcc, html
 
 from robot_ident.workbench.desk import Desk
-from robot_ident.workbench.paths import models_below, recordings_below
+from robot_ident.workbench.paths import models_below, recordings_below, robots_below
 
 ROLES = {"training": "training", "validation": "validation", "none": "not used"}
 
@@ -33,26 +33,33 @@ def chooser(desk: Desk) -> list[Any]:
         "Choose what each recording is for. Training: models are fitted to it; two or more different motions make a"
         " diagnosis firm. Validation: never fitted, it shows whether a model predicts what it has not seen."
     )
+    robots = robots_below(root)
     options = [{"label": words, "value": role} for role, words in ROLES.items()]
     rows = [
         html.Tr(
             [
                 html.Th(name, scope="row"),
                 html.Td(dcc.RadioItems(id={"role": name}, options=options, value="none", inline=True)),
+                html.Td(
+                    [
+                        html.Span("…", id={"about": name, "part": "words"}),
+                        dcc.Store(id={"about": name, "part": "seen"}),
+                    ],
+                    className="note",
+                ),
             ]
         )
         for name in recordings
     ]
-    brought = html.Div(
+    begun = desk.robot or robots[0]
+    given = html.Div(
         [
+            html.Label("robot", htmlFor="robot"),
+            dcc.Dropdown(id="robot", options=list(dict.fromkeys([begun, *robots])), value=begun, clearable=False),
             html.Label("model to begin with", htmlFor="brought"),
-            dcc.Dropdown(
-                id="brought",
-                options=models,
-                placeholder=f"none: identify the model of {desk.robot or 'kuka_ir361'} first",
-            ),
+            dcc.Dropdown(id="brought", options=models, placeholder="none: identify the robot's first"),
         ],
-        className="choice",
+        className="given",
     )
     begin = html.Button("Open them", id="begin", className="primary")
     return [
@@ -61,8 +68,9 @@ def chooser(desk: Desk) -> list[Any]:
             [
                 html.H2("Begin"),
                 html.P(lead),
+                html.P("Looking at what they hold…", id="proposed", role="status"),
                 html.Table(rows, className="roles"),
-                brought,
+                given,
                 begin,
                 html.Div(id="refused", role="alert"),
             ]

@@ -10,7 +10,11 @@ from robot_ident.errors import InputError
 
 _DEEP = 3  # levels of folders that are searched
 _MOST = 200  # recordings or models listed
+_HEAD = 2000  # bytes of a YAML file in which it says what it is
 _SUFFIXES = (".mcap", ".db3", ".npz", ".csv")
+
+BUILT_IN = ("kuka_ir361", "kuka_ir361_spring")
+"""Robots that need no file."""
 
 
 class Allowed:
@@ -54,6 +58,21 @@ def models_below(root: Path) -> list[str]:
 
     found = (path for path in _walk(root, 0) if path.suffix in (".yaml", ".yml") and is_model(path))
     return [str(path.relative_to(root)) for _, path in zip(range(_MOST), found, strict=False)]
+
+
+def robots_below(root: Path) -> list[str]:
+    """Return the robots that are there without a file, and the descriptions below a folder, relative to it."""
+    found = (path for path in _walk(root, 0) if path.suffix == ".urdf" or _describes_robot(path))
+    below = [str(path.relative_to(root)) for _, path in zip(range(_MOST), found, strict=False)]
+    return [*BUILT_IN, *below]
+
+
+def _describes_robot(path: Path) -> bool:
+    """Return whether a YAML file says in one of its first lines that it describes a robot."""
+    if path.suffix not in (".yaml", ".yml") or not path.is_file():
+        return False
+    with path.open("rb") as file:
+        return b"schema: robot_ident/robot/" in file.read(_HEAD)
 
 
 def _walk(folder: Path, depth: int) -> Iterator[Path]:

@@ -9,11 +9,12 @@ from robot_ident.diagnosis.before_after import errors, estimates, mean_squares
 from robot_ident.diagnosis.by_prediction import tells_noise, weighed_by_residual
 from robot_ident.diagnosis.candidates import Candidate, Folds, enumerate_candidates, score
 from robot_ident.diagnosis.diagnosis import Estimate
-from robot_ident.diagnosis.evidence import Evidence, extended, gather, split
+from robot_ident.diagnosis.evidence import Evidence, extended, gather, held, split
 from robot_ident.diagnosis.refine import refined
 from robot_ident.diagnosis.scan import base_gram
 from robot_ident.effects import Effect, candidates_of, make_effect
 from robot_ident.errors import InputError
+from robot_ident.estimation.apart import apart
 from robot_ident.model.structure import Structure
 from robot_ident.motion import Array
 from robot_ident.recording.measurement import Measurement
@@ -51,7 +52,9 @@ class Forecast:
 
         Linear parameters are fitted anew together with the effect's, inner ones stay; `add` searches these as well.
         """
-        after = extended(self.evidence, [effect])
+        fit = after = extended(self._told_of(effect), [effect])
+        if effect.trends:
+            after = held(self.evidence, fit.structure, fit.values)
         there = bool(self.validation)
         return Preview(
             effect=effect,
@@ -59,9 +62,15 @@ class Forecast:
             after=mean_squares(after),
             validation_before=errors(self.evidence, self.validation) if there else None,
             validation_after=errors(after, self.validation) if there else None,
-            parameters=estimates(after, effect),
+            parameters=estimates(fit, effect),
             predicted=tuple(_predicted(after, m) for m in (*self.measurements, *self.validation)),
         )
+
+    def _told_of(self, effect: Effect) -> Evidence:
+        """Return the evidence that tells an effect's size: of periods taken apart where it changes between them."""
+        if not effect.trends or not all(tells_noise(measured) for measured in self.measurements):
+            return self.evidence
+        return gather(apart(self.measurements, [effect]), self.evidence.structure)
 
     def named(self, label: str) -> Preview:
         """Return what `name@joint` would do at the inner parameters that suit the data best.

@@ -9,9 +9,10 @@ from pathlib import Path
 
 import numpy as np
 
+from robot_ident.diagnosis.residual_lines import ResidualLines
 from robot_ident.errors import InputError
 from robot_ident.files import whole
-from robot_ident.motion import Array
+from robot_ident.motion import Array, Mask
 
 VARIABLES = ("time", "velocity", "position", "load", "acceleration", "time_since_reversal")
 """What a residual is looked at over; `speed`, the size of the velocity, is brushed as well."""
@@ -50,6 +51,17 @@ class Rows:
         return columns[name][:, joint]
 
 
+@dataclass(frozen=True)
+class Lines:
+    """The lines of one recording's residual: frequency [K] Hz; excited [K]: those that the motion itself holds; noise
+    [K, n] Nm rms of a line, nan where unknown.
+    """
+
+    frequency: Array
+    excited: Mask
+    noise: Array
+
+
 def write_arrays(path: Path, arrays: Mapping[str, Array]) -> None:
     """Write named arrays to a file, whole or not at all."""
     with whole(path, force=True) as draft:
@@ -71,5 +83,24 @@ def rows_to_arrays(rows: Sequence[Rows]) -> dict[str, Array]:
 
 def rows_from_arrays(arrays: Mapping[str, Array]) -> tuple[Rows, ...]:
     """Return the rows of all recordings; the reverse of `rows_to_arrays`."""
-    count = len({name.partition(".")[0] for name in arrays})
-    return tuple(Rows(**{name: arrays[f"{k}.{name}"] for name in Rows.__dataclass_fields__}) for k in range(count))
+    return tuple(
+        Rows(**{name: arrays[f"{k}.{name}"] for name in Rows.__dataclass_fields__}) for k in range(_count(arrays))
+    )
+
+
+def lines_to_arrays(lines: Sequence[ResidualLines]) -> dict[str, Array]:
+    """Return the frequencies and the noise of all recordings' lines as named arrays."""
+    return {f"{k}.{name}": getattr(one, name) for k, one in enumerate(lines) for name in Lines.__dataclass_fields__}
+
+
+def lines_from_arrays(arrays: Mapping[str, Array]) -> tuple[Lines, ...]:
+    """Return the lines of all recordings; the reverse of `lines_to_arrays`."""
+    return tuple(
+        Lines(arrays[f"{k}.frequency"], arrays[f"{k}.excited"].astype(bool), arrays[f"{k}.noise"])
+        for k in range(_count(arrays))
+    )
+
+
+def _count(arrays: Mapping[str, Array]) -> int:
+    """Return how many recordings named arrays are of."""
+    return len({name.partition(".")[0] for name in arrays})

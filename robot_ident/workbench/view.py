@@ -10,7 +10,7 @@ from typing import Any
 
 from robot_ident.errors import InputError
 from robot_ident.motion import Array
-from robot_ident.workbench.series import Rows, read_arrays, rows_from_arrays
+from robot_ident.workbench.series import Lines, Rows, lines_from_arrays, read_arrays, rows_from_arrays
 from robot_ident.workbench.session import Session, read_json
 
 STEP, CANDIDATE = "step:", "with:"
@@ -102,6 +102,16 @@ class View:
         return [one.measured - torque for one, torque in zip(self.rows, self.predicted, strict=True)]
 
     @cached_property
+    def lines(self) -> tuple[Lines, ...]:
+        """Frequencies of the lines of every recording, and their noise."""
+        return lines_from_arrays(_cached(self.session.folder / "lines.npz"))
+
+    @cached_property
+    def residual_lines(self) -> list[Array]:
+        """The residual of every recording by line [K, n] Nm rms."""
+        return self._series("lines")
+
+    @cached_property
     def worst(self) -> int:
         """The joint that most exceeds its noise, by statistic; by rms where the noise is unknown."""
         joints = self.comparison["joints"]
@@ -141,12 +151,13 @@ class View:
             other = View(self.session, int(rest))
             words = f"step {rest}" + (f" ({', '.join(self.session.added(int(rest)))})" if int(rest) else "")
             found = other.errors
-            return Overlay(key, words, other.residual, found["training"], found["validation"])
+            return Overlay(key, words, other.residual, other.residual_lines, found["training"], found["validation"])
         if kind == CANDIDATE and rest in self.previews:
             arrays = _cached(self.session.preview_file(self.number, rest, ".npz"))
             residual = [one.measured - arrays[f"{k}.predicted"] for k, one in enumerate(self.rows)]
+            lines = [arrays[f"{k}.lines"] for k in range(len(self.rows))]
             data = self.previews[rest]
-            return Overlay(key, f"with {rest}", residual, data["after"], data["validation_after"])
+            return Overlay(key, f"with {rest}", residual, lines, data["after"], data["validation_after"])
         raise InputError(f"{key}: there is no such step or candidate")
 
     def overlays(self, keys: Sequence[str]) -> list[Overlay]:
@@ -172,10 +183,13 @@ class View:
 
 @dataclass(frozen=True)
 class Overlay:
-    """Another residual laid over that of the step: along every recording [N, n], and its mean squares by joint."""
+    """Another residual laid over that of the step: along every recording [N, n] and by line [K, n], and its mean
+    squares by joint.
+    """
 
     key: str
     words: str
     residual: Sequence[Array]
+    lines: Sequence[Array]
     training: Mapping[str, float]
     validation: Mapping[str, float] | None

@@ -6,6 +6,7 @@ from collections.abc import Mapping
 from dataclasses import dataclass
 from typing import Any, Literal
 
+from robot_ident.report.words import short
 from robot_ident.workbench.jobs import Job
 from robot_ident.workbench.view import CANDIDATE, Overlay, View
 
@@ -117,10 +118,21 @@ def _diagnosed(view: View, found: Mapping[str, Any]) -> Next:
         near = _nearest(view, listed)
         words = f"None of the known effects accounts for the error on motion it was not fitted to.{where}{near}"
         return Next("learn", words, *look)
-    words = (
-        "These recordings cannot tell what is missing: record another motion, or more periods. The nearest are listed."
+    words = "These recordings cannot tell what is missing: record another motion, or more periods."
+    helping = next((one for one in listed if _helps(one)), None)
+    if helping is None:
+        nearest = " The nearest are listed; none of them lowers the error on validation." if listed else ""
+        return Next("learn", words + nearest)
+    return Next(
+        "learn", f"{words} The nearest are listed.", f"Show what {helping['label']} would do", "look", helping["label"]
     )
-    return Next("learn", words, *look)
+
+
+def _helps(candidate: Mapping[str, Any]) -> bool:
+    """Return whether a candidate lowers the error of its joint on validation, as far as that is known."""
+    name = _most(candidate["residual_mse_before"], candidate["residual_mse_after"])
+    before, after = candidate["validation_mse_before"], candidate["validation_mse_after"]
+    return not after or bool(after[name] < before[name])
 
 
 def _nearest(view: View, listed: list[Mapping[str, Any]]) -> str:
@@ -147,12 +159,14 @@ def _with_candidate(view: View, chosen: Overlay) -> Next:
     name = _most(data["before"], data["after"])
     noise = view.errors["noise"][name]
     words = f"The orange residual is what would remain with {label}: {name} from"
-    words += f" {_fall(view, name, data['before'], data['after'])}"
+    words += f" {_fall(view, name, view.errors['training'], data['after'])}"
     words += "" if noise is None else f" (noise {rms(noise)})"
     if data["validation_after"] is not None:
-        before, after = data["validation_before"], data["validation_after"]
-        words += f"; on validation, which nothing is fitted to, from {_fall(view, name, before, after)}"
-        words += ", which is worse: it is not the cause" if after[name] > before[name] else ""
+        after = data["validation_after"]
+        words += "; on validation, which nothing is fitted to, from"
+        words += f" {_fall(view, name, view.errors['validation'], after)}"
+        if after[name] > data["validation_before"][name]:
+            return Next("add", f"{words}, which is worse: it is not the cause. Tick another one.")
     there = view.session.find(view.number, label)
     if there is not None:
         return Next("add", f"{words}. It was added already, in step {there}.", f"Go to step {there}", "go", str(there))
@@ -171,4 +185,4 @@ def _fall(view: View, name: str, before: Mapping[str, float], after: Mapping[str
 
 def rms(mean_square: float | None) -> str:
     """Return the root of a mean square in three digits."""
-    return "unknown" if mean_square is None else f"{max(mean_square, 0.0) ** 0.5:.3g}"
+    return "unknown" if mean_square is None else short(max(mean_square, 0.0) ** 0.5)

@@ -8,7 +8,7 @@ from types import SimpleNamespace
 import numpy as np
 import pytest
 
-from robot_ident.bags import describe, read_recording
+from robot_ident.bags import describe, read_messages, read_recording, read_robot_description
 from robot_ident.bags.mcap_records import MAGIC, scan
 from robot_ident.errors import InputError
 
@@ -199,3 +199,39 @@ def test_topics_between_others_are_skipped_unopened(tmp_path: Path, maker: Simpl
     got = read_recording(path)
     maker.assert_same(got, recording)
     assert got.notes == ()
+
+
+def test_a_channel_that_the_summary_does_not_know(tmp_path: Path, maker: SimpleNamespace) -> None:
+    """A second chunk that names a channel of its own, put in before the summary of a whole file: left out, and said."""
+    recording = maker.make_recording(50)
+    messages = maker.messages_of(recording)
+    path = maker.write_mcap(tmp_path / "a.mcap", messages)
+    other = maker.write_mcap(
+        tmp_path / "b.mcap", messages[:5], topic="/elsewhere", others=[("/filler", "std_msgs/msg/String", "cdr", [])]
+    )
+    content, chunk = path.read_bytes(), next(c for c in records_of(other.read_bytes()) if c[0] == 6)
+    end = next(at for at, record in places_of(content) if record[0] == 15)  # DataEnd
+    path.write_bytes(content[:end] + chunk + content[end:])
+    maker.assert_same(read_recording(path), recording)
+    assert [raw.topic.name for raw in read_messages(path)] == ["/joint_states"] * 50
+
+
+def test_a_robot_description_without_a_message(tmp_path: Path, maker: SimpleNamespace) -> None:
+    silent = [("/robot_description", "std_msgs/msg/String", "cdr", [])]
+    path = maker.write_mcap(tmp_path / "a.mcap", maker.messages_of(maker.make_recording(5)), others=silent)
+    with pytest.raises(InputError, match=r"topic /robot_description holds no message; give the URDF as a file"):
+        read_robot_description(path)
+
+
+def places_of(content: bytes) -> list[tuple[int, bytes]]:
+    """Return place and bytes of each record."""
+    at, found = len(MAGIC), []
+    while at + 9 <= len(content) - len(MAGIC):
+        size = int.from_bytes(content[at + 1 : at + 9], "little")
+        found.append((at, content[at : at + 9 + size]))
+        at += 9 + size
+    return found
+
+
+def records_of(content: bytes) -> list[bytes]:
+    return [record for _, record in places_of(content)]

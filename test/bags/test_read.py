@@ -263,3 +263,12 @@ def test_reading_needs_no_ros_and_no_library_of_bags(tmp_path: Path, maker: Simp
     command = [sys.executable, "-c", code, str(path)]
     done = subprocess.run(command, capture_output=True, text=True, check=True, cwd=Path(__file__).parents[2])
     assert done.stdout.strip() == ""
+
+
+def test_a_faster_topic_in_the_same_bag_is_named(tmp_path: Path, maker: SimpleNamespace) -> None:
+    messages = maker.messages_of(maker.make_recording(200))
+    others = [("/arm/measured", JOINT_STATE, "cdr", messages)]
+    path = maker.write_mcap(tmp_path / "a.mcap", messages[::4], others=others)
+    told = "/arm/measured reports the same joints 4 times as often (--topic /arm/measured)"
+    assert told in read_recording(path).notes
+    assert not any("as often" in note for note in read_recording(path, topic="/arm/measured").notes)

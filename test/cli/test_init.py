@@ -104,3 +104,44 @@ def test_the_step_of_an_encoder_is_seen() -> None:
     noisy = np.round((smooth + rng.normal(0, 3e-4, len(t))) / 2.3e-4) * 2.3e-4
     found = position_step(np.stack([smooth, stepped, noisy, 0 * t], axis=1))
     np.testing.assert_allclose(found, [0.0, 2.3e-4, 2.3e-4, 0.0], rtol=1e-6)
+
+
+def test_a_bag_that_contradicts_the_drafted_effort_is_told(run: Run, arm: Any, tmp_path: Path) -> None:
+    from dataclasses import replace
+
+    from robot_ident.bags import write_recording
+
+    record = arm.record(1, periods=3, lead=0.0)
+    out = tmp_path / "robot.yaml"
+    words = ("init", "--urdf", KUKA, "--acceleration", "3", "-o", str(out), "--force", "--bag")
+    write_recording(tmp_path / "torque.npz", record)
+    assert "contradict" not in run(*words, str(tmp_path / "torque.npz")).err
+    write_recording(tmp_path / "ampere.npz", replace(record, tau=record.tau / arm.robot.drives.torque_constant))
+    told = run(*words, str(tmp_path / "ampere.npz")).err
+    line = next(n for n, text in enumerate(out.read_text().splitlines(), 1) if text.startswith("effort:"))
+    assert f"{out}:{line}: effort.quantity is torque, which the data contradict" in told
+
+
+@pytest.mark.parametrize(
+    ("file", "axes", "edited"),
+    [
+        ("ur_description/urdf/ur3_joint_limited_robot.urdf", 6, 0),
+        ("ur_description/urdf/ur10_joint_limited_robot.urdf", 6, 0),
+        ("panda_description/urdf/panda.urdf", 7, 0),
+        ("kinova_description/robots/kinova.urdf", 6, 3),
+        ("z1_description/urdf/z1.urdf", 6, 0),
+        ("xarm_description/urdf/xarm7.urdf", 7, 0),
+        ("so_arm_description/urdf/so101.urdf", 5, 0),
+        ("talos_data/robots/talos_left_arm.urdf", 6, 0),
+    ],
+)
+def test_lines_edited_by_hand(run: Run, robots_folder: Path, tmp_path: Path, file: str, axes: int, edited: int) -> None:
+    """Nothing but limits is left to fill in; the Kinova's endless joints have none for their position."""
+    out = tmp_path / "robot.yaml"
+    data = run("init", "--urdf", str(robots_folder / file), "--acceleration", "5", "-o", str(out), "--json").json
+    assert len(data["moving"]) == axes
+    assert len(data["missing"]) == edited
+    assert all("limit" in what for what in data["missing"])
+    for mount, gravity in (("wall", [-9.81, 0, 0]), ("ceiling", [0, 0, 9.81])):
+        run("init", "--urdf", str(robots_folder / file), "--mount", mount, "-o", str(out), "--force")
+        np.testing.assert_allclose(load_robot(out).rigid.model.gravity.linear, gravity)

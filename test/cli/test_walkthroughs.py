@@ -41,6 +41,7 @@ class Walk:
     def __init__(self, run: Run, checkout: Path, files: dict[str, str], design: Callable[[Path, int], None]) -> None:
         self._run, self._checkout, self._files, self._design = run, checkout, files, design
         self.said: dict[str, str] = {}
+        self.all: dict[str, list[str]] = {}
 
     def page(self, name: str) -> None:
         text = (self._checkout / "docs" / name).read_text(encoding="utf-8")
@@ -63,6 +64,7 @@ class Walk:
         done = self._run(verb, *rest)
         assert done.code == 0, f"{shlex.join(words)}: {done.err}"
         self.said[verb] = done.out
+        self.all.setdefault(verb, []).append(done.out)
 
 
 def test_your_own_robot_in_five_steps(
@@ -82,6 +84,22 @@ def test_your_own_robot_in_five_steps(
     nodes = re.findall(r"^robot_ident_(\w+)", (checkout / "docs/your_robot.md").read_text(), re.MULTILINE)
     assert nodes
     assert all((checkout / "config" / f"{node}.yaml").is_file() for node in nodes)
+
+
+def test_how_to_read_the_verdict(
+    run: Run, arm: Any, checkout: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.chdir(tmp_path)
+    walk = Walk(run, checkout, {}, lambda path, seed: motion(path, arm.robot, seed))
+    walk.page("verdict.md")
+    assert "missing: stribeck@joint_2" in walk.said["diagnose"]
+    first, over, beside, later = walk.all["compare"]
+    assert re.search(r"joint_2 .*does not fit", first)
+    assert re.search(r"joint_2, .*\|dq\| < .*% of the excess in .*% of the time", first)
+    assert "joint_2, residual [Nm] along dq [rad/s]" in over
+    assert "better.yaml" in beside
+    assert re.search(r"from better.yaml to june.yaml: 1 of \d+ parameters changed", later)
+    assert re.search(r"joint_2 .*stribeck.level@joint_2 \+\d+", later)
 
 
 def test_write_your_own_effect(

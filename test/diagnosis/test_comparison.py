@@ -11,6 +11,7 @@ import pytest
 from robot_ident.diagnosis.along import along, shares
 from robot_ident.diagnosis.comparison import compare
 from robot_ident.diagnosis.curves import Variable, held_out_share, since_reversal
+from robot_ident.diagnosis.profile import ALONG
 from robot_ident.diagnosis.regions import densest
 from robot_ident.diagnosis.symmetry import mirror
 from robot_ident.excitation.fourier import FourierSeries
@@ -55,6 +56,21 @@ def test_friction_at_low_speed_is_seen_there(bench: Any) -> None:
     assert region.of_time < 0.35
     assert two.excess == pytest.approx(np.sqrt(two.residual_mse - two.noise_variance))
     assert sum(share for _, _, share in two.by_frequency) == pytest.approx(1.0)
+
+
+def test_profiles_lie_beside_the_noise(bench: Any) -> None:
+    measured = bench.measure(STRIBECK)
+    joint = compare(bench.model(measured), measured).joints[1]
+    by_name = {(p.what, p.recording): p.stretches for p in joint.profiles}
+    assert {what for what, _ in by_name} == set(ALONG)
+    assert sum(p.what == "time" for p in joint.profiles) == len(measured)
+    velocity = by_name["velocity", None]
+    slow = min(velocity, key=lambda s: max(abs(s.lower), abs(s.upper)))
+    assert slow.rms > 2.0 * slow.noise_rms
+    assert np.mean([s.rms**2 for s in velocity]) == pytest.approx(joint.residual_mse, rel=0.02)
+    assert np.mean([s.noise_rms**2 for s in velocity]) == pytest.approx(joint.noise_variance, rel=0.02)
+    assert sum(s.rms**2 for s in by_name["frequency", None]) == pytest.approx(joint.residual_mse, rel=0.02)
+    assert sum(s.noise_rms**2 for s in by_name["frequency", None]) == pytest.approx(joint.noise_variance, rel=0.02)
 
 
 def test_a_dent_is_seen_at_its_position(bench: Any) -> None:

@@ -8,12 +8,11 @@ import numpy as np
 import pytest
 
 from robot_ident.diagnosis.candidates import Folds, enumerate_candidates, score
-from robot_ident.diagnosis.diagnose import GAIN, OWN, diagnose
+from robot_ident.diagnosis.diagnose import diagnose
 from robot_ident.diagnosis.evidence import gather
 from robot_ident.diagnosis.hidden_path import gain_beside_hidden_path
 from robot_ident.diagnosis.scan import base_gram
-from robot_ident.errors import InputError
-from robot_ident.estimation.identify import estimate
+from robot_ident.diagnosis.stage import GAIN, OWN
 from robot_ident.model.structure import Structure
 from robot_ident.motion import Motion
 from robot_ident.recording import Recording, process
@@ -75,9 +74,3 @@ def test_an_effect_keeps_what_the_hidden_path_cannot_make(bench: Any) -> None:
 
 def test_a_ripple_that_shakes_its_drive_is_no_delay_as_well(bench: Any) -> None:
     assert [suspect.label for suspect in bench.diagnose((RIPPLE,)).missing] == ["torque_ripple@joint_2"]
-
-
-def test_drift_is_said_to_need_single_periods(bench: Any) -> None:
-    structure = Structure.build(bench.robot, ["temperature_drift@joint_1"])
-    with pytest.raises(InputError, match=r"temperature_drift@joint_1 can't be estimated.*--not-periodic"):
-        estimate(bench.measure((), noise=1.0, seed=11), structure)

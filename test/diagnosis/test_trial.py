@@ -72,9 +72,10 @@ def test_pairs_and_background() -> None:
     behind = replace(RIGHT, kind="single_with_background", background=("cable@joint_1",))
     also = replace(behind, named=MORE.named, tied=MORE.tied)
     stranger = replace(behind, named=("stribeck@joint_2", "cable@joint_3"), tied=((), ()))
-    found = {r.name: r for r in rates([pair, both, behind, also, stranger], least=1.0)}
+    like_it = replace(behind, named=("stribeck@joint_2", "end_stop@joint_1"), tied=((), ("cable@joint_1",)))
+    found = {r.name: r for r in rates([pair, both, behind, also, stranger, like_it], least=1.0)}
     assert (found["pair_found_nothing_else"].successes, found["pair_found_nothing_else"].cases) == (1, 2)
-    assert (found["named_right_with_background"].successes, found["named_right_with_background"].cases) == (2, 3)
+    assert (found["named_right_with_background"].successes, found["named_right_with_background"].cases) == (3, 4)
 
 
 def test_nothing_added_removes_nothing() -> None:

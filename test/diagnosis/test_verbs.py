@@ -109,6 +109,8 @@ def other_robot(path: Path, recording: Any) -> Path:
 def test_bad_input_is_one_line(verb: Verb, files: Any, bench: Any, tmp_path: Path) -> None:
     recording = bench.record((), 0)
     strange = other_robot(tmp_path / "other.npz", recording)
+    alike = tmp_path / "alike.npz"  # joints of other robots have like names
+    write_recording(alike, replace(recording, tau=-recording.tau))
     short = tmp_path / "short.npz"
     write_recording(short, recording[slice(0, 1400)])
     model, bag = files.model, files.bags[0]
@@ -119,6 +121,8 @@ def test_bad_input_is_one_line(verb: Verb, files: Any, bench: Any, tmp_path: Pat
         (["add", bag, "stribeck@joint_2", "--bag", bag], "not a model"),
         (["diagnose", model, strange], "joint 'joint_1' is missing"),
         (["diagnose", model, bag, "--validation", strange], "joint 'joint_1' is missing"),
+        (["diagnose", model, bag, "--validation", alike], "a recording of another robot than kuka_ir361?"),
+        (["add", model, "stribeck@joint_2", "--bag", bag, "--validation", alike], "a recording of another robot"),
         (["diagnose", model, bag, "-o", tmp_path / "no.yaml"], "only with --add-until-adequate"),
         (["diagnose", bag], "is a model"),
         (["compare", model, strange], "joint 'joint_1' is missing"),

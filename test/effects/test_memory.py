@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from dataclasses import replace
+
 import numpy as np
 import pytest
 
@@ -125,10 +127,20 @@ def test_time_delay_is_found_in_milliseconds(delay: float) -> None:
 def test_drift_shows_in_a_long_recording_alone() -> None:
     robot, motion = load_robot(), one_period()
     effect = make_effect("temperature_drift@joint_1", robot, {"T0": 5.0})
-    assert "single periods" in str(effect.hidden_in(motion))
+    assert "from period to period" in str(effect.hidden_in(motion))
     assert not np.any(effect.columns(motion))
     long = Motion(motion.q, motion.dq, motion.ddq, dt=motion.dt)
     assert effect.hidden_in(long) is None
     expected = motion.dq[:, 0] * np.exp(-np.arange(1500) * motion.dt / 5.0)
     np.testing.assert_allclose(effect.columns(long)[:, 0, 0], expected)
     assert "nothing drifts" in str(effect.at({"T0": 3000.0}).hidden_in(long))
+
+
+def test_drift_of_an_average_is_the_mean_of_its_periods() -> None:
+    robot, motion = load_robot(), one_period()
+    effect = make_effect("temperature_drift@joint_1", robot, {"T0": 25.0})
+    began = (3.0, 13.0, 33.0)
+    single = [effect.columns(replace(motion, began=(start,))) for start in began]
+    np.testing.assert_allclose(effect.columns(replace(motion, began=began)), np.mean(single, axis=0), atol=1e-12)
+    t = 13.0 + np.arange(1500) * (motion.dt or 0.0)
+    np.testing.assert_allclose(single[1][:, 0, 0], motion.dq[:, 0] * np.exp(-t / 25.0))

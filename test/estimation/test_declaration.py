@@ -10,6 +10,7 @@ import pytest
 
 from robot_ident.estimation.declaration import judge_declaration
 from robot_ident.motion import Motion
+from robot_ident.robot.effort import Effort, Efforts
 
 
 @pytest.fixture(scope="module")
@@ -33,7 +34,7 @@ def test_current_declared_as_torque(arm: Any, recording: Any) -> None:
     found = judge_declaration(ampere, arm.robot)
     assert [one.verdict for one in found] == ["factor"] * 3
     np.testing.assert_allclose([one.share for one in found], 1 / arm.robot.drives.torque_constant, rtol=0.2)
-    assert verdicts(ampere, replace(arm.robot, effort="current")) == ["consistent"] * 3
+    assert verdicts(ampere, replace(arm.robot, effort=Efforts(Effort("current")))) == ["consistent"] * 3
 
 
 def test_one_joint_with_the_opposite_sign(arm: Any, recording: Any) -> None:

@@ -9,35 +9,15 @@ from typing import Any
 
 import numpy as np
 import pytest
+from commanded import assert_smooth, commands
 
 pytest.importorskip("rclpy")
 
-from robot_ident.bags import read_messages, read_recording  # noqa: E402
+from robot_ident.bags import read_recording  # noqa: E402
 from robot_ident.estimation.identify import identify  # noqa: E402
 from robot_ident.excitation.excitation import Excitation  # noqa: E402
 from robot_ident.recording.measurement import Processing  # noqa: E402
 from robot_ident.robot import load_robot  # noqa: E402
-
-
-def commands(bag: Path) -> tuple[Any, Any, Any]:
-    """Return stamps [N] s, positions and velocities [N, n] of the recorded commands."""
-    from rclpy.serialization import deserialize_message
-    from sensor_msgs.msg import JointState
-
-    messages = [deserialize_message(raw.data, JointState) for raw in read_messages(bag, ["/joint_command"])]
-    t = np.array([m.header.stamp.sec + 1e-9 * m.header.stamp.nanosec for m in messages])
-    return t - t[0], np.array([m.position for m in messages]), np.array([m.velocity for m in messages])
-
-
-def assert_smooth(bag: Path) -> None:
-    """No commanded step: positions agree with velocities, and velocities change by no more than the limit allows."""
-    t, q, dq = commands(bag)
-    limits = load_robot().limits
-    dt = np.diff(t)[:, None]
-    assert np.all(np.abs(np.diff(dq, axis=0)) <= 1.02 * limits.acceleration * dt + 1e-6)
-    assert np.all(np.abs(dq) < limits.velocity)
-    mean = 0.5 * (dq[1:] + dq[:-1])
-    np.testing.assert_array_less(np.abs(np.diff(q, axis=0) - mean * dt), 0.1 * limits.acceleration * dt**2 + 1e-6)
 
 
 @pytest.fixture
@@ -134,7 +114,11 @@ def test_services_and_a_rival(
     from std_srvs.srv import Trigger
 
     told: list[Any] = []
-    client.create_subscription(DiagnosticArray, "/trajectory_publisher/status", told.append, 10)
+
+    def hear(message: DiagnosticArray) -> None:
+        told.extend(message for status in message.status if status.name == "trajectory_publisher")
+
+    client.create_subscription(DiagnosticArray, "/diagnostics", hear, 10)
     recorder, robot, publisher = chain(periods=50, autostart=False, exit_when_done=False)
     assert not call(Trigger, "/trajectory_publisher/stop").success
     assert call(Trigger, "/trajectory_publisher/start").success

@@ -197,3 +197,77 @@ def test_a_change_of_friction_shows_while_the_robot_runs(
     replay(Recording(recorded.names, t[:900], q[:900], tau[:900], source="anew"), rate=4.0)  # before the change
     assert until(lambda: "changed" not in told[-1].status[0].message), values()  # the watch has begun anew
     assert estimator.end()[0] == 0, estimator.text
+
+
+def test_covariance_is_live_and_another_model_can_be_set(
+    start: Callable[..., Any],
+    client: Any,
+    call: Callable[..., Any],
+    until: Callable[..., Any],
+    bag: Path,
+    tmp_path: Path,
+) -> None:
+    from rcl_interfaces.msg import Parameter, ParameterType, ParameterValue
+    from rcl_interfaces.srv import SetParameters
+    from std_msgs.msg import Float64MultiArray, String
+
+    from robot_ident.model.model_file import write_model
+    from robot_ident.nodes.common import latched
+    from robot_ident.nodes.replay import replay
+
+    covariances: list[Float64MultiArray] = []
+    verdicts: list[str] = []
+    client.create_subscription(Float64MultiArray, "/estimator/covariance", covariances.append, latched())
+    client.create_subscription(String, "/estimator/verdict", lambda message: verdicts.append(message.data), latched())
+    output = tmp_path / "model.yaml"
+    estimator = start("estimator", base_frequency=1.0, silence=1.0, output=output)
+    replay(read_recording(bag), rate=1.0)
+    assert until(output.is_file), estimator.text
+    expected = offline(bag)
+    assert until(lambda: np.array_equal(covariances[-1].data, expected.covariance.ravel()))
+    labels = covariances[-1].layout.dim[0].label.split()
+    assert labels == [parameter.name for parameter in expected.structure.parameters]
+    assert len(covariances) >= 2, "told before the end as well"
+    assert covariances[0].data[0] > covariances[-1].data[0], "more periods, less uncertainty"
+    assert until(lambda: any("from 5 periods" in text for text in verdicts)), verdicts
+
+    def put(path: Path) -> Any:
+        value = ParameterValue(type=ParameterType.PARAMETER_STRING, string_value=str(path))
+        request = SetParameters.Request(parameters=[Parameter(name="model", value=value)])
+        return call(SetParameters, "/estimator/set_parameters", request).results[0]
+
+    refused = put(tmp_path / "nothing.yaml")
+    assert not refused.successful and "nothing.yaml" in refused.reason
+    other, plain = tmp_path / "other.yaml", offline(bag, estimator="ls")
+    write_model(plain, other)
+    assert put(other).successful
+    assert until(lambda: np.array_equal(covariances[-1].data, plain.covariance.ravel()))
+    assert until(lambda: any("predicts with" in text for text in verdicts)), verdicts
+    assert estimator.end()[0] == 0, estimator.text
+
+
+def test_joint_states_are_taken_in_while_one_waits_for_an_identification(
+    start: Callable[..., Any], client: Any, until: Callable[..., Any], bag: Path
+) -> None:
+    from diagnostic_msgs.msg import DiagnosticArray
+    from std_srvs.srv import Trigger
+
+    from robot_ident.nodes.replay import replay
+
+    told: list[dict[str, str]] = []
+
+    def hear(message: DiagnosticArray) -> None:
+        told.append({"": message.status[0].message, **{one.key: one.value for one in message.status[0].values}})
+
+    client.create_subscription(DiagnosticArray, "/estimator/diagnostics", hear, 10)
+    estimator = start("estimator", base_frequency=1.0, automatic=False)
+    recording = read_recording(bag)
+    replay(recording, rate=20.0)
+    service = client.create_client(Trigger, "/estimator/identify")
+    assert service.wait_for_service(timeout_sec=40.0)
+    answers = [service.call_async(Trigger.Request()) for _ in range(3)]  # one after the other
+    replay(recording, rate=20.0)
+    assert until(lambda: told and told[-1]["received"] == str(2 * recording.samples)), told[-1]
+    assert until(lambda: all(answer.done() for answer in answers)), estimator.text
+    assert answers[0].result().success, estimator.text
+    assert estimator.end()[0] == 0, estimator.text

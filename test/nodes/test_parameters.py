@@ -76,7 +76,7 @@ def test_node_describes_itself_and_ends_cleanly(
     for parameter, descriptor in zip(table(node), answer.descriptors, strict=True):
         assert descriptor.type != 0 and parameter.description in descriptor.description
         assert descriptor.additional_constraints == parameter.bound
-        assert descriptor.read_only is not parameter.live
+        assert descriptor.read_only is not (parameter.live or parameter.until_configured)
         if parameter.kind in (int, float) and not isinstance(parameter.default, list):
             (limits,) = descriptor.floating_point_range or descriptor.integer_range
             assert limits.from_value == parameter.lower and limits.to_value == parameter.upper

@@ -28,3 +28,13 @@ def test_a_stamp_of_another_clock_is_replaced() -> None:
     buffer.put(202 * S, 202 * S, Q, Q)
     buffer.clear()
     assert buffer.due(300 * S) == []
+
+
+def test_what_waits_goes_along_with_a_clock_that_jumps() -> None:
+    buffer = CommandBuffer(0.1)
+    for k in range(3):
+        buffer.put(100 * S + k * 10_000_000, 100 * S, Q + k, Q)
+    buffer.shift(-5 * S)
+    buffer.put(95 * S + 30_000_000, 95 * S, Q + 3, Q)
+    assert [c.q[0] for c in buffer.due(95 * S + 110_000_000)] == [0.0, 1.0]
+    assert [c.q[0] for c in buffer.due(96 * S)] == [2.0, 3.0]

@@ -150,9 +150,32 @@ def test_a_silent_robot_is_stopped_smoothly() -> None:
     robot.run(200)
     robot.silent = True
     robot.run(100)
-    assert robot.player.phase is Phase.HOLDING and robot.player.fault
+    assert robot.player.fault
     assert "no new joint_states" in robot.player.reason
+    sent = [c for c in robot.commands if c is not None]
+    assert not sent[-1].dq.any(), "it was brought to rest first"
+    assert robot.player.phase is Phase.HALTED, "nobody knows where the robot is: nothing is commanded to it"
     robot.smooth()
+
+
+@pytest.mark.parametrize("how", ["silent", "moved"])
+def test_a_hold_ends_when_the_robot_is_not_seen_there(how: str) -> None:
+    """An arm that was off or moved by hand meanwhile would leap to the held position."""
+    robot = started()
+    robot.run(450)
+    assert robot.player.phase is Phase.HOLDING and not robot.player.fault
+    robot.silent, robot.frozen = how == "silent", True
+    robot.q += 0.0 if how == "silent" else 0.2
+    robot.run(40)
+    assert robot.player.phase is Phase.HALTED and robot.player.fault
+    assert ("no new joint_states" if how == "silent" else "from where it was sent") in robot.player.reason
+    assert robot.commands[-5:] == [None] * 5
+    robot.silent = robot.frozen = False
+    robot.run(40)
+    assert robot.player.start() == "", "it starts again from where the robot is"
+    robot.player.prepare()
+    robot.run(450)
+    assert robot.player.phase is Phase.HOLDING and robot.player.completed == 2 and not robot.player.fault
 
 
 def test_a_robot_that_does_not_follow_is_stopped_smoothly() -> None:

@@ -5,6 +5,8 @@ from __future__ import annotations
 import threading
 import time
 
+import pytest
+
 from robot_ident.playing.ticker import Stall, Ticker
 
 
@@ -93,6 +95,53 @@ def test_a_jump_of_a_foreign_clock_is_told() -> None:
     jumps = [stall for stall in stalls if stall.clock_jump]
     assert len(jumps) == 2 and jumps[0].seconds > 4.0 and jumps[1].seconds < -9.0
     assert numbers[:41] == list(range(41))
+
+
+def test_a_jump_during_a_tick_is_one_as_well() -> None:
+    """The clock must not run for seconds without a command because nobody looked when it went back."""
+    offset = [0.0]
+    stalls: list[Stall] = []
+    done = threading.Event()
+
+    def tick(number: int) -> None:
+        if number in (10, 20):
+            offset[0] += 5.0 if number == 10 else -5.0
+        if number == 30:
+            done.set()
+
+    clock = lambda: time.monotonic() + offset[0]  # noqa: E731
+    run(Ticker(50.0, tick, late="catch_up", stall=1.0, on_stall=stalls.append, clock=clock), done)
+    assert [stall.clock_jump for stall in stalls] == [True, True]
+    assert stalls[0].seconds > 4.0 and stalls[1].seconds < -4.0
+
+
+@pytest.mark.parametrize("silent", [0.03, 0.3])
+def test_after_a_standstill_the_clock_is_heard_first(silent: float) -> None:
+    """A process that wakes has a foreign clock's old word at hand; a tick by it would be a command for the past.
+
+    Where the clock takes long to be heard, what it says then is still no jump.
+    """
+    behind = [0.0]
+    stalls: list[Stall] = []
+    numbers: list[tuple[int, int]] = []
+    done = threading.Event()
+
+    def clock() -> float:
+        return behind[1] if len(behind) > 1 else time.monotonic()
+
+    def tick(number: int) -> None:
+        numbers.append((number, len(stalls)))
+        if number == 10:
+            behind.append(time.monotonic() + 0.03)  # by which the next tick would be due
+            time.sleep(1.3)
+            threading.Timer(silent, behind.pop).start()
+        if number == 30:
+            done.set()
+
+    run(Ticker(50.0, tick, late="catch_up", stall=1.0, on_stall=stalls.append, clock=clock), done)
+    assert [stall.clock_jump for stall in stalls] == [False]
+    at_most = 0 if silent < 0.1 else 1  # one tick is due by the old word
+    assert sum(number > 10 and before == 0 for number, before in numbers) <= at_most
 
 
 def test_an_error_in_a_tick_reaches_the_owner() -> None:

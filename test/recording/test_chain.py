@@ -12,7 +12,7 @@ from scipy import signal
 from robot_ident.errors import InputError
 from robot_ident.estimation.identify import identify
 from robot_ident.recording import Processing, Recording, process
-from robot_ident.recording.chain import Chain, in_newton_metres
+from robot_ident.recording.chain import Chain
 from robot_ident.robot.robot import AntiAlias
 
 PAPER = AntiAlias(8, 40.0)
@@ -110,22 +110,6 @@ def test_delay_between_channels_is_undone(arm: Any) -> None:
 def test_a_filter_that_the_sampling_could_not_follow_is_refused(arm: Any) -> None:
     with pytest.raises(InputError, match="cutoff of 90 Hz is not below half the sample rate, 75 Hz"):
         process(arm.record(0, periods=2), arm.robot, Processing(anti_alias=(8, 90.0)))
-
-
-def test_current_becomes_torque(arm: Any) -> None:
-    r = arm.record(0, periods=2)
-    constant = arm.robot.drives.torque_constant
-    current = Recording(r.names, r.t, r.q, r.tau / constant)
-    robot = replace(arm.robot, effort="current")
-    np.testing.assert_allclose(in_newton_metres(current, robot).tau, r.tau, rtol=1e-12)
-    curve = replace(robot, torque_curves={"joint_1": ((1.0, 20.0), (2.0, 30.0))})
-    turned = in_newton_metres(
-        Recording(r.names, r.t[:3], r.q[:3], np.array([[0.5, 0, 0], [-1.5, 0, 0], [3, 0, 0]])), curve
-    )
-    np.testing.assert_allclose(turned.tau[:, 0], [10.0, -25.0, 40.0])
-    bare = replace(robot, drives=replace(robot.drives, torque_constant=np.array([np.nan, 1.0, 1.0])))
-    with pytest.raises(InputError, match="joint_1 has neither torque_constant nor torque_curve"):
-        in_newton_metres(current, bare)
 
 
 def test_rounding_that_does_not_average_out_is_counted(arm: Any) -> None:

@@ -8,7 +8,8 @@ import numpy as np
 import pytest
 
 from robot_ident.errors import InputError
-from robot_ident.recording import Recording
+from robot_ident.motion import Array
+from robot_ident.recording import Recording, process
 from robot_ident.recording.clock import read_clock
 
 
@@ -63,3 +64,34 @@ def test_too_few_samples_are_refused() -> None:
     t = np.arange(5) / 10.0
     with pytest.raises(InputError, match="5 samples"):
         read_clock(Recording(("j",), t, t[:, None], t[:, None]))
+
+
+def test_late_stamps_cost_nothing_in_position(arm: Any) -> None:
+    """2 ms of random lateness at 125 Hz: taken at face value the positions would stray by the speed times 2 ms."""
+    late, prompt = (arm.record(6, periods=4, rate=125.0, late=value) for value in (2e-3, 0.0))
+    stamps = read_clock(late).stamps
+    assert stamps.kind == "late"
+    assert stamps.even is not None
+    assert stamps.stamped is not None
+    assert stamps.stamped > 10.0 * stamps.even
+
+    begin = prompt.t[-1] - 1000.0 - (4 * 1250 - 1) / 125.0  # the periods end with the recording
+    exact = arm.series.motion(begin + np.arange(1250) / 125.0).q
+    faces = arm.series.motion(begin + np.arange(1250) / 125.0 + late.t[-1250:] - prompt.t[-1250:]).q
+
+    def stray(q: Array) -> float:
+        gap = q - exact - (q - exact).mean(axis=0)
+        return float(np.sqrt(np.mean(gap**2)))
+
+    told, best = (process(recording, arm.robot).motion.q for recording in (late, prompt))
+    assert stray(faces) > 28.0 * stray(best)
+    assert stray(told) < 1.5 * stray(best)
+
+
+def test_the_choice_is_the_smaller_residual(arm: Any) -> None:
+    for recording in (arm.record(1, periods=3, late=1e-3), arm.record(1, periods=3, jitter=1e-3)):
+        stamps = read_clock(recording).stamps
+        assert stamps.even is not None
+        assert stamps.stamped is not None
+        assert (stamps.kind == "late") == (stamps.even < stamps.stamped)
+        assert stamps.jitter == pytest.approx(1e-3, rel=0.5)

@@ -8,12 +8,16 @@ from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
 
+import numpy as np
 import pytest
 
+from robot_ident.diagnosis.beside import Beside
 from robot_ident.errors import InputError
+from robot_ident.figures.torque import torque_figure, torque_text
 from robot_ident.report.page import render_page, write_page
 from robot_ident.report.section import Plot, Section
 from robot_ident.report.sections.provenance import Provenance
+from robot_ident.report.sections.torque import torque_caption
 
 Open = Callable[..., Any]
 Wait = Callable[..., None]
@@ -35,6 +39,19 @@ class Evil(Section):
 
         figure = themed(Figure(Scatter(x=[0, 1], y=[1, 2], name="</script><b>", text=["</script>"] * 2)), height=300)
         return {"figure": Plot(figure, EVIL, EVIL)}
+
+
+@dataclass(frozen=True)
+class Long(Section):
+    """A section of one plot."""
+
+    figure: Plot
+
+    title = "Long"
+    template = "one_plot.html.j2"
+
+    def context(self) -> Mapping[str, Any]:
+        return {"figure": self.figure}
 
 
 def test_everything_opens_with_the_network_off(opened: Open, design_page: Path) -> None:
@@ -97,3 +114,19 @@ def test_a_page_without_plots_carries_no_library() -> None:
 def test_an_existing_page_is_not_replaced(design_page: Path) -> None:
     with pytest.raises(InputError, match="exists already"):
         write_page(design_page, "t", [])
+
+
+def test_a_million_rows_stay_below_six_megabytes(arm: Any) -> None:
+    rng, rows, n = np.random.default_rng(0), 1_000_000, arm.robot.n
+    t = np.arange(rows) / 150.0
+    measured = rng.normal(size=(rows, n))
+    measured[765_432, 1] = 99.0  # one sample that must still be seen
+    zero = np.zeros((rows, n))
+    used = np.ones((rows, n), dtype=bool)
+    found = Beside("long", arm.robot, t, zero, zero, zero, zero, measured, zero, used, np.ones(n), 1.0, 1, None, None)
+    figure = torque_figure({"model": found})
+    text = render_page("long", [Long(Plot(figure, torque_text({"model": found}), torque_caption("long", found)))])
+    assert len(text.encode()) < 6e6
+    assert "1000000 rows; of each curve the extremes of 1000 stretches of time are drawn" in text
+    curve = next(trace for trace in figure.data if trace.name == "measured" and trace.yaxis == "y3")
+    assert np.max(curve.y) == pytest.approx(99.0)

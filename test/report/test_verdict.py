@@ -14,7 +14,7 @@ from robot_ident.report.findings import Findings
 from robot_ident.report.sections.candidates import Candidates
 from robot_ident.report.sections.origin import Origin
 from robot_ident.report.verdict import verdict
-from robot_ident.report.words import joined, percent, short
+from robot_ident.report.words import joined, percent, short, with_sigma
 
 
 def only_first(findings: Findings, diagnosis: Diagnosis) -> Findings:
@@ -110,7 +110,11 @@ def test_figures_in_words() -> None:
         "7.00",
         "0.123",
         "123",
-        "1.23e+04",
+        "12345",
     ]
+    assert [short(v) for v in (9.996, 99.96, 1.2e-4, -3.456e7)] == ["10.0", "100", "0.000120", "-3.46e+07"]
+    assert with_sigma(-906.7, 213.0) == "-910 ± 210"
+    assert with_sigma(6.294, 0.87) == "6.29 ± 0.87"
+    assert with_sigma(27.0, 0.0) == "27"
     assert [joined(w) for w in ([], ["a"], ["a", "b"], ["a", "b", "c"])] == ["", "a", "a and b", "a, b and c"]
     assert percent(0.614) == "61 %"

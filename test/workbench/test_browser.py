@@ -45,7 +45,15 @@ def visit(browser: Any) -> Iterator[Callable[..., Any]]:
 
 
 def rms(mean_square: float) -> str:
-    return f"{mean_square**0.5:.3g}"
+    return f"{mean_square**0.5:#.3g}".rstrip(".")
+
+
+def slow(page: Any, latency: float) -> None:
+    """Let every answer come so many ms late: later than the page asks how the work goes."""
+    session = page.context.new_cdp_session(page)
+    session.send("Network.enable")
+    limits = {"offline": False, "latency": latency, "downloadThroughput": -1, "uploadThroughput": -1}
+    session.send("Network.emulateNetworkConditions", limits)
 
 
 def brush(page: Any, plot: str, number: int, chip: str) -> None:
@@ -88,7 +96,7 @@ def test_a_person_finds_and_adds_what_is_missing(serve: Any, visit: Any, recordi
     first = serve(recordings, "--bag", "run_1", "run_2", "--validation", "run_3", "--folder", folder)
     page = visit(first.address)
     # see: the worst joint is shown, with the command line's figures
-    worst = page.locator("button.joint.chosen")
+    worst = page.locator("button.joint[aria-pressed=true]")
     worst.wait_for()
     session = folder / "session_1"
     joints = {one["name"]: one for one in told(session, "step_0/comparison.json")["joints"]}
@@ -156,16 +164,33 @@ def test_a_stranger_chooses_recordings_on_a_narrow_dark_page(
     served = serve(recordings, "--folder", tmp_path / "kept")
     page = visit(served.address, width=800, shade="dark")
     assert page.locator("html").get_attribute("data-look") == "dark"
+    says(page, "#proposed", "run_1 and run_2 for training; run_3 holds a motion of its own, and is kept for validation")
+    rows = {name: page.locator(".roles tr", has_text=name) for name in ("run_1", "run_2", "run_3")}
+    for name, role in (("run_1", "training"), ("run_2", "training"), ("run_3", "validation")):
+        assert rows[name].get_by_label(role).is_checked()
+        assert "8 periods of 10 s, 150 Hz" in rows[name].inner_text()
+        rows[name].get_by_label("not used").check()
     page.get_by_role("button", name="Open them").click()
     says(page, "#refused", "choose at least one")
-    row = page.locator(".roles tr", has_text="run_1")
-    row.get_by_label("training").check()
+    rows["run_1"].get_by_label("training").check()
     page.get_by_role("button", name="Open them").click()
-    page.locator("button.joint.chosen").wait_for()
+    page.locator("button.joint[aria-pressed=true]").wait_for()
     page.locator("#scatter .scatterlayer").first.wait_for()
     assert page.evaluate("document.documentElement.scrollWidth <= window.innerWidth")
     page.locator("#look").click()
     page.locator("html[data-look=light]").wait_for()
+    # one recording, and answers that come late: no click is lost
+    slow(page, 700.0)
+    page.locator("#next button").click()
+    says(page, "#candidates", "one trajectory only")
+    box = page.locator(".candidate button.tick:enabled").first
+    box.click()
+    page.locator(".candidate button.tick[aria-checked=true]").wait_for()
+    says(page, "#next", "The orange residual")
+    box = page.locator(".candidate button.tick[aria-checked=true]")
+    box.focus()
+    page.keyboard.press("Space")  # by keyboard as well
+    page.locator(".candidate button.tick[aria-checked=true]").wait_for(state="detached")
     other = socket.socket()
     other.settimeout(2.0)
     try:

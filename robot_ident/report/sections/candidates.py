@@ -58,7 +58,7 @@ class Candidates(Section):
             "tied": list(suspect.tied_with),
             "experiment": suspect.experiment or effect.experiment,
             "tell": _tell(suspect, step),
-            "add": shlex.join(add) if effect.regression else "",
+            "add": "" if effect.measuring else shlex.join(add),
         }
 
     def _remains(self, diagnosis: Diagnosis) -> list[str]:

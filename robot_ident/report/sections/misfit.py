@@ -14,7 +14,7 @@ from robot_ident.figures.residual_lines import LINES, residual_lines_figure, res
 from robot_ident.figures.residual_over import residual_over_figure, residual_over_text
 from robot_ident.report.findings import Findings
 from robot_ident.report.section import Plot, Section, Table
-from robot_ident.report.words import percent
+from robot_ident.report.words import percent, short
 
 _SENTENCES = 4  # regions named for a joint
 _SHARE = 0.005  # of the excess from which on a variable is listed
@@ -49,7 +49,8 @@ class Misfit(Section):
         told = []
         for joint in failing:
             number = robot.joint_index(joint.name)
-            excess = f"{joint.excess:.3g} {robot.torque_unit(number)} rms beyond the noise"
+            beyond = "left over, noise included" if joint.noise_variance is None else "beyond the noise"
+            excess = f"{short(joint.excess)} {robot.torque_unit(number)} rms {beyond}"
             words = [region.in_words(robot, number) for region in joint.worst[:_SENTENCES]]
             told.append({"name": joint.name, "excess": excess, "words": words, "reversal": _reversal(joint)})
         return {"name": step.name, "joints": told, "shares": _shares(failing)}

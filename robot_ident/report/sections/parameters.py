@@ -10,7 +10,7 @@ from robot_ident.figures.parameters import parameters_figure, parameters_text
 from robot_ident.model.model import Model
 from robot_ident.report.findings import Findings
 from robot_ident.report.section import Plot, Section, Table
-from robot_ident.report.words import NOTHING, joined
+from robot_ident.report.words import NOTHING, joined, with_sigma
 
 _UNSURE = 2.0  # sigmas of its value that a parameter must have to be told from zero
 
@@ -34,7 +34,7 @@ class Parameters(Section):
         for p, value, std in _rows(after.model):
             row = [p.name, f"{value:.4g}", f"{std:.2g}" if std else NOTHING, p.unit, _share(value, std), p.meaning]
             if was:
-                row[1:1] = [_with_sigma(*was[p.name]) if p.name in was else NOTHING]
+                row[1:1] = [with_sigma(*was[p.name]) if p.name in was else NOTHING]
             rows.append(row)
         if was:
             header[1:1] = [f"in {before.name}"]
@@ -60,10 +60,6 @@ def _rows(model: Model) -> list[tuple[Any, float, float]]:
 
 def _values(model: Model) -> dict[str, tuple[float, float]]:
     return {p.name: (value, std) for p, value, std in _rows(model)}
-
-
-def _with_sigma(value: float, std: float) -> str:
-    return f"{value:.4g} ± {std:.2g}" if std else f"{value:.4g}"
 
 
 def _share(value: float, std: float) -> str:

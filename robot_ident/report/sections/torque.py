@@ -49,13 +49,13 @@ def _plots(found: Findings, sources: Sequence[Source]) -> list[Plot]:
         besides = {step.name: beside(step.model, source.measured) for step in found.ends}
         one = next(iter(besides.values()))
         text = f"{source.path}. {torque_text(besides)}"
-        plots.append(Plot(torque_figure(besides), text, _caption(source, one)))
+        plots.append(Plot(torque_figure(besides), text, torque_caption(source.path, one)))
     return plots
 
 
-def _caption(source: Source, one: Beside) -> str:
+def torque_caption(path: str, one: Beside) -> str:
     """Return what was done to the recording before it is shown."""
-    told = [source.path]
+    told = [path]
     if one.base_frequency is not None:
         told.append(f"mean of {one.periods} periods of {1.0 / one.base_frequency:.4g} s")
     if one.low_pass is not None:

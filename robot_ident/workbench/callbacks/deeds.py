@@ -6,13 +6,12 @@ from collections.abc import Callable, Mapping
 from dataclasses import dataclass
 from typing import Any
 
-from dash import ALL, Dash, Input, Output, State, ctx, no_update
+from dash import ALL, Dash, Input, Output, State
 from dash.exceptions import PreventUpdate
 
 from robot_ident.errors import InputError
-from robot_ident.workbench.callbacks.navigation import BUSY, stand_of
+from robot_ident.workbench.callbacks.stand import now
 from robot_ident.workbench.desk import Desk
-from robot_ident.workbench.panels import guide
 from robot_ident.workbench.save import save
 from robot_ident.workbench.session import Session
 from robot_ident.workbench.view import CANDIDATE
@@ -34,28 +33,33 @@ def register(app: Dash, desk: Desk) -> None:
 
     @app.callback(
         Output("stand", "data", allow_duplicate=True),
-        Output("tick", "interval", allow_duplicate=True),
+        Output("task", "data", allow_duplicate=True),
         Output("overlays", "data", allow_duplicate=True),
         Output("said", "children"),
         Output("saved", "children"),
-        Output("job", "children", allow_duplicate=True),
-        Input({"do": ALL, "label": ALL, "at": ALL}, "n_clicks"),
+        Input("pressed", "data"),
         State("stand", "data"),
         State("overlays", "data"),
         State({"name": ALL}, "value"),
         State({"name": ALL}, "id"),
-        State({"other": ALL}, "value"),
+        State("other", "value"),
         State("replace", "value"),
         prevent_initial_call=True,
     )
     def pressed(
-        _clicks: list[Any], stand: dict[str, Any], overlays: list[str], names: Any, ids: Any, others: Any, replace: Any
+        click: dict[str, Any],
+        stand: dict[str, Any],
+        overlays: list[str],
+        names: Any,
+        ids: Any,
+        other: Any,
+        replace: Any,
     ) -> tuple[Any, ...]:
-        cause = ctx.triggered_id
-        if not isinstance(cause, dict) or not ctx.triggered[0]["value"] or stand is None:
+        if not click or stand is None:
             raise PreventUpdate
+        cause = click["of"]
         fields = {one["name"]: value for one, value in zip(ids, names, strict=True)}
-        fields |= {"other": others[0] if others else None, "replace": bool(replace)}
+        fields |= {"other": other, "replace": bool(replace)}
         page = Page(str(cause["label"]), fields, overlays)
         session = desk.session(stand["session"])
         try:
@@ -64,9 +68,8 @@ def register(app: Dash, desk: Desk) -> None:
             DEEDS[cause["do"]](desk, session, page)
         except InputError as error:
             page.said = str(error)
-        job = desk.jobs(session).look()
-        interval = BUSY if job.running else no_update
-        return stand_of(desk, session), interval, page.overlays, page.said, page.saved, guide.job(job)
+        stand, job = now(desk, session)
+        return stand, job, page.overlays, page.said, page.saved
 
 
 def _open(desk: Desk, session: Session, page: Page) -> None:

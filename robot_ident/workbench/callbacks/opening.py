@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from typing import Any
 
-from dash import ALL, ClientsideFunction, Dash, Input, Output, State, no_update
+from dash import ALL, Dash, Input, Output, State, no_update
 from dash.exceptions import PreventUpdate
 
 from robot_ident.errors import InputError
@@ -12,7 +12,7 @@ from robot_ident.workbench.desk import Desk
 
 
 def register(app: Dash, desk: Desk) -> None:
-    """Register the callbacks of the first page, and of the page's look."""
+    """Register the callbacks of the first page."""
 
     @app.callback(
         Output("address", "pathname"),
@@ -21,18 +21,18 @@ def register(app: Dash, desk: Desk) -> None:
         State({"role": ALL}, "value"),
         State({"role": ALL}, "id"),
         State("brought", "value"),
+        State("robot", "value"),
         prevent_initial_call=True,
     )
-    def begin(clicks: int | None, roles: list[str], ids: list[dict[str, str]], model: str | None) -> tuple[Any, ...]:
+    def begin(
+        clicks: int | None, roles: list[str], ids: list[dict[str, str]], model: str | None, robot: str | None
+    ) -> tuple[Any, ...]:
         if not clicks:
             raise PreventUpdate
         chosen = {one["role"]: role for one, role in zip(ids, roles, strict=True)}
         training = [name for name, role in chosen.items() if role == "training"]
         validation = [name for name, role in chosen.items() if role == "validation"]
         try:
-            return f"/{desk.open(training, validation, model).name}", ""
+            return f"/{desk.open(training, validation, model, robot).name}", ""
         except InputError as error:
             return no_update, str(error)
-
-    look = ClientsideFunction("workbench", "look")
-    app.clientside_callback(look, Output("shade", "data"), Input("look", "n_clicks"))  # type: ignore[no-untyped-call]

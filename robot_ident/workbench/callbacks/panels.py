@@ -11,8 +11,8 @@ from robot_ident.workbench.brush import Condition, brushed, held
 from robot_ident.workbench.callbacks.looked import looked_at
 from robot_ident.workbench.commands import command_lines
 from robot_ident.workbench.desk import Desk
+from robot_ident.workbench.layout import REDO, UNDO
 from robot_ident.workbench.panels import candidates, guide, joints, steps, where
-from robot_ident.workbench.panels.action import action
 from robot_ident.workbench.words import next_step
 
 
@@ -22,70 +22,66 @@ def register(app: Dash, desk: Desk) -> None:
     @app.callback(
         Output("stages", "children"),
         Output("next", "children"),
-        Output("backwards", "children"),
-        Output("candidates", "children"),
-        Output("beside", "children"),
-        Output("steps", "children"),
+        Output(UNDO, "disabled"),
+        Output(REDO, "disabled"),
         Output("bench", "hidden"),
         Input("stand", "data"),
-        Input("joint", "data"),
         Input("overlays", "data"),
     )
-    def deeds(stand: dict[str, Any] | None, joint: int | None, keys: list[str]) -> tuple[Any, ...]:
+    def guidance(stand: dict[str, Any] | None, keys: list[str]) -> tuple[Any, ...]:
         if stand is None:
-            raise PreventUpdate
+            return [], [], True, True, True
         session = desk.session(stand["session"])
         job = desk.jobs(session).look()
         view = looked_at(desk, stand)
+        step = next_step(view, job, [] if view is None else view.overlays(keys))
+        told = guide.stages(step), guide.next_step(step, job.running)
         if view is None:
-            now = next_step(None, job, [])
-            return guide.stages(now), guide.next_step(now, job.running), [], [], [], [], True
-        overlays = view.overlays(keys)
-        now = next_step(view, job, overlays)
-        parent = session.steps[view.number].parent
-        backwards = [
-            action(
-                "Undo", "undo", disabled=parent is None or job.running, title="look at the step before; nothing is lost"
-            ),
-            action("Redo", "redo", disabled=not session.can_redo or job.running, title="go forward again"),
-        ]
-        return (
-            guide.stages(now),
-            guide.next_step(now, job.running),
-            backwards,
-            candidates.candidates(view, keys, job.running),
-            steps.side_by_side(view, overlays, job.running),
-            steps.tree(view, keys),
-            False,
-        )
+            return *told, True, True, True
+        first = session.steps[view.number].parent is None
+        return *told, first or job.running, not session.can_redo or job.running, False
+
+    @app.callback(
+        Output("candidates", "children"),
+        Output("beside", "children"),
+        Output("steps", "children"),
+        Input("drawn", "data"),
+        Input("overlays", "data"),
+        Input("running", "data"),
+        State("stand", "data"),
+    )
+    def deeds(
+        _drawn: str | None, keys: list[str], running: bool, stand: dict[str, Any] | None
+    ) -> tuple[list[Any], ...]:
+        view = looked_at(desk, stand)
+        if view is None:
+            raise PreventUpdate
+        beside = steps.side_by_side(view, view.overlays(keys), running)
+        return candidates.candidates(view, keys, running), beside, steps.tree(view, keys)
 
     @app.callback(
         Output("joints", "children"),
-        Output("where", "children"),
-        Output("commands", "children"),
-        Input("drawn", "data"),
-        Input("joint", "data"),
-        State("stand", "data"),
-    )
-    def figures(_drawn: str | None, joint: int | None, stand: dict[str, Any] | None) -> tuple[Any, ...]:
-        view = looked_at(desk, stand)
-        if view is None:
-            raise PreventUpdate
-        place = view.focus if joint is None else joint
-        lines = "\n".join(command_lines(view.session, view.number))
-        return joints.joint_cards(view, place), where.where(view, place), lines
-
-    @app.callback(
+        Output("focus", "data"),
         Output("recordings", "children"),
+        Output("commands", "children"),
+        Output("other", "options"),
         Input("drawn", "data"),
-        Input("recording", "data"),
         State("stand", "data"),
     )
-    def recordings(_drawn: str | None, recording: int, stand: dict[str, Any] | None) -> Any:
+    def step(_drawn: str | None, stand: dict[str, Any] | None) -> tuple[Any, ...]:
         view = looked_at(desk, stand)
         if view is None:
             raise PreventUpdate
-        return joints.recording_buttons(view, recording)
+        lines = "\n".join(command_lines(view.session, view.number))
+        others = candidates.others(view)
+        return joints.joint_cards(view), view.focus, joints.recording_buttons(view), lines, others
+
+    @app.callback(Output("where", "children"), Input("drawn", "data"), Input("joint", "data"), State("stand", "data"))
+    def failure(_drawn: str | None, joint: int | None, stand: dict[str, Any] | None) -> list[Any]:
+        view = looked_at(desk, stand)
+        if view is None:
+            raise PreventUpdate
+        return where.where(view, view.focus if joint is None else joint)
 
     @app.callback(
         Output("brushed", "children"),

@@ -16,6 +16,7 @@ from robot_ident.workbench.pictures.over_time import over_time
 from robot_ident.workbench.pictures.scatter import scatter
 from robot_ident.workbench.pictures.spectrum import spectrum
 from robot_ident.workbench.pictures.staircase import staircase
+from robot_ident.workbench.pictures.told import over_time_told, scatter_told, spectrum_told, staircase_told
 from robot_ident.workbench.view import View
 
 _CHANGES = (Input("drawn", "data"), Input("joint", "data"), Input("overlays", "data"), Input("shade", "data"))
@@ -31,7 +32,7 @@ def register(app: Dash, desk: Desk) -> None:
             raise PreventUpdate
         return view, view.focus if joint is None else joint
 
-    @app.callback(Output("time", "figure"), *_CHANGES, Input("recording", "data"), Input("brush", "data"), _STAND)
+    @app.callback(*_outputs("time"), *_CHANGES, Input("recording", "data"), Input("brush", "data"), _STAND)
     def time(
         _drawn: str,
         joint: int | None,
@@ -43,9 +44,10 @@ def register(app: Dash, desk: Desk) -> None:
     ) -> Any:
         view, place = shown(stand, joint, shade)
         conditions, inside = _brushed(view, place, brush)
-        return over_time(view, place, recording, view.overlays(keys), inside, conditions, shade)
+        figure = over_time(view, place, recording, view.overlays(keys), inside, conditions, shade)
+        return figure, over_time_told(view, place, recording)
 
-    @app.callback(Output("scatter", "figure"), *_CHANGES, Input("over", "value"), Input("brush", "data"), _STAND)
+    @app.callback(*_outputs("scatter"), *_CHANGES, Input("over", "value"), Input("brush", "data"), _STAND)
     def clouds(
         _drawn: str,
         joint: int | None,
@@ -57,19 +59,26 @@ def register(app: Dash, desk: Desk) -> None:
     ) -> Any:
         view, place = shown(stand, joint, shade)
         conditions, inside = _brushed(view, place, brush)
-        return scatter(view, place, ("velocity", "position", over), view.overlays(keys), inside, conditions, shade)
+        variables = ("velocity", "position", over)
+        figure = scatter(view, place, variables, view.overlays(keys), inside, conditions, shade)
+        return figure, scatter_told(view, place)
 
-    @app.callback(Output("spectrum", "figure"), *_CHANGES, Input("recording", "data"), _STAND)
+    @app.callback(*_outputs("spectrum"), *_CHANGES, Input("recording", "data"), _STAND)
     def lines(
         _drawn: str, joint: int | None, keys: list[str], shade: Shade, recording: int, stand: dict[str, Any]
     ) -> Any:
         view, place = shown(stand, joint, shade)
-        return spectrum(view, place, recording, view.overlays(keys), shade)
+        return spectrum(view, place, recording, view.overlays(keys), shade), spectrum_told(view, place, recording)
 
-    @app.callback(Output("staircase", "figure"), *_CHANGES, _STAND)
+    @app.callback(*_outputs("staircase"), *_CHANGES, _STAND)
     def stairs(_drawn: str, joint: int | None, keys: list[str], shade: Shade, stand: dict[str, Any]) -> Any:
         view, place = shown(stand, joint, shade)
-        return staircase(view, place, view.overlays(keys), shade)
+        return staircase(view, place, view.overlays(keys), shade), staircase_told(view, place)
+
+
+def _outputs(name: str) -> tuple[Output, Output]:
+    """Return where a picture goes, and what it shows in words."""
+    return Output(name, "figure"), Output(f"{name}_told", "children")
 
 
 def _brushed(view: View, joint: int, data: list[dict[str, Any]]) -> tuple[list[Condition], list[Mask] | None]:

@@ -5,9 +5,11 @@ from __future__ import annotations
 from collections.abc import Mapping, Sequence
 from typing import Any
 
-from dash import dcc, html
+from dash import html
 
+from robot_ident.report.words import NOTHING, short
 from robot_ident.workbench.panels.action import action
+from robot_ident.workbench.panels.tick import tick
 from robot_ident.workbench.view import CANDIDATE, STEP, Overlay, View
 
 
@@ -39,11 +41,7 @@ def _line(view: View, number: int, depth: int, overlays: Sequence[str]) -> html.
     key = f"{STEP}{number}"
     parts: list[Any] = [action(label, "go", str(number), "tree", className="chosen" if here else "")]
     if not here:
-        parts.append(
-            dcc.Checklist(
-                id={"tick": key}, options=[{"label": "beside", "value": key}], value=[key] if key in overlays else []
-            )
-        )
+        parts.append(tick("beside", key, ticked=key in overlays))
     return html.Li(parts, style={"marginLeft": f"{1.2 * depth}em"})
 
 
@@ -58,15 +56,27 @@ def side_by_side(view: View, overlays: Sequence[Overlay], running: bool) -> list
     ]
     heads = [html.Th(_broken(words), scope="col", className=f"overlay{k}") for k, (words, _, _) in enumerate(columns)]
     head = html.Tr([html.Th(f"{view.unit(0)} rms"), *heads, html.Th("noise", scope="col")])
-    rows = [_row(view, joint, False, columns) for joint in range(len(view.joints))]
+    parts = [_part("training", view, columns, unseen=False)]
     if errors["validation"] is not None:
-        rows += [_row(view, joint, True, columns) for joint in range(len(view.joints))]
+        parts.append(_part("validation", view, columns, unseen=True))
     buttons = [
         action(f"Add {label}", "add", label, "table", disabled=running)
         for label in (one.key.removeprefix(CANDIDATE) for one in overlays if one.key.startswith(CANDIDATE))
         if view.session.find(view.number, label) is None
     ]
-    return [html.Table([html.Thead(head), html.Tbody(rows)], className="numbers"), html.Div(buttons, className="line")]
+    return [html.Table([html.Thead(head), *parts], className="numbers"), html.Div(buttons, className="line")]
+
+
+def _part(
+    name: str,
+    view: View,
+    columns: Sequence[tuple[str, Mapping[str, Any], Mapping[str, Any] | None]],
+    *,
+    unseen: bool,
+) -> html.Tbody:
+    """Return the rows of all joints, on training or on validation."""
+    head = html.Tr(html.Th(name, scope="rowgroup", colSpan=len(columns) + 2), className="part")
+    return html.Tbody([head, *(_row(view, joint, unseen, columns) for joint in range(len(view.joints)))])
 
 
 def _row(
@@ -75,10 +85,9 @@ def _row(
     name = view.joints[joint]
     values = [unseen_errors if unseen else training for _, training, unseen_errors in columns]
     noise = view.errors["validation_noise" if unseen else "noise"][name]
-    cells = ["-" if one is None else _rms(one[name]) for one in values]
+    cells = [NOTHING if one is None else _rms(one[name]) for one in values]
     unit = "" if view.unit(joint) == view.unit(0) else f", {view.unit(joint)}"
-    title = f"{name}{unit}" + (", validation" if unseen else "")
-    return html.Tr([html.Th(title, scope="row"), *(html.Td(cell) for cell in cells), html.Td(_rms(noise))])
+    return html.Tr([html.Th(f"{name}{unit}", scope="row"), *(html.Td(cell) for cell in cells), html.Td(_rms(noise))])
 
 
 def _broken(words: str) -> list[Any]:
@@ -89,4 +98,4 @@ def _broken(words: str) -> list[Any]:
 
 
 def _rms(mean_square: float | None) -> str:
-    return "-" if mean_square is None else f"{mean_square**0.5:.3f}"
+    return NOTHING if mean_square is None else short(mean_square**0.5, 4)

@@ -6,6 +6,7 @@ from typing import Any
 
 from dash import html
 
+from robot_ident.report.words import short
 from robot_ident.workbench.brush import Condition, Held
 from robot_ident.workbench.symbols import in_words
 from robot_ident.workbench.view import View
@@ -32,9 +33,9 @@ def where(view: View, joint: int) -> list[Any]:
         for k, words in enumerate(found["worst_in_words"])
     ]
     ranked = sorted(((name, share) for name, share in found["explained_by"].items() if share >= _LEAST), key=_share)
-    beyond = (
-        f"{found['name']}: {found['excess_rms']:.3g} {view.unit(joint)} rms beyond the noise. Most of it is packed in:"
-    )
+    size = f"{found['name']}: {short(found['excess_rms'])} {view.unit(joint)} rms"
+    known = found["noise_variance"] is not None
+    beyond = f"{size} {'beyond the noise' if known else 'left over, noise included'}. Most of it is packed in:"
     explains: list[Any] = [html.P("A curve over each of these explains, on motion it has not seen:")]
     if ranked:
         explains.append(bars([(name.replace("_", " "), share) for name, share in ranked[:_BARS]]))
@@ -78,6 +79,6 @@ def brushed(view: View, joint: int, conditions: list[Condition], held: Held | No
     ]
     words = (
         f"{100 * held.share:.0f} % of the excess in {100 * held.of_time:.0f} % of the time;"
-        f" {held.rms:.3g} {view.unit(joint)} rms in {held.rows} samples of the training recordings"
+        f" {short(held.rms)} {view.unit(joint)} rms in {held.rows} samples of the training recordings"
     )
     return [low, *chips, html.Span(words, className="held"), html.Button("Clear", id={"brush": "clear"})]

@@ -13,13 +13,14 @@ from robot_ident.figures.extremes import extremes
 from robot_ident.figures.models import plain
 from robot_ident.motion import Array, Mask
 from robot_ident.workbench.brush import Condition, values
-from robot_ident.workbench.pictures.look import BRUSH, MODEL, OVERLAYS, Shade, dressed
+from robot_ident.workbench.pictures.look import BRUSH, MODEL, OVERLAYS, Shade, Trace, brushed_band, curve, picture
 from robot_ident.workbench.symbols import symbol_of
 from robot_ident.workbench.view import Overlay, View
 
-MOST = 900  # points of a picture, all recordings together
+MOST = 600  # points of a panel, all recordings together; a browser takes most of its time for them
 _BINS = 24
-_FAINT: dict[Shade, float] = {"light": 0.25, "dark": 0.6}  # opacity: blue points vanish in the dark sooner
+_GAP = 0.025  # of the width, between panels
+_FAINT: dict[Shade, float] = {"light": 0.25, "dark": 0.4}  # opacity: points vanish in the dark sooner
 _SIDES = ((1, "forward", "solid", "triangle-right"), (-1, "backward", "dot", "triangle-left"))
 
 
@@ -60,33 +61,46 @@ def scatter(
     inside: Sequence[Mask] | None,
     conditions: Sequence[Condition],
     shade: Shade,
-) -> Any:
-    """Return the figure, a picture a variable: the residual as points, its means by direction of motion as lines.
+) -> dict[str, Any]:
+    """Return the picture, a panel a variable: the residual as points, its means by direction of motion as lines.
 
     Of what is laid over it the means alone. inside [N]: which rows of every recording are brushed, or None.
     """
-    from plotly.subplots import make_subplots
-
-    figure = make_subplots(rows=1, cols=len(variables), shared_yaxes=True, horizontal_spacing=0.025)
     shown = _Shown.of(view, joint)
     later = [[one.residual[k][:, joint] for k in view.training] for one in overlays]
+    traces: list[Trace] = []
+    shapes: list[dict[str, Any]] = []
+    axes: dict[str, dict[str, Any]] = {}
+    width = (1.0 - _GAP * (len(variables) - 1)) / len(variables)
     for column, name in enumerate(variables, 1):
+        place = _place(column)
         x = shown.along(name)
-        _cloud(figure, column, x, shown.residual, shown.drawn, MODEL, "residual", _FAINT[shade], 3.0)
+        traces.append(_cloud(place, x, shown.residual, shown.drawn, MODEL[shade], "residual", _FAINT[shade], 3.0))
         if inside is not None:
             chosen = [d & inside[k] for d, k in zip(shown.drawn, view.training, strict=True)]
-            _cloud(figure, column, x, shown.residual, chosen, BRUSH, "brushed", 0.9, 4.5)
-        _lines(figure, column, shown, x, shown.residual, MODEL, "mean")
+            traces.append(_cloud(place, x, shown.residual, chosen, BRUSH, "brushed", 0.9, 4.5))
+        traces += _lines(place, shown, x, shown.residual, MODEL[shade], "mean")
         for colour, one, residual in zip(OVERLAYS, overlays, later, strict=False):
-            _lines(figure, column, shown, x, residual, colour, f"mean {plain(one.words)}")
-        for span in conditions:
-            if span.variable in (name, f"{name} of {view.joints[joint]}"):
-                figure.add_vrect(span.lower, span.upper, fillcolor=BRUSH, opacity=0.12, line_width=0, row=1, col=column)
+            traces += _lines(place, shown, x, residual, colour, f"mean {plain(one.words)}")
+        named = (name, f"{name} of {view.joints[joint]}")
+        shapes += [brushed_band(one.lower, one.upper, place["xaxis"]) for one in conditions if one.variable in named]
         symbol, unit = symbol_of(view, joint, name)
-        figure.update_xaxes(title_text=f"{symbol}, {unit}", row=1, col=column)
-    figure.update_yaxes(title_text=f"residual, {view.unit(joint)}", row=1, col=1)
+        number, start = place["xaxis"][1:], (column - 1) * (width + _GAP)
+        axes[f"xaxis{number}"] = {
+            "anchor": place["yaxis"],
+            "domain": (start, start + width),
+            "title": f"{symbol}, {unit}",
+        }
+        axes[f"yaxis{number}"] = {"anchor": place["xaxis"], "matches": "y", "showticklabels": column == 1}
+    axes["yaxis"] = {"anchor": "x", "title": f"residual, {view.unit(joint)}"}
     revision = f"{view.session.name}-{joint}-{','.join(variables)}"
-    return dressed(figure, shade, revision, dragmode="select", hovermode="closest")
+    return picture(traces, axes, shade, revision, shapes=shapes, dragmode="select", hovermode="closest")
+
+
+def _place(column: int) -> dict[str, str]:
+    """Return the axes of a panel, counted from one."""
+    number = "" if column == 1 else str(column)
+    return {"xaxis": f"x{number}", "yaxis": f"y{number}"}
 
 
 def _thinned(residual: Array, used: Mask, most: int) -> Mask:
@@ -98,8 +112,7 @@ def _thinned(residual: Array, used: Mask, most: int) -> Mask:
 
 
 def _cloud(
-    figure: Any,
-    column: int,
+    place: dict[str, str],
     x: Sequence[Array],
     y: Sequence[Array],
     rows: Sequence[Mask],
@@ -107,38 +120,38 @@ def _cloud(
     name: str,
     opacity: float,
     size: float,
-) -> None:
-    import plotly.graph_objects as go
-
-    trace = go.Scatter(
-        x=np.concatenate([one[chosen] for one, chosen in zip(x, rows, strict=True)]),
-        y=np.concatenate([one[chosen] for one, chosen in zip(y, rows, strict=True)]),
-        name=name,
+) -> Trace:
+    return curve(
+        np.concatenate([one[chosen] for one, chosen in zip(x, rows, strict=True)]),
+        np.concatenate([one[chosen] for one, chosen in zip(y, rows, strict=True)]),
+        name,
         legendgroup=name,
-        showlegend=column == 1,
+        showlegend=place["xaxis"] == "x",
         mode="markers",
         marker={"color": colour, "size": size, "opacity": opacity},
         hovertemplate="%{x:.4g}, %{y:.4g}",
+        **place,
     )
-    figure.add_trace(trace, row=1, col=column)
 
 
 def _lines(
-    figure: Any, column: int, shown: _Shown, x: Sequence[Array], residual: Sequence[Array], colour: str, name: str
-) -> None:
-    import plotly.graph_objects as go
-
+    place: dict[str, str], shown: _Shown, x: Sequence[Array], residual: Sequence[Array], colour: str, name: str
+) -> list[Trace]:
+    """Return the means of either direction of motion."""
+    out = []
     for side, words, dash, symbol in _SIDES:
         found = shown.means(x, residual, side)
-        trace = go.Scatter(
-            x=found.middle,
-            y=found.mean,
-            name=f"{name}, {words}",
+        trace = curve(
+            found.middle,
+            found.mean,
+            f"{name}, {words}",
             legendgroup=f"{name}, {words}",
-            showlegend=column == 1 and (colour == MODEL or side > 0),
+            showlegend=place["xaxis"] == "x" and (colour in MODEL.values() or side > 0),
             mode="lines+markers",
             line={"color": colour, "dash": dash, "width": 2},
             marker={"symbol": symbol, "size": 6},
             hovertemplate="%{x:.4g}: %{y:.3g}",
+            **place,
         )
-        figure.add_trace(trace, row=1, col=column)
+        out.append(trace)
+    return out

@@ -9,8 +9,10 @@ from typing import Any
 import numpy as np
 
 from robot_ident.figures.models import plain
-from robot_ident.figures.theme import BLUE, VERMILLION
-from robot_ident.workbench.pictures.look import Shade, dressed
+from robot_ident.figures.theme import VERMILLION
+from robot_ident.motion import Array
+from robot_ident.report.words import short
+from robot_ident.workbench.pictures.look import MODEL, Shade, Trace, curve, picture
 from robot_ident.workbench.view import CANDIDATE, Overlay, View
 
 
@@ -20,67 +22,67 @@ class _Kind:
 
     errors: str
     noise: str
-    colour: str
+    colour: Mapping[Shade, str]
     symbol: str
     above: bool
 
 
+_VALIDATION: dict[Shade, str] = {"light": VERMILLION, "dark": VERMILLION}
 _KINDS = (
-    _Kind("training", "noise", BLUE, "circle", False),
-    _Kind("validation", "validation_noise", VERMILLION, "square", True),
+    _Kind("training", "noise", MODEL, "circle", False),
+    _Kind("validation", "validation_noise", _VALIDATION, "square", True),
 )
 
 
 _HEADROOM = 1.25  # of the highest error: its figure stands above it, below the legend
 
 
-def staircase(view: View, joint: int, overlays: Sequence[Overlay], shade: Shade) -> Any:
+def staircase(view: View, joint: int, overlays: Sequence[Overlay], shade: Shade) -> dict[str, Any]:
     """Return the root mean squares along the path of steps, and what candidates would make of them (hollow)."""
-    import plotly.graph_objects as go
-
     name, unit = view.joints[joint], view.unit(joint)
     path = view.session.path(view.number)
     errors = [View(view.session, number).errors for number in path]
     ahead = [one for one in overlays if one.key.startswith(CANDIDATE)]
     ticks = [*(_words(view, number) for number in path), *(_broken(one.words) for one in ahead)]
-    figure = go.Figure()
+    ends = (-0.4, len(ticks) - 0.6)
+    traces: list[Trace] = []
+    highest = 0.0
     for kind in _KINDS:
         if errors[-1][kind.errors] is None:
             continue
         done = [_rms(one[kind.errors], name) for one in errors]
-        figure.add_trace(_trace(kind, list(range(len(path))), done, kind.errors, hollow=False))
         foreseen = [_rms(getattr(one, kind.errors), name) for one in ahead]
+        places = np.arange(len(ticks), dtype=float)
+        traces.append(_levels(kind, places[: len(path)], done, kind.errors, shade, hollow=False))
         if foreseen:
-            places = [len(path) + k for k in range(len(ahead))]
-            figure.add_trace(_trace(kind, places, foreseen, f"{kind.errors}, predicted", hollow=True))
+            traces.append(_levels(kind, places[len(path) :], foreseen, f"{kind.errors}, predicted", shade, hollow=True))
         noise = errors[-1][kind.noise][name]
+        level = 0.0 if noise is None else float(np.sqrt(noise))
         if noise is not None:
-            level, ends = float(np.sqrt(noise)), [-0.4, len(ticks) - 0.6]
-            style = {"color": kind.colour, "dash": "dot", "width": 1.5}
-            trace = go.Scatter(
-                x=ends, y=[level, level], mode="lines", line=style, name="noise", hovertemplate="%{y:.4g}"
-            )
-            figure.add_trace(trace.update(showlegend=not kind.above))
-    drawn = [one for trace in figure.data for one in trace.y]
-    highest = max((one for one in drawn if np.isfinite(one)), default=1.0)
-    figure.update_xaxes(tickvals=list(range(len(ticks))), ticktext=ticks, range=[-0.4, len(ticks) - 0.6], tickangle=0)
-    figure.update_yaxes(title_text=f"{plain(name)}, {unit} rms", range=[0.0, _HEADROOM * highest])
-    return dressed(figure, shade, f"{view.session.name}-{view.number}-{joint}-{len(ahead)}", dragmode=False)
+            style = {"color": kind.colour[shade], "dash": "dot", "width": 1.5}
+            line = {"mode": "lines", "line": style, "hovertemplate": "%{y:.4g}", "showlegend": not kind.above}
+            traces.append(curve(np.array(ends), np.array([level, level]), "noise", **line))
+        highest = max(highest, level, *done, *foreseen)
+    axes: dict[str, dict[str, Any]] = {
+        "xaxis": {"tickvals": list(range(len(ticks))), "ticktext": ticks, "range": ends, "tickangle": 0},
+        "yaxis": {"title": f"{plain(name)}, {unit} rms", "range": (0.0, _HEADROOM * (highest or 1.0))},
+    }
+    revision = f"{view.session.name}-{view.number}-{joint}-{len(ahead)}"
+    return picture(traces, axes, shade, revision, dragmode=False, margin={"l": 64, "r": 16, "t": 28, "b": 76})
 
 
-def _trace(kind: _Kind, x: list[int], y: list[float], name: str, *, hollow: bool) -> Any:
-    import plotly.graph_objects as go
-
+def _levels(kind: _Kind, x: Array, y: list[float], name: str, shade: Shade, *, hollow: bool) -> Trace:
+    colour = kind.colour[shade]
     symbol = f"{kind.symbol}-open" if hollow else kind.symbol
-    return go.Scatter(
-        x=x,
-        y=y,
-        name=name,
+    return curve(
+        x,
+        np.array(y),
+        name,
         mode="markers+text" if hollow else "lines+markers+text",
-        line={"color": kind.colour, "width": 2, "shape": "hv"},
-        marker={"size": 9, "symbol": symbol, "color": kind.colour, "line": {"width": 2, "color": kind.colour}},
-        text=[f"{value:.3g}" for value in y],
-        textposition="top center" if kind.above else "middle right",
+        line={"color": colour, "width": 2, "shape": "hv"},
+        marker={"size": 9, "symbol": symbol, "color": colour, "line": {"width": 2, "color": colour}},
+        text=[short(value) for value in y],
+        textposition="middle left" if kind.above else "middle right",
         cliponaxis=False,
         showlegend=not hollow,
         hovertemplate="%{y:.4g}",

@@ -1,11 +1,11 @@
-"""What is looked at: joint, recording, what is laid over, what is brushed."""
+"""What is brushed."""
 
 from __future__ import annotations
 
 from typing import Any
 
 import numpy as np
-from dash import ALL, Dash, Input, Output, State, ctx, no_update
+from dash import Dash, Input, Output, State
 from dash.exceptions import PreventUpdate
 
 from robot_ident.workbench.brush import Condition
@@ -13,37 +13,15 @@ from robot_ident.workbench.callbacks.looked import looked_at
 from robot_ident.workbench.desk import Desk
 from robot_ident.workbench.view import View
 
-_AT_ONCE = 2  # laid over at most
 _SLOW = 0.1  # of the time: what "low speed" brushes
 
 
 def register(app: Dash, desk: Desk) -> None:
-    """Register the callbacks of what is looked at."""
-    for name in ("joint", "recording"):
-        _pressed(app, name)
-
-    @app.callback(
-        Output("overlays", "data", allow_duplicate=True),
-        Input({"tick": ALL}, "value"),
-        State("overlays", "data"),
-        prevent_initial_call=True,
-    )
-    def tick(_values: list[Any], overlays: list[str]) -> Any:
-        if not isinstance(ctx.triggered_id, dict):
-            raise PreventUpdate
-        key = str(ctx.triggered_id["tick"])
-        wanted = bool(ctx.triggered[0]["value"])
-        if wanted == (key in overlays):
-            return no_update
-        return [*overlays, key][-_AT_ONCE:] if wanted else [one for one in overlays if one != key]
+    """Register the callback of what is brushed."""
 
     @app.callback(
         Output("brush", "data", allow_duplicate=True),
-        Input("time", "selectedData"),
-        Input("scatter", "selectedData"),
-        Input({"brush": ALL}, "n_clicks"),
-        Input({"drop": ALL}, "n_clicks"),
-        Input({"region": ALL}, "n_clicks"),
+        Input("brushing", "data"),
         State("brush", "data"),
         State("joint", "data"),
         State("recording", "data"),
@@ -51,16 +29,14 @@ def register(app: Dash, desk: Desk) -> None:
         State("stand", "data"),
         prevent_initial_call=True,
     )
-    def brush(*given: Any) -> Any:
-        *_, before, joint, recording, over, stand = given
+    def brush(done: dict[str, Any] | None, before: Any, joint: Any, recording: int, over: str, stand: Any) -> Any:
         view = looked_at(desk, stand)
-        value, cause = ctx.triggered[0]["value"], ctx.triggered_id
-        if view is None or not value or cause is None:
+        if view is None or not done:
             raise PreventUpdate
-        place = view.focus if joint is None else joint
+        cause, place = done["of"], view.focus if joint is None else joint
         if isinstance(cause, dict):
             return _clicked(view, place, cause, before)
-        span = _span(value)
+        span = _span(done["value"])
         if span is None:
             raise PreventUpdate
         axis, lower, upper = span
@@ -68,16 +44,6 @@ def register(app: Dash, desk: Desk) -> None:
             return _with(before, Condition("time", lower, upper, recording))
         variable = ("velocity", "position", over)[axis]
         return _with(before, Condition(f"{variable} of {view.joints[place]}", lower, upper))
-
-
-def _pressed(app: Dash, name: str) -> None:
-    """A row of buttons, of which one is chosen."""
-
-    @app.callback(Output(name, "data", allow_duplicate=True), Input({name: ALL}, "n_clicks"), prevent_initial_call=True)
-    def choose(_clicks: list[Any]) -> Any:
-        if not isinstance(ctx.triggered_id, dict) or not ctx.triggered[0]["value"]:
-            raise PreventUpdate
-        return ctx.triggered_id[name]
 
 
 def _clicked(view: View, joint: int, cause: dict[str, Any], before: list[dict[str, Any]]) -> Any:

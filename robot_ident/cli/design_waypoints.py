@@ -1,0 +1,106 @@
+"""`robot_ident design --waypoints`: a tour of approved moves."""
+
+from __future__ import annotations
+
+import argparse
+import time
+from collections.abc import Sequence
+from typing import TYPE_CHECKING
+
+from robot_ident.cli.margin_table import margin_table
+from robot_ident.cli.output import Progress, print_json, say, tell, within
+from robot_ident.errors import InputError
+
+if TYPE_CHECKING:
+    from robot_ident.excitation.target import Target
+
+
+def add_waypoints(parser: argparse.ArgumentParser) -> None:
+    """Add the options."""
+    parser.add_argument(
+        "--waypoints",
+        metavar="FILE",
+        help="choose and order moves between the approved poses of a YAML instead: a tour that is repeated",
+    )
+    parser.add_argument(
+        "--moves", type=within(2, 200, int), default=12, metavar="K", help="of a tour, at most (default %(default)s)"
+    )
+    parser.add_argument(
+        "--repeats", type=within(1, 1000, int), default=8, metavar="M", help="of the tour (default %(default)s)"
+    )
+
+
+def run_waypoints(args: argparse.Namespace, target: Target, files: Sequence[str]) -> int:
+    """Plan a tour, and write it as a point-to-point motion."""
+    from robot_ident.excitation.waypoints import Waypoints, plan_tour
+
+    forbidden = {
+        "--tell": args.tell,
+        "--trajectories": args.trajectories > 1,
+        "--symmetric": args.symmetric,
+        "--bandwidth": args.bandwidth,
+        "--bound": args.bound,
+        "--page": args.page,
+        "--prior": args.prior,
+        "--precision": args.precision,
+        "--joints": args.joints,
+    }
+    given = [option for option, value in forbidden.items() if value]
+    if given:
+        raise InputError(f"--waypoints does not go with {', '.join(given)}")
+    started = time.monotonic()
+    waypoints = Waypoints.read(args.waypoints, target.robot)
+    with Progress("tour", 1.0) as bar:
+        tour = plan_tour(
+            target,
+            waypoints,
+            length=args.moves,
+            repeats=args.repeats,
+            sample_rate=args.sample_rate,
+            seed=args.seed,
+            progress=lambda share: bar.reach(share, ""),
+        )
+    for file in files:
+        tour.motion.write(file, force=args.force)
+    notes = [*target.notes]
+    if tour.refused:
+        words = ", ".join(f"{a} to {b}" for a, b in tour.refused)
+        notes.append(f"left out, for they break a limit at every speed: {words}")
+    values, seconds = tour.evaluation, time.monotonic() - started
+    if args.json:
+        print_json(
+            {
+                "schema": "robot_ident/design/1",
+                "files": list(files),
+                "log10_det_covariance": values.log10_det_covariance,
+                "condition_number": values.condition_number,
+                "seconds": seconds,
+                "margins": tour.margins.to_json(),
+                "sigma": dict(zip(target.structure.names, values.sigma.tolist(), strict=True)),
+                "notes": notes,
+                "tell": None,
+                "bound": None,
+                "page": None,
+                "held": {},
+                "precision": None,
+                "waypoints": {
+                    "poses": list(tour.names),
+                    "paces": list(tour.paces),
+                    "repeats": args.repeats,
+                    "duration": tour.motion.duration,
+                },
+            }
+        )
+        return 0
+    for note in notes:
+        tell(note)
+    say(f"{len(tour.paces)} moves, {args.repeats} times, {tour.motion.duration:.4g} s: {' - '.join(tour.names)}")
+    say("at " + ", ".join(f"{100 * pace:g} %" for pace in tour.paces) + " of the speed")
+    say(
+        f"log10 det of the covariance {values.log10_det_covariance:.2f}, condition number"
+        f" {values.condition_number:.2f} ({seconds:.0f} s)"
+    )
+    say(margin_table(tour.margins))
+    for file in files:
+        say(f"written: {file}")
+    return 0

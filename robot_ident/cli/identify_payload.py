@@ -1,0 +1,88 @@
+"""`robot_ident identify --only payload`: what a known arm carries."""
+
+from __future__ import annotations
+
+import argparse
+from typing import TYPE_CHECKING
+
+from robot_ident.cli.output import print_json, say, table, tell
+from robot_ident.errors import InputError
+
+if TYPE_CHECKING:
+    from robot_ident.estimation.payload import PayloadFit
+
+
+def add_only(parser: argparse.ArgumentParser) -> None:
+    """Add the options that leave the arm as a model knows it."""
+    parser.add_argument(
+        "--only", choices=("payload",), help="what the hand carries, on an arm whose --model is known; friction anew"
+    )
+    parser.add_argument("--model", metavar="MODEL", help="with --only: model.yaml of the arm without the payload")
+
+
+def run_only(args: argparse.Namespace) -> int:
+    """Identify a payload and print it with its uncertainty."""
+    from dataclasses import replace
+
+    from robot_ident.bags import read_recording
+    from robot_ident.cli.declared import contradictions
+    from robot_ident.estimation.payload import bare, identify_payload
+    from robot_ident.files import refuse_existing, refuse_twice, write_text
+    from robot_ident.model.model_file import read_model
+    from robot_ident.recording.measurement import Processing
+    from robot_ident.recording.process import process
+
+    if not args.model:
+        raise InputError("--only payload: --model model.yaml is needed, the arm without the payload")
+    if args.output:
+        refuse_existing(args.output, force=args.force)
+    refuse_twice(args.bags)
+    model = read_model(args.model)
+    used = Processing(**dict(model.processing)) if model.processing else Processing()
+    processing = replace(used, base_frequency=args.base_frequency, periodic=False if args.not_periodic else None)
+    recordings = [read_recording(bag, topic=args.topic or model.robot.effort.topic) for bag in args.bags]
+    stated = {recording.conditions.payload for recording in recordings}
+    if len(stated) > 1:
+        raise InputError(f"{', '.join(args.bags)}: their conditions state different payloads; one at a time")
+    bared = [replace(recording, conditions=bare(recording.conditions)) for recording in recordings]
+    measurements = [process(recording, model.robot, processing) for recording in bared]
+    doubts = contradictions(measurements, model.robot, as_declared=args.as_declared)
+    found = identify_payload(measurements, model, next(iter(stated)))
+    found = replace(found, notes=(*doubts, *(n for m in measurements for n in m.notes), *found.notes))
+    if args.output:
+        write_text(args.output, _conditions(found), force=args.force)
+    if args.json:
+        print_json(found.to_dict())
+        return 0
+    _print(found, args.output)
+    return 0
+
+
+def _conditions(found: PayloadFit) -> str:
+    """Return the payload as the conditions of a recording."""
+    from robot_ident.recording.conditions import Conditions, KnownPayload
+
+    x, y, z = (float(c) for c in found.centre)
+    return Conditions(
+        KnownPayload(found.mass, (x, y, z)), note="payload identified; its own inertia is left out"
+    ).text()
+
+
+def _print(found: PayloadFit, output: str | None) -> None:
+    for note in found.notes:
+        tell(note)
+    rows = [("mass", found.mass, found.mass_std, "kg")]
+    rows += [(f"centre {a}", c, s, "m") for a, c, s in zip("xyz", found.centre, found.centre_std, strict=True)]
+    places = {"Ixx": (0, 0), "Ixy": (0, 1), "Iyy": (1, 1), "Ixz": (0, 2), "Iyz": (1, 2), "Izz": (2, 2)}
+    for name, (i, j) in places.items():
+        rows.append((name, float(found.inertia[i, j]), float(found.inertia_std[i, j]), "kg m^2"))
+    say(table(("payload", "value", "sigma", "unit"), [(n, f"{v:.5f}", f"{s:.5f}", u) for n, v, s, u in rows]))
+    say("centre in the end effector's frame, moments of inertia about it along its axes")
+    if found.stated is not None:
+        centre = ", ".join(f"{c:g}" for c in found.stated.centre)
+        say(f"the conditions state {found.stated.mass:g} kg at [{centre}] m")
+    say()
+    joints = [(joint, rms, found.noise_rms[joint]) for joint, rms in found.residual_rms.items()]
+    say(table(("joint", "residual rms", "noise rms"), joints))
+    if output:
+        say(f"written: {output}")

@@ -1,0 +1,143 @@
+"""Is it the measuring rather than the arm? A fault of what is measured comes before any physics is doubted.
+
+A wrong gain, a filter or a load that nobody wrote down spoils every joint's fit, and some effect always follows part
+of what it leaves. Each fault is therefore tried with all parameters fitted again, and is named where it explains most
+of the error on trajectories left out, and clearly more than the best effect of the catalogue does.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass, replace
+
+import numpy as np
+
+from robot_ident.diagnosis.before_after import mean_squares
+from robot_ident.diagnosis.candidates import Folds, Score
+from robot_ident.diagnosis.diagnosis import Suspect
+from robot_ident.diagnosis.evidence import Evidence, gather
+from robot_ident.diagnosis.lack_of_fit import lack_of_fit
+from robot_ident.diagnosis.measuring.filtered import filters
+from robot_ident.diagnosis.measuring.finding import Finding, with_columns
+from robot_ident.diagnosis.measuring.further import link_lengths, payloads
+from robot_ident.diagnosis.measuring.gain import gains, undecidable_gains
+from robot_ident.diagnosis.refine import sharpened
+from robot_ident.diagnosis.scan import base_gram
+from robot_ident.recording.measurement import Measurement
+
+GAIN = 40.0  # chi-square units that a fault must gain
+MOSTLY = 0.5  # of the excess that it must explain
+LEAD = 0.05  # of its own gain by which it must beat the best effect
+_Z = 2.0  # standard deviations of a difference of two gains that are no lead
+
+
+@dataclass(frozen=True)
+class Fault:
+    """A fault of what is measured: as a suspect, what it leaves by joint [Nm rms beyond the noise], and a note."""
+
+    suspect: Suspect
+    remaining: Mapping[str, float]
+    note: str
+
+
+def measuring_fault(
+    evidence: Evidence, folds: Folds, scores: Sequence[Score], validation: Sequence[Measurement] = ()
+) -> Fault | None:
+    """Return the fault of measuring that explains most of the error, None where no fault or some effect does as well.
+
+    scores: those of the catalogue's effects, best first.
+    """
+    base = folds.base
+    passes, delayed = filters(evidence, base)
+    found = [*gains(evidence, base), *passes, *link_lengths(evidence, folds), *payloads(evidence, base)]
+    excess = float(folds.loss.sum()) - sum(float(t.dof.sum()) for t in evidence.trajectories)
+    found.sort(key=lambda f: -f.held_out)
+    best = found[0] if found else None
+    if best is None or best.gain < GAIN or best.held_out < GAIN / 2:
+        return None
+    if best.held_out < MOSTLY * _excess(best, evidence, excess):
+        return None
+    rival = max(_best_effect(best, scores, evidence, folds), delayed if "filter" in best.label else 0.0)
+    if best.held_out - rival < _lead(best):
+        return None
+    return _fault(best, found, evidence, excess, validation)
+
+
+def _excess(found: Finding, evidence: Evidence, held_out: float) -> float:
+    """Return the squared error beyond the noise: of all data where no trajectory left out can tell of the fault."""
+    if found.effect.name != "payload":
+        return max(held_out, 0.0)
+    dof = sum(float(t.dof.sum()) for t in evidence.trajectories)
+    return max(sum(float(np.sum(r**2)) for r in evidence.residual) - dof, 0.0)
+
+
+def _lead(found: Finding) -> float:
+    return max(LEAD * found.held_out, _Z * float(np.sqrt(found.held_out)))
+
+
+def _best_effect(found: Finding, scores: Sequence[Score], evidence: Evidence, folds: Folds) -> float:
+    """Return the most that an effect gains, inner parameters refined; of all data where the fault's gain is."""
+    if not scores:
+        return 0.0
+    if found.effect.name == "payload":
+        return max(s.gain for s in scores)
+    if scores[0].held_out < 0.5 * found.held_out:
+        return scores[0].held_out
+    return sharpened(scores[0], scores, evidence, folds)[0].held_out
+
+
+def _fault(
+    best: Finding, found: Sequence[Finding], evidence: Evidence, excess: float, validation: Sequence[Measurement]
+) -> Fault:
+    from scipy.stats import chi2
+
+    after = with_columns(evidence, best.columns)
+    names = evidence.structure.robot.joints
+    rest = lack_of_fit(replace(after, memory={}), base_gram(after))
+    own = _excess(best, evidence, excess)
+    equals = [f.label for f in found[1:] if best.held_out - f.held_out < _lead(best) and f.label != best.label]
+    before_seen, after_seen = _validated(best, evidence, after, validation)
+    suspect = Suspect(
+        effect=best.effect,
+        p_value=min(1.0, float(chi2.sf(best.gain, best.more)) * len(found)),
+        explained=float(np.clip(best.held_out / own, 0.0, 1.0)) if own > 0.0 else 1.0,
+        mse_before=mean_squares(evidence),
+        mse_after=mean_squares(after),
+        validation_before=before_seen,
+        validation_after=after_seen,
+        parameters=best.parameters,
+        tied_with=tuple(dict.fromkeys(equals)),
+        experiment=None,
+        fix=best.fix,
+    )
+    return Fault(
+        suspect,
+        {name: float(np.sqrt(fit.excess)) for name, fit in zip(names, rest, strict=True)},
+        f"{best.label} is a fault of what is measured: correct it, identify anew and diagnose again; until then no"
+        " effect is named, since what it leaves looks like many",
+    )
+
+
+def _validated(
+    best: Finding, evidence: Evidence, after: Evidence, validation: Sequence[Measurement]
+) -> tuple[dict[str, float] | None, dict[str, float] | None]:
+    """Return the mean squares of recordings that no fit has seen, before and after; None where nobody knows whether
+    they have the fault.
+    """
+    noise = [m.averaged_variance for m in validation]
+    if not noise or best.effect.name == "payload" or not all(np.all(np.isfinite(v) & (v > 0)) for v in noise):
+        return None, None
+    seen = replace(gather(validation, evidence.structure), values=evidence.values, memory={})
+    with_fault = replace(seen, phi=best.columns(seen), values=after.values)
+    return mean_squares(seen), mean_squares(with_fault)
+
+
+def undecidable(evidence: Evidence, folds: Folds) -> list[str]:
+    """Return a note on joints whose gain these recordings can't tell."""
+    names = undecidable_gains(evidence, folds.base)
+    if not names:
+        return []
+    return [
+        f"a wrong gain of the effort of {', '.join(names)} is not decidable: their own parameters absorb it to 5 % and"
+        " more; a recording with a known payload tells it"
+    ]

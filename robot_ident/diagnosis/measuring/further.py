@@ -1,0 +1,109 @@
+"""Faults that are further columns: a load in one of the recordings, a joint that stands elsewhere."""
+
+from __future__ import annotations
+
+from functools import partial
+
+import numpy as np
+
+from robot_ident.diagnosis.candidates import Candidate, Folds, score
+from robot_ident.diagnosis.diagnosis import Estimate
+from robot_ident.diagnosis.evidence import Evidence
+from robot_ident.diagnosis.measuring.finding import Finding, fitted_loss, with_columns
+from robot_ident.diagnosis.scan import BaseGram, base_gram, columns_of
+from robot_ident.effects.catalogue import CATALOGUE
+from robot_ident.motion import Array
+
+_SIGMA = 2.0
+
+
+def link_lengths(evidence: Evidence, folds: Folds) -> list[Finding]:
+    """Return for every joint but the first where its origin may lie, by the torque's derivative with it."""
+    robot, out = evidence.structure.robot, []
+    for joint in range(1, robot.n):
+        effect = CATALOGUE["link_length"](robot, joint)
+        found = score(Candidate(effect.label, (columns_of(effect, evidence, evidence.torques),)), evidence, folds)
+        if found.held_out <= 0.0:
+            continue
+        columns = partial(_moved, joint=joint)
+        after = with_columns(evidence, columns)
+        values = after.values[-3:]
+        std = _spread(after)[-3:]
+        told = tuple(
+            Estimate(f"{axis} of {robot.joints[joint]}", float(v), float(s), "mm")
+            for axis, v, s in zip("xyz", values, std, strict=True)
+            if s < abs(v)
+        )
+        fix = (
+            f"the URDF, joint {robot.joints[joint]}: its origin xyz by {' '.join(f'{1e-3 * v:.4f}' for v in values)} m"
+            " (only what the torque tells of it)"
+        )
+        out.append(Finding(effect, found.gain, found.held_out, told, columns, fix, 3))
+    return out
+
+
+def payloads(evidence: Evidence, base: BaseGram) -> list[Finding]:
+    """Return for every recording the load by which it differs from the others; needs two recordings."""
+    sources = list({id(t.measured): t.measured for t in evidence.trajectories}.values())
+    if len(sources) < 2:
+        return []
+    everything = range(len(base.power))
+    before, out = fitted_loss(base, everything), []
+    robot = evidence.structure.robot
+    for place, source in enumerate(sources):
+        columns = partial(_loaded, place=place)
+        after = with_columns(evidence, columns)
+        gain = before - fitted_loss(base_gram(after), everything)
+        weight, std = _gravity_change(after)
+        fix = (
+            f"{source.source}.conditions.yaml: payload of that recording"
+            if weight >= 0.0
+            else f"the other recordings' .conditions.yaml: a payload that {source.source} lacks"
+        )
+        told = (Estimate(f"mass change in recording {place + 1}", weight, std, "kg"),) if np.isfinite(std) else ()
+        effect = CATALOGUE["payload"](robot, None)
+        out.append(Finding(effect, gain, gain - 10.0, told, columns, fix, 10))
+    return out
+
+
+def _moved(evidence: Evidence, *, joint: int) -> tuple[Array, ...]:
+    effect = CATALOGUE["link_length"](evidence.structure.robot, joint)
+    further = columns_of(effect, evidence, evidence.torques)
+    out = []
+    for phi, part in zip(evidence.phi, further.parts, strict=True):
+        more = np.zeros((*phi.shape[:2], 3))
+        more[:, further.joints] = part
+        out.append(np.concatenate([phi, more], axis=2))
+    return tuple(out)
+
+
+def _loaded(evidence: Evidence, *, place: int) -> tuple[Array, ...]:
+    """Return the columns with ten more: the last link's, in one recording alone."""
+    order = list(dict.fromkeys(id(t.measured) for t in evidence.trajectories))
+    effect = CATALOGUE["payload"](evidence.structure.robot, None)
+    out = []
+    for t, phi in zip(evidence.trajectories, evidence.phi, strict=True):
+        if order.index(id(t.measured)) == place:
+            more = t.weighed(effect.full_columns(t.motion))
+        else:
+            more = np.zeros((*phi.shape[:2], 10))
+        out.append(np.concatenate([phi, more], axis=2))
+    return tuple(out)
+
+
+def _gravity_change(after: Evidence) -> tuple[float, float]:
+    """Return the change of mass that the ten further parameters tell, and its standard deviation (inf: untold)."""
+    std = _spread(after)
+    return float(after.values[-10]), float(std[-10])
+
+
+def _spread(after: Evidence) -> Array:
+    """Return standard deviations [p] of a fit; inf for what the data leave open."""
+    base = base_gram(after)
+    own = base.own.sum(axis=(0, 1))
+    scale = np.sqrt(np.maximum(np.diag(own), 1e-300))
+    values, vectors = np.linalg.eigh(own / np.outer(scale, scale))
+    told = values > 1e-9 * values.max()
+    inverse = (vectors[:, told] ** 2 / values[told]).sum(axis=1)
+    open_ = (vectors[:, ~told] ** 2).sum(axis=1) > 1e-6
+    return np.asarray(np.where(open_, np.inf, np.sqrt(inverse) / scale))

@@ -1,0 +1,114 @@
+"""A wrong gain or sign of one joint's effort: its row multiplied, all parameters fitted again.
+
+tau_j = g Y_j theta: for every g the best theta is a linear fit, so that the error's profile over g is exact, however
+far g is from 1. Joints' rows that share no parameters leave the profile flat: the gain is then not decidable.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from functools import partial
+
+import numpy as np
+
+from robot_ident.diagnosis.diagnosis import Estimate
+from robot_ident.diagnosis.evidence import Evidence
+from robot_ident.diagnosis.measuring.finding import Finding, curvature_std, fitted_loss, folds, multiplied
+from robot_ident.diagnosis.scan import BaseFit, BaseGram
+from robot_ident.effects.catalogue import CATALOGUE
+from robot_ident.motion import Array
+
+GRID = (-2.0, -1.0, -0.5, 0.25, 0.5, 0.7, 0.85, 0.93, 1.08, 1.18, 1.4, 1.8, 2.5, 4.0)
+"""Gains that are tried before the best is refined."""
+
+VAGUE = 0.05
+"""Standard deviation of a gain from which on it is called not decidable."""
+
+
+def gains(evidence: Evidence, base: BaseGram) -> list[Finding]:
+    """Return the best gain of every joint that lowers the error on trajectories left out."""
+    joints, count = evidence.structure.robot.joints, len(base.power)
+    before = fitted_loss(base, range(count))
+    held_before = sum(_held_out(base, _ones(base), left, train) for left, train in folds(count))
+    out = []
+    for joint in range(len(joints)):
+        gain = _best(base, joint, range(count))
+        profile = partial(_loss, base, joint, range(count))
+        held = sum(
+            _held_out(base, _row(base, joint, _near(base, joint, train, gain)), left, train)
+            for left, train in folds(count)
+        )
+        fall, held_fall = before - profile(gain), held_before - held
+        if held_fall <= 0.0:
+            continue
+        effect = CATALOGUE["effort_gain"](evidence.structure.robot, joint)
+        std = curvature_std(profile, gain, 1e-3 * abs(gain))
+        value = Estimate(f"gain of {joints[joint]}", gain, std, "times too large")
+        columns = partial(_columns, joint=joint, gain=gain)
+        out.append(Finding(effect, fall, held_fall, (value,), columns, _fix(evidence, joint, gain)))
+    return out
+
+
+def undecidable_gains(evidence: Evidence, base: BaseGram) -> list[str]:
+    """Return the joints whose gain these recordings don't tell to 5 %: their own parameters absorb it."""
+    everything = range(len(base.power))
+    out = []
+    for joint, name in enumerate(evidence.structure.robot.joints):
+        if curvature_std(partial(_loss, base, joint, everything), 1.0, 1e-2) > VAGUE:
+            out.append(name)
+    return out
+
+
+def _columns(evidence: Evidence, *, joint: int, gain: float) -> tuple[Array, ...]:
+    out = []
+    for phi in evidence.phi:
+        changed = phi.copy()
+        changed[:, joint] *= gain
+        out.append(changed)
+    return tuple(out)
+
+
+def _fix(evidence: Evidence, joint: int, gain: float) -> str:
+    robot = evidence.structure.robot
+    told = robot.effort.of(robot.joints[joint])
+    name, factor = robot.joints[joint], told.gain / abs(gain)
+    words = [f"sign: {-told.sign}"] if gain < 0.0 else []
+    if abs(abs(gain) - 1.0) > 0.02 or gain > 0.0:
+        words.append(f"gain: {factor:.4g}")
+    return f"joints: {{{name}: {{effort: {{{', '.join(words)}}}}}}}  # in the robot YAML"
+
+
+def _ones(base: BaseGram) -> Array:
+    return np.ones(base.power.shape[1])
+
+
+def _row(base: BaseGram, joint: int, gain: float) -> Array:
+    factors = _ones(base)
+    factors[joint] = gain
+    return factors
+
+
+def _loss(base: BaseGram, joint: int, train: Sequence[int], gain: float) -> float:
+    return fitted_loss(multiplied(base, _row(base, joint, gain)), train)
+
+
+def _held_out(base: BaseGram, factors: Array, left: int, train: Sequence[int]) -> float:
+    made = multiplied(base, factors)
+    return float(BaseFit.of(made, train).loss(made, left).sum())
+
+
+def _best(base: BaseGram, joint: int, train: Sequence[int]) -> float:
+    """Return the gain of least error: the best of the grid, refined."""
+    losses = [_loss(base, joint, train, gain) for gain in GRID]
+    return _near(base, joint, train, GRID[int(np.argmin(losses))])
+
+
+def _near(base: BaseGram, joint: int, train: Sequence[int], start: float) -> float:
+    """Return the gain of least error within a factor 1.6 of a start; its sign stays."""
+    from scipy.optimize import minimize_scalar
+
+    def loss(x: float) -> float:
+        return _loss(base, joint, train, start * float(np.exp(x)))
+
+    found = minimize_scalar(loss, bounds=(-0.5, 0.5), method="bounded", options={"xatol": 1e-4, "maxiter": 25})
+    return start * float(np.exp(found.x))

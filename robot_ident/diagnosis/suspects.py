@@ -1,0 +1,115 @@
+"""Suspects with all that is known of them: alone among their fellow members, before and after they are added."""
+
+from __future__ import annotations
+
+from collections.abc import Collection, Sequence
+from dataclasses import dataclass
+
+import numpy as np
+
+from robot_ident.diagnosis.backlash import best_gap
+from robot_ident.diagnosis.before_after import errors, estimates, mean_squares
+from robot_ident.diagnosis.candidates import Folds, Score
+from robot_ident.diagnosis.diagnosis import Suspect
+from robot_ident.diagnosis.evidence import Evidence, extended
+from robot_ident.diagnosis.refine import sharpened
+from robot_ident.diagnosis.scan import base_gram
+from robot_ident.diagnosis.stage import GAIN, Stage
+from robot_ident.diagnosis.ties import tied
+from robot_ident.effects import Effect
+from robot_ident.excitation.tell import experiment_between
+from robot_ident.recording.measurement import Measurement
+
+_LISTED = 6  # candidates reported beside the members
+
+
+@dataclass(frozen=True)
+class Ground:
+    """What suspects are judged on.
+
+    whole: evidence on the model as it was given; first: its stage, without the time in which joints rattle; gaps: what
+    makes them. validation: recordings whose error before and after is told.
+    """
+
+    whole: Evidence
+    first: Stage
+    gaps: tuple[Effect, ...]
+    validation: Sequence[Measurement]
+
+    def errors(self, evidence: Evidence) -> dict[str, float] | None:
+        """Return the mean square error of the validation by joint, (Nm)^2; None without one."""
+        return errors(evidence, self.validation) if self.validation else None
+
+
+def suspect(ground: Ground, found: Score, members: Sequence[Score] = ()) -> Suspect:
+    """Return a candidate, or a member among its fellows, with what adding it does."""
+    from scipy.stats import chi2
+
+    fellows = [m.effect for m in members if m.label != found.label]
+    stage = ground.first.under(ground.first.evidence, fellows, None) if fellows else ground.first
+    mine = next((s for s in stage.scores if s.label == found.label), None)
+    rivals: list[Score] = []
+    if mine is not None:
+        scores = sharpened(mine, stage.scores, stage.evidence, stage.folds) if members else stage.scores
+        mine = next(s for s in scores if s.label == found.label)
+        rivals = tied(mine, scores, stage.evidence, stage.folds)
+    mine = mine or found
+    beside = [*fellows, *(ground.gaps if members else ())]
+    before = extended(ground.whole, beside) if beside else ground.whole
+    after = extended(before, [found.effect])
+    joints = list(mine.columns.joints)
+    excess = float(stage.excess[joints].sum())
+    dof = len(found.effect.coefficients) + len(found.effect.inner)
+    return Suspect(
+        effect=found.effect,
+        p_value=min(1.0, float(chi2.sf(max(mine.gain, 0.0), dof)) * len(stage.candidates)),
+        explained=float(np.clip(mine.held_out_by_joint[joints].sum() / excess, 0.0, 1.0)) if excess > 0 else 0.0,
+        mse_before=mean_squares(before),
+        mse_after=mean_squares(after),
+        validation_before=ground.errors(before),
+        validation_after=ground.errors(after),
+        parameters=estimates(after, found.effect),
+        tied_with=tuple(r.label for r in rivals),
+        experiment=experiment_between(found.effect, [r.effect for r in rivals], ground.whole.structure.robot),
+    )
+
+
+def further(ground: Ground, named: Collection[str], failing: Collection[int]) -> list[Suspect]:
+    """Return the best of the other candidates for failing joints, on the model as it was."""
+    best = [s for s in ground.first.scores if s.label not in named and s.held_out > 0.0 and s.gain >= GAIN]
+    best = [s for s in best if set(s.columns.joints) & set(failing)]
+    return [suspect(ground, s) for s in best[:_LISTED]]
+
+
+def gap_suspects(
+    whole: Evidence, members: Sequence[Score], causes: Sequence[int], validation: Sequence[Measurement]
+) -> list[Suspect]:
+    """Return the gaps of some joints, one beside the other, beside the members; those whose column gains enough."""
+    from scipy.stats import chi2
+
+    out: list[Suspect] = []
+    before = extended(whole, [m.effect for m in members]) if members else whole
+    for cause in causes:
+        folds = Folds.of(base_gram(before))
+        found = best_gap(before, folds, [cause])
+        if found is None:
+            continue
+        after = extended(before, [found.effect])
+        joints = list(found.columns.joints)
+        excess = float(folds.loss[:, joints].sum()) - sum(float(t.dof[joints].sum()) for t in before.trajectories)
+        out.append(
+            Suspect(
+                effect=found.effect,
+                p_value=min(1.0, float(chi2.sf(found.gain, 2)) * whole.structure.robot.n),
+                explained=float(np.clip(found.held_out_by_joint[joints].sum() / max(excess, 1e-300), 0.0, 1.0)),
+                mse_before=mean_squares(before),
+                mse_after=mean_squares(after),
+                validation_before=errors(before, validation) if validation else None,
+                validation_after=errors(after, validation) if validation else None,
+                parameters=estimates(after, found.effect),
+                tied_with=(),
+                experiment=None,
+            )
+        )
+        before = after
+    return out

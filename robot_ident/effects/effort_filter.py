@@ -1,0 +1,57 @@
+"""Effort that the driver has low-passed."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from typing import Any
+
+import numpy as np
+
+from robot_ident.effects.along_time import lagged
+from robot_ident.effects.effect import Coefficient, Course, Effect, Inner, Mathematics, Signals, Torques
+from robot_ident.motion import Array, Motion
+
+
+class EffortFilter(Effect):
+    """A low pass over the effort and not over the position, of one joint or, without `@JOINT`, of all joints alike.
+
+    The column is (F[tau] - tau) / T of a first-order lag F with time constant T, so that its coefficient is T itself:
+    T dF[tau]/dt = tau - F[tau].
+    """
+
+    name = "effort_filter"
+    equation = "lag (F[tau] - tau) / T"
+    meaning = "low pass over the effort alone"
+    coefficients = (Coefficient("lag", "ms", "ms", positive=True),)
+    inner = (Inner("T", "s", "s", 0.002, 0.1, (0.005, 0.01, 0.02, 0.04), logarithmic=True),)
+    symmetry = "memory"
+    signature = "over the rate of torque; the steps of dry friction come rounded"
+    confused_with = ("time_delay", "presliding")
+    experiment = "read the drive's raw current beside the filtered one; a delay keeps the steps of dry friction sharp"
+    magnitude = "3-30 Hz: 5-50 ms"
+    scope = "joint_or_robot"
+    uses_torque = True
+    needs_time = True
+    symbolic = False
+    regression = False
+    measuring = True
+    evidence = "the model's torque behind a low pass follows the effort better than with any effect, on unseen motion"
+
+    def full_columns(self, motion: Motion, torques: Torques | None = None) -> Array:
+        """Return (F[tau] - tau) / T, Nm per ms."""
+        out = np.zeros((motion.samples, self.robot.n, 1))
+        if torques is None:
+            return out
+        joints = slice(None) if self.whole else slice(self.joint, self.joint + 1)
+        span, total = self.setting["T"], torques.total[:, joints]
+        out[:, joints, 0] = (lagged(total, motion, span) - total) / (1000.0 * span)
+        return out
+
+    def smooth_terms(self, x: Signals, m: Mathematics, course: Course) -> Sequence[dict[int, Any]]:
+        """Return the same along smooth motion: -dtau/dt + T d2tau/dt2."""
+        joints = range(self.robot.n) if self.whole else (self.joint,)
+        out = {}
+        for j in joints:
+            rate = course.rate(x.total[j])
+            out[j] = (self.setting["T"] * course.rate(rate) - rate) / 1000.0
+        return [out]

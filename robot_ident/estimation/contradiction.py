@@ -1,0 +1,133 @@
+"""Where the data contradict what a robot YAML declares of its effort: the entry to change, and its value."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass
+
+import numpy as np
+
+from robot_ident.estimation.declaration import Declared
+from robot_ident.robot.effort import Effort
+from robot_ident.robot.robot import Robot
+
+_FAR = 3.0  # factor by which no URDF with real masses is wrong
+_NEAR = 0.35
+_ALIKE = 0.5  # by which the shares of gravity and inertia may differ where one gain makes both
+_SHAPE = 0.7  # part of the effort that the URDF's torque must account for: else the URDF is wrong, not the declaration
+_LOST = 0.2  # share of friction that no bearing behind a gear has
+_LOSSES = 0.02  # share of the torque from which on friction tells a sign
+
+
+@dataclass(frozen=True)
+class Contradiction:
+    """An entry of the robot YAML that the data contradict, on some joints: what stands there, and what it should be.
+
+    `share`: of the URDF's torque that is found in the effort, by joint.
+    """
+
+    entry: str
+    now: str
+    change: str
+    share: Mapping[str, float]
+
+    @property
+    def in_words(self) -> str:
+        """The contradiction in one line."""
+        found = ", ".join(f"{joint} {share:.3g}" for joint, share in self.share.items())
+        return f"{self.entry} is {self.now}, which the data contradict (share of the URDF's torque in it: {found})"
+
+
+def contradiction(judged: Sequence[Declared], robot: Robot) -> Contradiction | None:
+    """Return what the data contradict beyond what a URDF's masses may be wrong by, or None.
+
+    A sign needs gravity and inertia turned round, and no friction that takes energy away; a factor beyond three needs
+    both alike, and a torque of the URDF's shape; gravity taken out shows on every joint that carries some; a link-side
+    sensor feels no friction to speak of on any joint.
+    """
+    trusted = [d for d in judged if d.verdict != "not_told" and d.explained > _SHAPE]
+    turned = [d for d in trusted if d.verdict == "sign" and _turned(d)]
+    if turned:
+        return _sign(turned, robot, alone=len(turned) == len(trusted))
+    loaded = [d for d in trusted if np.isfinite(d.gravity)]
+    for verdict, now, then in (("compensated", "included", "removed"), ("included", "removed", "included")):
+        found = [d for d in loaded if d.verdict == verdict]
+        if found and len(found) == len(loaded) and len(found) >= min(2, robot.n):
+            change = f"effort: {{gravity: {then}}}"
+            return Contradiction("effort.gravity", now, change, {d.joint: d.gravity for d in found})
+    behind = [d for d in judged if d.verdict != "not_told" and robot.side(_index(robot, d)) == "link"]
+    if behind and min(d.friction for d in behind) > _LOST:
+        return Contradiction("effort.side", "link", "effort: {side: joint}", {d.joint: d.share for d in behind})
+    scaled = [d for d in trusted if d.verdict == "factor" and _scaled(d) and not robot.in_ampere(_index(robot, d))]
+    return _factor(scaled, robot) if scaled else None
+
+
+def _turned(d: Declared) -> bool:
+    both = [share for share in (d.gravity, d.inertia) if np.isfinite(share)]
+    return all(share < 0 for share in both) and d.friction < _LOSSES and np.isfinite(d.inertia)
+
+
+def _scaled(d: Declared) -> bool:
+    far = not 1.0 / _FAR < d.share < _FAR
+    both = np.isfinite(d.gravity) and np.isfinite(d.inertia)
+    return d.share > 0 and far and (not both or abs(np.log(max(d.inertia, 1e-9) / d.gravity)) < _ALIKE)
+
+
+def _index(robot: Robot, d: Declared) -> int:
+    return robot.joint_index(d.joint)
+
+
+def _sign(turned: Sequence[Declared], robot: Robot, *, alone: bool) -> Contradiction:
+    share = {d.joint: d.share for d in turned}
+    signs = {robot.effort.of(d.joint).sign for d in turned}
+    sign = robot.effort.of(turned[0].joint).sign
+    if alone and len(signs) == 1 and len(turned) > 1:
+        return Contradiction("effort.sign", str(sign), f"effort: {{sign: {-sign}}}", share)
+    first = turned[0].joint
+    return Contradiction(f"joints.{first}.effort.sign", str(sign), f"{first}: {{effort: {{sign: {-sign}}}}}", share)
+
+
+def _factor(scaled: Sequence[Declared], robot: Robot) -> Contradiction:
+    """Return what makes of the shares a torque: side, quantity, or the constants."""
+    share = {d.joint: d.share for d in scaled}
+    declared = [robot.effort.of(d.joint) for d in scaled]
+    joints = [_index(robot, d) for d in scaled]
+    ratio = robot.drives.gear_ratio[joints]
+    constant = robot.drives.torque_constant[joints]
+    sizes = np.array(list(share.values()))
+    where = "effort" if len(scaled) > 1 or robot.n == 1 else f"joints.{scaled[0].joint}.effort"
+    if all(e.side != "motor" for e in declared) and _all_near(sizes * ratio):
+        return Contradiction(f"{where}.side", declared[0].side, "effort: {side: motor}", share)
+    if all(e.side == "motor" for e in declared) and _all_near(sizes / ratio):
+        return Contradiction(f"{where}.side", "motor", "effort: {side: joint}", share)
+    if all(e.quantity == "current" for e in declared):
+        if _all_near(sizes / constant):
+            return Contradiction(f"{where}.quantity", "current", "effort: torque", share)
+        return _constants(scaled, constant, share)
+    if np.all(sizes < 1.0 / _FAR) and np.ptp(np.log(sizes)) < np.log(_FAR * 10) and sizes.max() > 2e-3:
+        fit = ", ".join(f"{d.joint} {1 / d.share:.3g}" for d in scaled)
+        change = f"effort: current, with torque_constant by joint if known ({fit} Nm/A would fit)"
+        return Contradiction(f"{where}.quantity", "torque", change, share)
+    gain = _told_gain(declared[0], float(np.exp(np.mean(np.log(sizes)))))
+    return Contradiction(f"{where}.gain", f"{declared[0].gain:g}", f"effort: {{gain: {gain:.3g}}}", share)
+
+
+def _constants(scaled: Sequence[Declared], constant: np.ndarray, share: Mapping[str, float]) -> Contradiction:
+    first = scaled[0].joint
+    if not np.isfinite(constant[0]):
+        return Contradiction(
+            f"joints.{first}.torque_curve", "a curve", f"the curve's torques over {share[first]:.3g}", share
+        )
+    now, fit = f"{constant[0]:g}", constant[0] / share[first]
+    return Contradiction(f"joints.{first}.torque_constant", now, f"{first}: {{torque_constant: {fit:.3g}}}", share)
+
+
+def _all_near(values: np.ndarray) -> bool:
+    return bool(np.all(np.isfinite(values)) and np.all(np.abs(values - 1.0) < _NEAR))
+
+
+def _told_gain(effort: Effort, share: float) -> float:
+    """Return the gain with which the share would be 1, a power of ten where one is near: a unit."""
+    gain = effort.gain / share
+    power = 10.0 ** round(np.log10(gain))
+    return float(power) if abs(gain / power - 1.0) < _NEAR else gain

@@ -1,0 +1,321 @@
+"""Unknown drive gains from recordings with and without a known payload, or their ratios where none was carried.
+
+Reported currents u of drives of gain K: u_j = g_j (Y_j theta + Y_L,j pi_L) + e_j, g = 1/K, pi_L the payload that a
+recording's conditions state. Its torque is known, so that it sets the scale of every drive that it loads (Gautier and
+Briot, "Global identification of joint drive gains and dynamic parameters of robots", 2014). Without one the scale is
+free: gains are found over that of one drive, and everything carries the unit A.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass, replace
+from typing import Any
+
+import numpy as np
+
+from robot_ident.errors import InputError
+from robot_ident.estimation.equations import Equations
+from robot_ident.estimation.problem import Problem
+from robot_ident.estimation.row_noise import row_noise
+from robot_ident.model.structure import Structure
+from robot_ident.motion import Array
+from robot_ident.recording.measurement import Measurement, Processing
+from robot_ident.recording.process import process
+from robot_ident.recording.recording import Recording
+from robot_ident.robot.load import definition_of, robot_of
+from robot_ident.robot.robot import Definition, Robot
+
+_VAGUE = 1.0  # standard deviation of ln K about what the URDF's masses make of it, before data
+_UNTOLD = 0.5  # the same after data: more says that these tell nothing of the gain
+_UNKNOWN = 0.2  # standard deviation of ln K from which on a gain is not known
+_LOADED = 0.01  # share of a joint's torque that a payload must make
+_ROUNDS = 30
+_STILL = 1e-7  # of ln K, between rounds
+
+
+@dataclass(frozen=True)
+class Gains:
+    """Gains of drives that a robot's files don't know.
+
+    joints [k]; values [k]: Nm/A (N/A), or over the first one's where no payload was known (`absolute` False); logarithm
+    [k, k]: covariance of ln K. payload [k]: rms torque Nm that the payload makes at each; unloaded: those that it
+    hardly loads; unknown: whose gain stays unknown, so that their results carry the unit A.
+    """
+
+    joints: tuple[str, ...]
+    units: tuple[str, ...]
+    values: Array
+    logarithm: Array
+    payload: Array
+    unloaded: tuple[str, ...]
+    unknown: tuple[str, ...]
+    absolute: bool
+
+    @property
+    def std(self) -> Array:
+        """Standard deviation of each gain [k]."""
+        return np.asarray(self.values * np.sqrt(np.diag(self.logarithm)))
+
+    def to_dict(self) -> list[dict[str, Any]]:
+        """Return the gains for `model.yaml`."""
+        rows = zip(self.joints, self.units, self.values, self.std, self.payload, strict=True)
+        return [
+            {
+                "joint": joint,
+                "value": float(value),
+                "std": float(std),
+                "unit": unit if self.absolute and joint not in self.unknown else "A/A",
+                "payload_rms": float(load),
+                "loaded": joint not in self.unloaded,
+            }
+            for joint, unit, value, std, load in rows
+        ]
+
+    @property
+    def notes(self) -> tuple[str, ...]:
+        """What a user should know."""
+        found = ", ".join(f"{j} {v:.4g} +- {s:.2g}" for j, v, s in zip(self.joints, self.values, self.std, strict=True))
+        if not self.absolute:
+            return (
+                f"drive gains over that of {self.joints[0]}: {found}; results carry the unit A: a recording with a"
+                " known payload beside one without would tell Nm/A (its BAG.conditions.yaml states the payload)",
+            )
+        notes = [f"drive gains by the payload, {self.units[0]}: {found}"]
+        if self.unloaded:
+            notes.append(f"the payload does not load {', '.join(self.unloaded)}: gains there come by the links alone")
+        if self.unknown:
+            notes.append(f"the gain of {', '.join(self.unknown)} stays unknown: results there carry the unit A")
+        return tuple(notes)
+
+
+@dataclass(frozen=True)
+class _Currents:
+    """The stacked equations in reported units with the payload's torque [R] Nm, and which joints' gains are free."""
+
+    problem: Problem
+    equations: Equations
+    load: Array
+    free: tuple[int, ...]
+
+    def model(self, theta: Array, g: Array) -> tuple[Array, Array, Array]:
+        """Return torque [R] Nm, current [R] and its derivatives by theta and ln g of the free joints [R, p + k]."""
+        torque = self.equations.phi @ theta + self.load
+        factor = g[self.equations.joint]
+        own = np.column_stack([np.where(self.equations.joint == joint, factor * torque, 0.0) for joint in self.free])
+        return torque, factor * torque, np.hstack([factor[:, None] * self.equations.phi, own])
+
+
+def estimate_gains(measurements: Sequence[Measurement], structure: Structure) -> Gains:
+    """Return the gains of the drives that report a current of unknown Nm/A, from measurements in what they report.
+
+    Raises InputError where payloads are stated that make no difference: recordings with and without one are needed.
+    """
+    robot = structure.robot
+    free = tuple(j for j in range(robot.n) if robot.in_ampere(j))
+    if robot.effort.coupling is not None:
+        raise InputError(f"{robot.source}: drive gains behind effort.coupling can't be estimated: give torque_constant")
+    structure = _only_plain(structure)
+    problem = Problem(measurements, structure)
+    equations = problem.equations(structure, None)
+    load = _payload(measurements, equations, robot)
+    stated = [m.conditions.payload for m in measurements]
+    absolute = any(stated) or len(free) < robot.n
+    if any(stated) and len(set(stated)) < 2:
+        raise InputError(
+            f"{problem.source}: all were recorded with the same payload; drive gains need one without it, or another"
+        )
+    currents = _Currents(problem, equations, load, free)
+    start = _start(currents, measurements, robot)
+    if not absolute:
+        start = start / start[free[0]]
+    held = () if absolute else (free[0],)  # the drive that sets the scale
+    g, logarithm = _search(currents, 1.0 / start, held)
+    vague = tuple(joint for joint, spread in zip(free, np.diag(logarithm), strict=True) if spread > _UNTOLD**2)
+    if vague:  # what the data don't tell stays where the URDF's masses put it
+        g = g.copy()
+        g[list(vague)] = 1.0 / start[list(vague)]
+        g, logarithm = _search(currents, g, (*held, *vague))
+        logarithm += np.diag([_VAGUE**2 if joint in vague else 0.0 for joint in free])
+    return _gains(currents, robot, 1.0 / g, logarithm, absolute=absolute)
+
+
+def _only_plain(structure: Structure) -> Structure:
+    """Return a structure without effects that depend on torque or hold inner parameters."""
+    effects = tuple(e for e in structure.effects if not e.uses_torque and not e.inner)
+    kept = {name for e in effects for name in e.parameter_names()}
+    rigid = structure.parameters[: len(structure.base.columns)]
+    further = tuple(p for p in structure.parameters[len(rigid) :] if p.name in kept)
+    return replace(structure, effects=effects, parameters=(*rigid, *further), inner=())
+
+
+def _payload(measurements: Sequence[Measurement], equations: Equations, robot: Robot) -> Array:
+    """Return the torque [R] Nm of the stated payloads at the rows of the equations."""
+    out = np.zeros(equations.rows)
+    for block, measured in enumerate(measurements):
+        stated = measured.conditions.payload
+        if stated is not None:
+            rows = equations.block == block
+            whole = measured.passed(stated.torque(robot, measured.motion))
+            out[rows] = whole[equations.sample[rows], equations.joint[rows]]
+    return out
+
+
+def _start(currents: _Currents, measurements: Sequence[Measurement], robot: Robot) -> Array:
+    """Return gains [n] with which the URDF's torque and the currents are alike in size, 1 where they are known."""
+    equations, out = currents.equations, np.ones(robot.n)
+    needed = np.zeros(equations.rows)
+    for block, measured in enumerate(measurements):
+        rows = equations.block == block
+        whole = measured.passed(robot.rigid.inverse_dynamics(measured.motion))
+        needed[rows] = whole[equations.sample[rows], equations.joint[rows]]
+    needed = needed + currents.load
+    for joint in currents.free:
+        rows = equations.joint == joint
+        size, current = np.linalg.norm(needed[rows]), np.linalg.norm(equations.torque[rows])
+        out[joint] = size / current if size > 0 and current > 0 else 1.0
+    return out
+
+
+def _search(currents: _Currents, g: Array, held: tuple[int, ...]) -> tuple[Array, Array]:
+    """Return g [n] and the covariance of ln K [k, k] by Gauss-Newton on theta and ln g, some joints' held."""
+    equations, problem = currents.equations, currents.problem
+    free, p = currents.free, currents.equations.phi.shape[1]
+    before = np.log(g[list(free)])
+    searched = [k for k, joint in enumerate(free) if joint not in held]
+    columns = [*range(p), *(p + k for k in searched)]
+    names = [*problem.names, *(f"gain of joint {free[k] + 1}" for k in searched)]
+    problem = _with_noise(problem, currents, g)
+    theta = np.zeros(p)
+    for _ in range(_ROUNDS):
+        factor = g[equations.joint]
+        theta = problem.factored(factor[:, None] * equations.phi, problem.names).solve(
+            problem.right(equations.torque - factor * currents.load)
+        )
+        _, current, jacobian = currents.model(theta, g)
+        logs = np.log(g[list(free)])
+        step = _step(problem, jacobian[:, columns], equations.torque - current, p, (before - logs)[searched])
+        g = g.copy()
+        for k, change in zip(searched, step, strict=True):
+            g[free[k]] *= np.exp(np.clip(change, -0.7, 0.7))
+        problem = _with_noise(problem, currents, g)
+        if not searched or np.abs(step).max() < _STILL:
+            break
+    _, current, jacobian = currents.model(theta, g)
+    covariance = np.zeros((len(free), len(free)))
+    if searched:
+        full = _posterior(problem.covariance(equations, jacobian[:, columns], equations.torque - current, names), p)
+        covariance[np.ix_(searched, searched)] = full
+    return g, covariance
+
+
+def _step(problem: Problem, jacobian: Array, residual: Array, p: int, back: Array) -> Array:
+    """Return the change of ln g by least squares, held softly to where it began."""
+    white, right = problem.noise.whiten(jacobian), problem.noise.whiten(residual)
+    weight = np.sqrt(problem.noise.independent)[:, None]
+    prior = np.hstack([np.zeros((len(back), p)), np.eye(len(back)) / _VAGUE])
+    scale = np.linalg.norm(white, axis=0)
+    scale = np.where(scale > 0, scale, 1.0)
+    stacked = np.vstack([white * weight / scale, prior / scale])
+    solved, *_ = np.linalg.lstsq(stacked, np.concatenate([right * weight[:, 0], back / _VAGUE]), rcond=None)
+    return np.asarray((solved / scale)[p:])
+
+
+def _posterior(covariance: Array, p: int) -> Array:
+    """Return the covariance of ln g with the soft knowledge that there was before."""
+    own = covariance[p:, p:]
+    return np.asarray(np.linalg.inv(np.linalg.inv(own) + np.eye(len(own)) / _VAGUE**2))
+
+
+def _with_noise(problem: Problem, currents: _Currents, g: Array) -> Problem:
+    """Return the problem with rows weighted by what these gains leave, where no periods tell the noise."""
+    if not problem.unknown:
+        return problem
+    from copy import copy
+
+    equations = currents.equations
+    factor = g[equations.joint]
+    phi = factor[:, None] * equations.phi
+    theta, *_ = np.linalg.lstsq(phi, equations.torque - factor * currents.load, rcond=None)
+    residual = equations.torque - factor * (equations.phi @ theta + currents.load)
+    variance = equations.variance.copy()
+    for block in problem.unknown:
+        for joint in range(len(g)):
+            rows = (equations.block == block) & (equations.joint == joint)
+            variance[rows] = max(float(np.mean(residual[rows] ** 2)), 1e-24) if rows.any() else 1.0
+    other = copy(problem)
+    other.variance = variance
+    other.noise = row_noise(problem.measurements, equations, variance)
+    return other
+
+
+def _gains(currents: _Currents, robot: Robot, constant: Array, logarithm: Array, *, absolute: bool) -> Gains:
+    """Return the gains with what is loaded and what stays unknown."""
+    free, equations = currents.free, currents.equations
+    sigma = np.sqrt(np.diag(logarithm))
+    payload, unloaded = [], []
+    for joint in free:
+        rows = equations.joint == joint
+        size = float(np.sqrt(np.mean(currents.load[rows] ** 2)))
+        whole = float(np.sqrt(np.mean((constant[joint] * equations.torque[rows]) ** 2)))
+        noise = constant[joint] * float(np.sqrt(np.nanmean(equations.variance[rows])))
+        payload.append(size)
+        if size < _LOADED * whole or size < (noise if np.isfinite(noise) else 0.0):
+            unloaded.append(robot.joints[joint])
+    names = tuple(robot.joints[joint] for joint in free)
+    vague = [name for name, s in zip(names, sigma, strict=True) if s > _UNKNOWN] if absolute else list(names)
+    return Gains(
+        names,
+        tuple("N/A" if robot.prismatic[joint] else "Nm/A" for joint in free),
+        constant[list(free)],
+        logarithm,
+        np.array(payload),
+        tuple(unloaded),
+        tuple(vague),
+        absolute,
+    )
+
+
+def robot_with(robot: Robot, gains: Gains) -> Robot:
+    """Return a robot whose files would know these gains: torque constants, or relative gains where the unit stays A."""
+    definition = definition_of(robot)
+    data: dict[str, Any] = dict(definition.yaml)
+    joints: Mapping[str, Any] = data.get("joints") or {}
+    made = {name: dict(joints.get(name) or {}) for name in robot.joints}
+    for k, name in enumerate(gains.joints):
+        value = float(gains.values[k]) * robot.effort.of(name).relative
+        if name in gains.unknown:
+            told = made[name].get("effort", {})
+            told = {"quantity": told} if isinstance(told, str) else dict(told)
+            made[name]["effort"] = {**told, "relative_gain": value}
+        else:
+            made[name]["torque_constant"] = value
+    data["joints"] = made
+    return robot_of(Definition(data, definition.urdf), robot.source)
+
+
+def with_known_gains(
+    recordings: Sequence[Recording],
+    measurements: Sequence[Measurement],
+    structure: Structure,
+    processing: Processing | None,
+) -> tuple[Sequence[Measurement], Structure, Gains | None]:
+    """Return measurements and structure of the robot whose gains the recordings tell; as given where all are known."""
+    robot = structure.robot
+    if not robot.ampere_joints:
+        return measurements, structure, None
+    gains = estimate_gains(measurements, structure)
+    known = robot_with(robot, gains)
+    labels = [label for label in structure.labels if label not in Structure.build(robot).labels]
+    again = [process(recording, known, processing) for recording in recordings]
+    return again, Structure.build(known, labels), gains
+
+
+def spread_by_gains(gains: Gains, measurements: Sequence[Measurement], structure: Structure, values: Array) -> Array:
+    """Return the covariance [p, p] that linear parameters have by that of the gains: D C D', D = d theta / d ln K."""
+    problem = Problem(measurements, structure)
+    equations = problem.equations(structure, values)
+    torque = equations.torque + _payload(measurements, equations, structure.robot)
+    columns = [np.where(equations.joint == structure.robot.joint_index(joint), torque, 0.0) for joint in gains.joints]
+    slopes = problem.factored(equations.phi, structure.names).solve(problem.right(np.column_stack(columns)))
+    return np.asarray(slopes @ gains.logarithm @ slopes.T)

@@ -1,0 +1,222 @@
+"""A certified plan, the robot that it is for, and what plays it: made when the publisher is configured."""
+
+from __future__ import annotations
+
+import threading
+import time
+from collections.abc import Callable
+
+import numpy as np
+from rclpy.subscription import Subscription
+from sensor_msgs.msg import JointState
+from std_msgs.msg import Float64
+
+from robot_ident.errors import InputError, RobotIdentError
+from robot_ident.excitation.playback import approach, stop_from
+from robot_ident.excitation.reference import Reference
+from robot_ident.motion import Motion
+from robot_ident.nodes.action_output import ActionOutput
+from robot_ident.nodes.common import BaseNode, overridable, reliable
+from robot_ident.nodes.joint_states import stamp_of
+from robot_ident.nodes.outputs import Output, SampleOutput, TrajectoryOutput
+from robot_ident.playing.plan import Plan
+from robot_ident.playing.player import DWELL, Phase, Player
+from robot_ident.playing.ticker import Stall, Ticker
+from robot_ident.playing.watch import Bounds, Watch
+
+
+class Session:
+    """Listens to the robot from the start on; from `activate` to `deactivate` it can play, in a thread of its own."""
+
+    def __init__(self, node: BaseNode, plan: Plan, refuse: Callable[[str], None]) -> None:
+        """Subscribe and make the way to the robot; refuse(text) is told why a start came to nothing."""
+        self._node, self.plan, self._refuse = node, plan, refuse
+        self._joints = plan.robot.joints
+        self.watch = Watch(self._joints, self._bounds())
+        self.output = self._make_output()
+        self._subscriptions = self._subscribe()
+        self._preparing: threading.Thread | None = None
+        self._origin_ns: int | None = None
+        self.player, self.ticker = self._make_player()
+
+    def _subscribe(self) -> list[Subscription]:
+        node, scaling = self._node, self._node.value("speed_scaling_topic")
+        sources = [(JointState, "joint_states", self._on_state, 100)]
+        if scaling:
+            sources.append((Float64, scaling, self._on_speed_scaling, 10))
+        return [
+            node.create_subscription(kind, topic, callback, reliable(depth), qos_overriding_options=overridable())
+            for kind, topic, callback, depth in sources
+        ]
+
+    def _plan_stop(self, motion: Motion) -> Reference:
+        return stop_from(motion, self.plan.robot)
+
+    def _make_output(self) -> Output:
+        """Return the way to the robot that was asked for."""
+        node, name, controller = self._node, self._node.value("output"), self._node.value("controller")
+        if name == "joint_state":
+            return SampleOutput(node, self._joints, node.value("depth"))
+        if not controller:
+            raise InputError(f"parameter controller = '': output {name} needs the name of the controller")
+        if name == "joint_trajectory":
+            return TrajectoryOutput(node, self._joints, node.value("depth"), controller, self._plan_stop)
+        return ActionOutput(node, self._joints, controller, self._plan_stop, lambda text: self.player.halt(text))
+
+    def _make_player(self) -> tuple[Player, Ticker]:
+        plan, lead = self.plan, self.output.lead
+        player = Player(
+            plan.motion,
+            lambda q: approach(q, plan.motion.start_pose, plan.robot),
+            self._plan_stop,
+            self.watch,
+            rehearsals=plan.rehearsals,
+            judge=self._judge,
+            lead=lead,
+            dwell=DWELL + 5 * lead,
+        )
+        simulated = self._node.get_parameter("use_sim_time").value
+        ticker = Ticker(
+            self._node.value("rate") or plan.rate,
+            self._tick,
+            # a simulated robot waits for what is late, a real one has moved on
+            late="catch_up" if simulated else "skip",
+            stall=min(1.0 if simulated else self._node.value("stall"), self.output.longest_stall),
+            on_stall=self._on_stall,
+            on_error=self._node.fail,
+            clock=(lambda: self._node.now_ns() * 1e-9) if simulated else None,
+        )
+        return player, ticker
+
+    # --- life
+
+    def activate(self) -> None:
+        """Begin to tick; nothing moves before `start`."""
+        self.watch.forget()
+        self.ticker.start()
+
+    def deactivate(self) -> None:
+        """Command nothing any more; a later `activate` begins with a player that knows no past."""
+        self.end()
+        self._origin_ns = None
+        self.player, self.ticker = self._make_player()
+
+    def end(self) -> None:
+        """Join the threads."""
+        self.player.cancel()
+        self.ticker.stop()
+        if self._preparing is not None:
+            self._preparing.join(1.0)
+
+    @property
+    def moving(self) -> bool:
+        """Whether the robot is being moved: a player whose ticker has ended moves nothing."""
+        return self.player.moving and self.ticker.running
+
+    def close(self) -> None:
+        """Give back what was taken of the node."""
+        self.output.close()
+        for subscription in self._subscriptions:
+            self._node.destroy_subscription(subscription)
+
+    def renew_bounds(self) -> None:
+        """Take the bounds of the watch from the parameters, which may be changed at any time."""
+        self.watch.bounds = self._bounds()
+
+    def _bounds(self) -> Bounds:
+        node, robot = self._node, self.plan.robot
+        share = node.value("effort_limit") or np.inf
+        tracking = np.array(node.per_joint("tracking_error", robot.joints))
+        return Bounds(node.value("state_timeout"), tracking, share * robot.limits.torque)
+
+    # --- the robot
+
+    def _on_state(self, message: JointState) -> None:
+        self.watch.update(message.name, message.position, message.effort, stamp_of(message), time.monotonic())
+
+    def _on_speed_scaling(self, message: Float64) -> None:
+        if not any(abs(message.data - full) <= 1e-3 * full for full in (1.0, 100.0)):
+            self.player.stop(f"the robot's speed scaling is {message.data:g}", fault=True)
+
+    def _tick(self, number: int) -> None:
+        """Send one command; in the ticker's thread."""
+        t = number * self.ticker.interval
+        command = self.player.tick(t, time.monotonic())
+        self.output.send(self.player, command, t, lambda: self._stamp(number))
+
+    def _stamp(self, number: int) -> int:
+        """Return the instant [ns] for which a command is meant: on an even grid, however late it is sent."""
+        since = round(number * self.ticker.interval * 1e9)
+        if self._origin_ns is None:
+            self._origin_ns = self._node.now_ns() - since
+        return self._origin_ns + since
+
+    def _on_stall(self, stall: Stall) -> None:
+        self._origin_ns = None
+        if stall.clock_jump and self.player.moving:
+            self.player.stop(str(stall), fault=True)
+        else:
+            self.player.halt(str(stall))
+            self.watch.forget()
+
+    # --- start
+
+    def start(self) -> str:
+        """Begin to wait for the robot; return why that can't be, or an empty text."""
+        problem = self.player.start()
+        if not problem:
+            self._preparing = threading.Thread(target=self._prepare, name="prepare", daemon=True)
+            self._preparing.start()
+        return problem
+
+    def _prepare(self) -> None:
+        """Wait for the robot and plan the approach; in a thread of its own."""
+        player, wait = self.player, self._node.value("state_wait")
+        deadline = time.monotonic() + wait
+        while player.phase is Phase.PREPARING:
+            problem = self.watch.not_ready(time.monotonic()) or self.output.not_heard() or self._unheld()
+            problem = problem or self.rival()
+            if not problem:
+                break
+            if time.monotonic() > deadline:
+                player.cancel()
+                return self._give_up(f"not started within {wait:g} s: {problem}")
+            if self._node.wait_end(0.05):
+                return None
+        try:
+            if player.phase is Phase.PREPARING:
+                player.prepare()
+        except RobotIdentError as error:
+            self._give_up(str(error))
+        except BaseException as error:
+            self._node.fail(error)
+            raise
+        return None
+
+    def _give_up(self, text: str) -> None:
+        self.player.reason, self.player.fault = text, True
+        self._refuse(text)
+
+    def rival(self) -> str:
+        """Return who else commands the robot, or an empty text."""
+        return self.output.rival() if self._node.value("exclusive") else ""
+
+    def _unheld(self) -> str:
+        """Return why nothing would hold the robot when commands stop, or an empty text."""
+        if self._node.value("controller") or self.output.simulated():
+            return ""
+        return (
+            "parameter controller = '': on hardware, name the controller that holds the robot by itself when commands"
+            " stop"
+        )
+
+    def _judge(self, number: int) -> str:
+        """Return why nothing may follow a rehearsal, or an empty text."""
+        share, joint, what = self.watch.worst_share()
+        speed = self.plan.rehearsals[number].speed
+        text = f"rehearsal at {speed:.0%} used {share:.0%} of the bound on the {what} of {joint}"
+        margin = self._node.value("rehearsal_margin")
+        if share <= margin:
+            self._node.get_logger().info(text)
+            return ""
+        return f"{text} (rehearsal_margin {margin:g})"

@@ -1,0 +1,46 @@
+"""The nodes as console scripts: one clear line where ROS 2, which pip installs only on request, is missing."""
+
+from __future__ import annotations
+
+import importlib
+import sys
+
+
+def _start(node: str) -> int:
+    """Run a node; return its exit code, 2 where it can't even be imported."""
+    try:
+        main = importlib.import_module(f"robot_ident.nodes.{node}").main
+    except ImportError as error:
+        if (error.name or "").startswith("robot_ident."):
+            raise
+        sys.stderr.write(
+            f"robot_ident_{node}: ROS 2 is not there, or not all of it ({error}); source it"
+            " (source /opt/ros/jazzy/setup.bash) or install its wheels (pip install 'robot_ident[ros]')\n"
+        )
+        return 2
+    return int(main())
+
+
+def trajectory_publisher() -> int:
+    """Run the trajectory publisher."""
+    return _start("trajectory_publisher")
+
+
+def simulated_kuka() -> int:
+    """Run the simulated KUKA."""
+    return _start("simulated_kuka")
+
+
+def simulated_clock() -> int:
+    """Run the simulated clock."""
+    return _start("simulated_clock")
+
+
+def recorder() -> int:
+    """Run the recorder."""
+    return _start("recorder")
+
+
+def estimator() -> int:
+    """Run the estimator."""
+    return _start("estimator")

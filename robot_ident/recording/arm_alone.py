@@ -1,0 +1,47 @@
+"""The arm's own share of a measured torque: less a known payload, as the base stood."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+
+import numpy as np
+
+from robot_ident.model.base_parameters import reduce_to_base
+from robot_ident.motion import Array, Motion
+from robot_ident.recording.conditions import Conditions
+from robot_ident.recording.measurement import Measurement
+from robot_ident.robot.robot import Robot
+
+
+def arm_alone(measured: Measurement, conditions: Conditions, robot: Robot) -> Measurement:
+    """Return a measurement whose torque is that of the arm itself, so that recordings share its parameters.
+
+    tau - Y_last pi_payload of a known payload. With another gravity than the robot's the motion carries it, and what
+    the URDF's inertias need there beyond its base parameters is taken off: no recording in the usual pose shows it.
+    Where a drive's gain is unknown the payload stays: it is what tells the gain.
+    """
+    motion = measured.motion
+    extra = np.zeros_like(measured.torque)
+    if conditions.gravity is not None:
+        motion = replace(motion, gravity=conditions.gravity)
+        extra += _beyond_base(robot, motion)
+    if conditions.payload is not None and not robot.ampere_joints:
+        extra += conditions.payload.torque(robot, motion)
+    notes = conditions.notes(off=not robot.ampere_joints)
+    single = measured.period_torque
+    return replace(
+        measured,
+        motion=motion,
+        torque=measured.torque - extra,
+        period_torque=None if single is None else single - extra,
+        notes=(*measured.notes, *notes),
+        conditions=conditions,
+    )
+
+
+def _beyond_base(robot: Robot, motion: Motion) -> Array:
+    """Return the torque [N, n] Nm that the URDF's links need beyond what their base parameters say."""
+    base = reduce_to_base(robot)
+    columns = robot.rigid.regressor(motion)
+    known = base.values(robot.rigid.parameters, np.zeros(robot.n))
+    return np.asarray(columns @ robot.rigid.parameters - columns[:, :, list(base.columns)] @ known)

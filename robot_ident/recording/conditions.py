@@ -1,0 +1,173 @@
+"""Conditions of a recording: what the hand carried, how the base stood, how warm it was, on what day."""
+
+from __future__ import annotations
+
+from dataclasses import asdict, dataclass
+from datetime import date
+from pathlib import Path
+from typing import Annotated, Any, Literal
+
+import numpy as np
+from pydantic import Field
+
+from robot_ident.configuration import Closed, read, schema, to_yaml
+from robot_ident.errors import InputError
+from robot_ident.motion import Array, Motion
+from robot_ident.robot.robot import Robot
+
+Positive = Annotated[float, Field(gt=0)]
+Vector = tuple[float, float, float]
+SCHEMA = "robot_ident/conditions/1"
+
+
+@dataclass(frozen=True)
+class KnownPayload:
+    """A body in the hand: mass [kg], centre of mass [m] in the end effector's frame, and (Ixx, Ixy, Iyy, Ixz, Iyz, Izz)
+    [kg m^2] about that centre along the frame's axes.
+    """
+
+    mass: float
+    centre: Vector = (0.0, 0.0, 0.0)
+    inertia: tuple[float, float, float, float, float, float] = (0.0,) * 6
+
+    def standard(self, robot: Robot) -> Array:
+        """Return its ten inertial parameters about and along the last joint's frame.
+
+        m, m p and R I R' + m (p^2 1 - p p'), with p its centre in that frame.
+        """
+        rotation, origin = hand(robot)
+        p = origin + rotation @ np.array(self.centre)
+        xx, xy, yy, xz, yz, zz = self.inertia
+        own = rotation @ np.array([[xx, xy, xz], [xy, yy, yz], [xz, yz, zz]]) @ rotation.T
+        about = own + self.mass * (p @ p * np.eye(3) - np.outer(p, p))
+        entries = [about[i, j] for i, j in ((0, 0), (0, 1), (1, 1), (0, 2), (1, 2), (2, 2))]
+        return np.array([self.mass, *(self.mass * p), *entries])
+
+    def torque(self, robot: Robot, motion: Motion) -> Array:
+        """Return what it adds to the torque along a motion [N, n] Nm: Y_last(q, dq, ddq) of its ten parameters."""
+        return np.asarray(payload_columns(robot, motion) @ self.standard(robot))
+
+
+@dataclass(frozen=True)
+class Conditions:
+    """What a recording's sidecar states.
+
+    payload: in the hand and known, None where there is none or it is to be `estimated`. gravity: m/s^2 in the base's
+    frame, None: the robot's. temperature: deg C. day: of the recording, as written.
+    """
+
+    payload: KnownPayload | None = None
+    estimated: bool = False
+    tool: str = ""
+    gravity: Vector | None = None
+    temperature: float | None = None
+    day: str = ""
+    note: str = ""
+
+    def to_dict(self) -> dict[str, Any]:
+        """Return the sidecar's contents."""
+        data: dict[str, Any] = {"schema": SCHEMA}
+        if self.estimated:
+            data["payload"] = "estimate"
+        elif self.payload is not None:
+            data["payload"] = {key: list(v) if isinstance(v, tuple) else v for key, v in asdict(self.payload).items()}
+        for key in ("tool", "temperature", "day", "note"):
+            value = getattr(self, key)
+            if value not in ("", None):
+                data[key] = value
+        if self.gravity is not None:
+            data["gravity"] = list(self.gravity)
+        return data
+
+    def notes(self, *, off: bool) -> tuple[str, ...]:
+        """Return a line that says what is special, if anything is; off: a known payload's torque is taken off."""
+        words = [
+            f"payload of {self.payload.mass:g} kg{' taken off' if off else ''}" if self.payload else "",
+            "payload unknown" if self.estimated else "",
+            f"tool {self.tool}" if self.tool else "",
+            "" if self.gravity is None else f"gravity {', '.join(f'{g:g}' for g in self.gravity)} m/s^2",
+            "" if self.temperature is None else f"{self.temperature:g} deg C",
+            self.note,
+        ]
+        said = "; ".join(word for word in words if word)
+        return (f"conditions: {said}",) if said else ()
+
+    def text(self) -> str:
+        """Return the sidecar as YAML."""
+        return to_yaml(self.to_dict())
+
+
+class PayloadFile(Closed):
+    """A known payload in a sidecar."""
+
+    mass: Positive = Field(description="kg")
+    centre: Vector = Field((0.0, 0.0, 0.0), description="centre of mass in the end effector's frame, m")
+    inertia: tuple[float, float, float, float, float, float] = Field(
+        (0.0,) * 6, description="Ixx, Ixy, Iyy, Ixz, Iyz, Izz about that centre, kg m^2"
+    )
+
+
+class ConditionsFile(Closed):
+    """`BAG.conditions.yaml` (`schema: robot_ident/conditions/1`)."""
+
+    schema_: schema(SCHEMA) = Field(alias="schema", description="what this file is")  # type: ignore[valid-type]
+    payload: PayloadFile | Literal["estimate", "none"] = Field("none", description="in the hand, or to be estimated")
+    tool: str = Field("", description="what is mounted; it belongs to the arm")
+    gravity: Vector | None = Field(None, description="in the base's frame, m/s^2; default the robot's")
+    temperature: float | None = Field(None, description="deg C")
+    day: date | None = Field(None, description="of the recording, 2026-03-01; default that of its first stamp")
+    note: str = Field("", description="anything else")
+
+
+def sidecar(bag: Path | str) -> Path:
+    """Return where the conditions of a recording stand: beside it, `BAG.conditions.yaml`."""
+    path = Path(bag)
+    return path.with_name(f"{path.name}.conditions.yaml")
+
+
+def read_conditions(bag: Path | str) -> Conditions:
+    """Return what the sidecar of a recording states, nothing where there is none; InputError where it can't be used."""
+    path = sidecar(bag)
+    if not path.exists():
+        return Conditions()
+    file = read(ConditionsFile, path)
+    payload = None
+    if isinstance(file.payload, PayloadFile):
+        payload = KnownPayload(file.payload.mass, file.payload.centre, file.payload.inertia)
+        _check_inertia(payload, path)
+    if file.gravity is not None and not np.any(file.gravity):
+        raise InputError(f"{path}: gravity = {list(file.gravity)}: leave it out, or say where down is")
+    return Conditions(
+        payload,
+        file.payload == "estimate",
+        file.tool,
+        file.gravity,
+        file.temperature,
+        "" if file.day is None else file.day.isoformat(),
+        file.note,
+    )
+
+
+def _check_inertia(payload: KnownPayload, path: Path) -> None:
+    """Raise InputError where no body has such moments of inertia about its centre."""
+    xx, xy, yy, xz, yz, zz = payload.inertia
+    moments = np.linalg.eigvalsh(np.array([[xx, xy, xz], [xy, yy, yz], [xz, yz, zz]]))
+    if moments[0] < -1e-12 or moments[0] + moments[1] < moments[2] * (1 - 1e-9) - 1e-12:
+        raise InputError(f"{path}: payload.inertia = {list(payload.inertia)}: no body has these moments of inertia")
+
+
+def hand(robot: Robot) -> tuple[Array, Array]:
+    """Return rotation [3, 3] and origin [3] m of the end effector's frame in that of the last joint.
+
+    Raises InputError where the end effector isn't on the last link.
+    """
+    model = robot.rigid.model
+    frame = model.frames[model.getFrameId(robot.end_effector)]
+    if frame.parentJoint != robot.n:
+        raise InputError(f"robot {robot.name}: end effector {robot.end_effector!r} is not on the last link")
+    return np.array(frame.placement.rotation), np.array(frame.placement.translation)
+
+
+def payload_columns(robot: Robot, motion: Motion) -> Array:
+    """Return the torque [N, n, 10] Nm per unit of a payload's ten parameters in the last joint's frame."""
+    return robot.rigid.regressor(motion)[:, :, -10:]

@@ -1,0 +1,124 @@
+"""From what the drives report as effort to the torque at the joints, as the robot declares it, and back."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+
+import numpy as np
+
+from robot_ident.motion import Array, Motion
+from robot_ident.recording.recording import Recording
+from robot_ident.robot.robot import Robot
+
+
+def at_the_joints(recording: Recording, robot: Robot) -> Recording:
+    """Return a recording whose effort is the torque at the joints, and notes on what was made of it."""
+    if robot.effort.plain(robot.joints):
+        return recording
+    tau = joint_torque(recording.tau, recording.q, robot)
+    return replace(recording, tau=tau, notes=(*recording.notes, *_notes(robot, _without_gravity(robot))))
+
+
+def joint_torque(effort: Array, q: Array, robot: Robot) -> Array:
+    """Return the torque at the joints [N, n] Nm of what drives report [N, n] at positions q [N, n].
+
+    tau = C (r u), u = K(sign gain reported): K the drive's Nm/A (or its curve) where effort is a current, r the gear
+    ratio where it is measured on the motor's shaft, C the coupling; g(q) of the URDF is put back where the driver takes
+    gravity out. A drive of unknown gain keeps the unit A.
+    """
+    if robot.effort.plain(robot.joints):
+        return effort
+    drives: Array = effort * robot.effort.drives(robot.joints)
+    for joint, name in enumerate(robot.joints):
+        declared = robot.effort.of(name)
+        if declared.quantity == "current":
+            drives[:, joint] = _torque_of(drives[:, joint], robot, joint)
+        if declared.side == "motor":
+            drives[:, joint] *= robot.drives.gear_ratio[joint]
+    tau: Array = drives if robot.effort.coupling is None else np.asarray(drives @ robot.effort.coupling.T)
+    removed = _without_gravity(robot)
+    return tau + _gravity(robot, q) * removed if removed.any() else tau
+
+
+def as_reported(torque: Array, q: Array, robot: Robot) -> Array:
+    """Return what the drives report [N, n] of a torque at the joints [N, n] Nm: the inverse of `at_the_joints`."""
+    if robot.effort.plain(robot.joints):
+        return torque
+    removed = _without_gravity(robot)
+    tau: Array = torque - _gravity(robot, q) * removed if removed.any() else np.array(torque)
+    if robot.effort.coupling is not None:
+        tau = np.asarray(np.linalg.solve(robot.effort.coupling, tau.T).T)
+    for joint, name in enumerate(robot.joints):
+        declared = robot.effort.of(name)
+        if declared.side == "motor":
+            tau[:, joint] /= robot.drives.gear_ratio[joint]
+        if declared.quantity == "current":
+            tau[:, joint] = _current_of(tau[:, joint], robot, joint)
+    return np.asarray(tau / robot.effort.drives(robot.joints))
+
+
+def _torque_of(current: Array, robot: Robot, joint: int) -> Array:
+    """Return the torque [N] of a current [N] A by the drive's constant or curve; the current itself without either."""
+    points = _curve(robot, joint)
+    if points is None:
+        return current * _constant(robot, joint)
+    return _along(current, points[0], points[1])
+
+
+def _current_of(torque: Array, robot: Robot, joint: int) -> Array:
+    points = _curve(robot, joint)
+    if points is None:
+        return torque / _constant(robot, joint)
+    return _along(torque, points[1], points[0])
+
+
+def _constant(robot: Robot, joint: int) -> float:
+    """Return a drive's Nm/A; where nobody knows it, its A over the A of the others."""
+    if robot.in_ampere(joint):
+        return robot.effort.of(robot.joints[joint]).relative
+    return float(robot.drives.torque_constant[joint])
+
+
+def _curve(robot: Robot, joint: int) -> tuple[Array, Array] | None:
+    """Return currents [K] A and torques [K] Nm of a drive's curve from zero on, or None."""
+    curve = robot.torque_curves.get(robot.joints[joint])
+    if not curve:
+        return None
+    current, torque = np.array([(0.0, 0.0), *curve]).T
+    return current, torque
+
+
+def _along(x: Array, given: Array, wanted: Array) -> Array:
+    """Return an odd curve through points at x [N], straight beyond the last of them."""
+    size = np.abs(x)
+    slope = (wanted[-1] - wanted[-2]) / (given[-1] - given[-2])
+    return np.asarray(np.sign(x) * (np.interp(size, given, wanted) + np.maximum(size - given[-1], 0.0) * slope))
+
+
+def _without_gravity(robot: Robot) -> Array:
+    """Return 1 for joints whose driver takes gravity out, else 0 [n]."""
+    return np.array([float(robot.effort.of(name).gravity == "removed") for name in robot.joints])
+
+
+def _gravity(robot: Robot, q: Array) -> Array:
+    """Return the URDF's gravity torque [N, n] Nm at positions q [N, n]."""
+    still = np.zeros_like(q)
+    return robot.rigid.inverse_dynamics(Motion(q, still, still))
+
+
+def _notes(robot: Robot, removed: Array) -> list[str]:
+    """Return a line for each thing that was made of the effort."""
+    notes = []
+    kinds = {name: robot.effort.of(name) for name in robot.joints}
+    known = [n for n, kind in kinds.items() if kind.quantity == "current" and n not in robot.ampere_joints]
+    if known:
+        notes.append("effort taken as current: torque by the drives' gain")
+    if robot.ampere_joints:
+        notes.append(f"no drive gain is known of {', '.join(robot.ampere_joints)}: results carry the unit A there")
+    if removed.any():
+        names = [name for name, out in zip(robot.joints, removed, strict=True) if out]
+        notes.append(
+            f"gravity, which the driver takes out of {', '.join(names)}, is put back from the URDF's masses: what is"
+            " found of centres of mass is the URDF's"
+        )
+    return notes

@@ -1,0 +1,87 @@
+"""The `effort` section of a robot YAML: a word or a mapping for all joints, the same for single joints."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from dataclasses import replace
+from pathlib import Path
+from typing import Annotated, Any, Literal
+
+import numpy as np
+from pydantic import BeforeValidator, Field
+
+from robot_ident.configuration import Closed
+from robot_ident.errors import InputError
+from robot_ident.motion import frozen_array
+from robot_ident.robot.effort import Effort, Efforts, Side
+
+Positive = Annotated[float, Field(gt=0)]
+_WORDS = ("quantity", "side", "sign", "gain", "gravity")
+
+
+class EffortFile(Closed):
+    """What a joint reports as effort; what is left out is as for all joints."""
+
+    quantity: Literal["torque", "current"] | None = Field(None, description="torque (Nm, N) or current (A)")
+    side: Side | None = Field(
+        None, description="where it is measured: motor (its shaft), joint (motor torque referred to the joint) or link"
+    )
+    sign: Literal[1, -1] | None = Field(None, description="-1 where effort grows against the joint's direction")
+    gain: Positive | None = Field(None, description="Nm or A that one reported unit is (mA: 0.001)")
+    gravity: Literal["included", "removed"] | None = Field(
+        None, description="removed: the driver takes the arm's weight out of what it reports"
+    )
+    relative_gain: Positive | None = Field(
+        None, description="current: gain over that of the other drives, where no torque_constant is known; unit A stays"
+    )
+
+
+class EffortsFile(EffortFile):
+    """What all joints report as effort, and where it comes from."""
+
+    topic: str | None = Field(None, description="topic of the JointState messages; default: found in the bag")
+    field: Literal["effort"] = Field("effort", description="field of the message that holds it")
+    coupling: list[list[float]] | None = Field(
+        None, description="rows [joint][drive]: torque at the joints per torque of the drives, in the order of joints"
+    )
+
+
+def _spelled_out(value: Any) -> Any:
+    """Take the short form: `current` for {quantity: current}."""
+    return {"quantity": value} if isinstance(value, str) else value
+
+
+EffortField = Annotated[EffortFile, BeforeValidator(_spelled_out)]
+EffortsField = Annotated[EffortsFile, BeforeValidator(_spelled_out)]
+
+
+def efforts_of(common: EffortsFile, single: Mapping[str, EffortFile], joints: tuple[str, ...], path: Path) -> Efforts:
+    """Return what a robot's joints report.
+
+    Raises InputError where a current is said to come from a link-side sensor, or the coupling is no n x n matrix that
+    can be inverted.
+    """
+    base = _filled(Effort(), common)
+    by_joint = {name: _filled(base, file) for name, file in single.items()}
+    for name in joints:
+        one = by_joint.get(name, base)
+        if one.quantity == "current" and one.side == "link":
+            raise InputError(f"{path}: effort of {name}: a link-side sensor reports a torque, not a current")
+    coupling = None
+    if common.coupling is not None:
+        n = len(joints)
+        if len(common.coupling) != n or any(len(row) != n for row in common.coupling):
+            raise InputError(f"{path}: effort.coupling must be {n} x {n}, a row a joint and a column a drive")
+        coupling = frozen_array(common.coupling, n, n)
+        if np.linalg.matrix_rank(coupling) < n:
+            raise InputError(f"{path}: effort.coupling = {common.coupling}: the drives don't move all joints")
+        if any(by_joint.get(name, base).side == "link" for name in joints):
+            raise InputError(f"{path}: effort.coupling: a link-side sensor stands behind the coupling already")
+    return Efforts(base, by_joint, common.topic, coupling)
+
+
+def _filled(effort: Effort, file: EffortFile) -> Effort:
+    told = {word: getattr(file, word) for word in _WORDS if getattr(file, word) is not None}
+    if file.relative_gain is not None:
+        told["relative"] = file.relative_gain
+    return replace(effort, **told)

@@ -1,0 +1,123 @@
+"""What is written of a step for the browser: the dictionaries that the verbs print, and what the page needs beside."""
+
+from __future__ import annotations
+
+import json
+from collections.abc import Mapping, Sequence
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+
+from robot_ident.diagnosis.beside import noise_variance
+from robot_ident.diagnosis.comparison import Comparison
+from robot_ident.diagnosis.diagnosis import Diagnosis
+from robot_ident.effects import candidates_of
+from robot_ident.estimation.extend import mean_square_errors
+from robot_ident.files import write_text
+from robot_ident.model.model import Model
+from robot_ident.motion import Array
+from robot_ident.recording.measurement import Measurement
+from robot_ident.workbench.preview import Preview
+
+
+def about(measured: Measurement, validation: bool) -> dict[str, Any]:
+    """Return what the figures say of a recording."""
+    known = np.isfinite(measured.averaged_variance)
+    variance = [float(v) if yes else None for v, yes in zip(measured.averaged_variance, known, strict=True)]
+    return {
+        "name": measured.source,
+        "validation": validation,
+        "periods": measured.periods,
+        "base_frequency": measured.base_frequency,
+        "dt": measured.dt * measured.decimate,
+        "samples": measured.motion.samples,
+        "noise_variance": variance,
+        "notes": list(measured.notes),
+    }
+
+
+def comparison(found: Comparison, model: Model) -> dict[str, Any]:
+    """Return a comparison as `compare --json` prints it, with its regions in words."""
+    joints = []
+    for number, joint in enumerate(found.joints):
+        words = [region.in_words(model.robot, number) for region in joint.worst]
+        joints.append({**joint.to_dict(), "worst_in_words": words})
+    robot = model.robot
+    return {
+        "joints": joints,
+        "notes": list(found.notes),
+        "units": [robot.torque_unit(k) for k in range(robot.n)],
+        "prismatic": [bool(one) for one in robot.prismatic],
+        "effects": list(model.structure.labels),
+        "possible": [effect.label for effect in candidates_of(model.structure)],
+        "parameters": [
+            {"name": p.name, "value": float(v), "std": float(s), "unit": p.unit, "effect": p.effect, "joint": p.joint}
+            for p, v, s in zip(model.parameters, model.values, model.std, strict=True)
+        ],
+    }
+
+
+def errors(model: Model, compared: Comparison, validation: Sequence[Measurement]) -> dict[str, Any]:
+    """Return the mean square errors by joint [(Nm)^2] and the noise of both: on training as `compare` has them, on
+    validation as `add` does, the mean over recordings. Where a recording to validate on doesn't tell its noise, the
+    model's stands for it, as in the report.
+    """
+
+    def mean(values: Sequence[Array]) -> dict[str, float] | None:
+        if not values:
+            return None
+        return {name: float(v) for name, v in zip(model.robot.joints, np.mean(values, axis=0), strict=True)}
+
+    return {
+        "training": {joint.name: joint.residual_mse for joint in compared.joints},
+        "noise": {joint.name: joint.noise_variance for joint in compared.joints},
+        "validation": mean([mean_square_errors(model, m) for m in validation]),
+        "validation_noise": mean([noise_variance(model, m) for m in validation]),
+    }
+
+
+def diagnosis(found: Diagnosis, saved: Mapping[str, str]) -> dict[str, Any]:
+    """Return a diagnosis as `diagnose --json` prints it, with the labels and words of its candidates.
+
+    saved: what a file that a command names is called once it was saved.
+    """
+    data = found.to_dict()
+    for suspect, candidate in zip((*found.missing, *found.others), data["candidates"], strict=True):
+        effect = suspect.effect
+        candidate |= {"label": effect.label, "meaning": effect.meaning, "equation": effect.equation}
+        candidate |= {"can_be_added": effect.regression, "evidence": effect.evidence}
+        for path, name in saved.items():
+            candidate["experiment"] = candidate["experiment"] and candidate["experiment"].replace(path, name)
+    return {**data, "in_words": found.in_words, "named": [suspect.label for suspect in found.missing]}
+
+
+def preview_of(preview: Preview) -> dict[str, Any]:
+    """Return what an effect would do to a model, with its words."""
+    effect = preview.effect
+    return {
+        "label": effect.label,
+        "meaning": effect.meaning,
+        "equation": effect.equation,
+        "before": preview.before,
+        "after": preview.after,
+        "validation_before": preview.validation_before,
+        "validation_after": preview.validation_after,
+        "parameters": [{"name": p.name, "value": p.value, "std": p.std, "unit": p.unit} for p in preview.parameters],
+    }
+
+
+def write_json(path: Path, data: Mapping[str, Any]) -> None:
+    """Write a dictionary, whole or not at all; null for numbers that aren't finite."""
+    write_text(path, json.dumps(_finite(data), indent=1), force=True)
+
+
+def _finite(value: Any) -> Any:
+    """Return data with null for numbers that aren't finite."""
+    if isinstance(value, Mapping):
+        return {str(key): _finite(item) for key, item in value.items()}
+    if isinstance(value, (list, tuple)):
+        return [_finite(item) for item in value]
+    if isinstance(value, float) and not np.isfinite(value):
+        return None
+    return value

@@ -1,0 +1,72 @@
+"""What a session works on: its recordings, read and processed once, and the model that it began with."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+from pathlib import Path
+from typing import Any
+
+from robot_ident.bags import read_recording
+from robot_ident.diagnosis.progress import Tell
+from robot_ident.effects import load_effects, register
+from robot_ident.model.model import Model
+from robot_ident.model.model_file import read_model
+from robot_ident.provenance import fingerprint
+from robot_ident.provenance import provenance as _provenance
+from robot_ident.recording.measurement import Measurement, Processing
+from robot_ident.recording.process import process
+from robot_ident.recording.source import Source
+from robot_ident.robot import Robot, load_robot
+from robot_ident.workbench.session import Session
+
+
+class Inputs:
+    """The inputs of one session; what was read is kept."""
+
+    def __init__(self, session: Session) -> None:
+        """Make the user's own effects known."""
+        self.session = session
+        self._read: list[Source] = []
+        for path in session.choice.effects_from:
+            register(load_effects(self.path(path)))
+
+    def provenance(self) -> dict[str, Any]:
+        """Return where the first model comes from; recordings by the names they were given, as `identify` has them."""
+        choice = self.session.choice
+        made = _provenance([str(self.path(name)) for name in choice.recordings], {"topic": choice.topic})
+        named = zip(made["recordings"], choice.recordings, strict=True)
+        return {**made, "recordings": [{**one, "path": name} for one, name in named]}
+
+    def path(self, name: str) -> Path:
+        """Return where a file is that was named in the folder of the start."""
+        return Path(self.session.choice.folder, name)
+
+    def brought(self) -> tuple[Model | None, Robot]:
+        """Return the model that the session began with (None: it is identified) and its robot."""
+        choice = self.session.choice
+        if choice.model is None:
+            name = choice.robot or "kuka_ir361"
+            return None, load_robot(self.path(name) if self.path(name).is_file() else name)
+        model = read_model(self.path(choice.model))
+        return model, model.robot
+
+    def measurements(
+        self, tell: Tell, model: Model | None, robot: Robot
+    ) -> tuple[list[Measurement], list[Measurement]]:
+        """Return all recordings as they are measured, those of validation apart."""
+        training, validation = self.sources(tell, model, robot)
+        return [source.measured for source in training], [source.measured for source in validation]
+
+    def sources(self, tell: Tell, model: Model | None, robot: Robot) -> tuple[list[Source], list[Source]]:
+        """Read and process all recordings, as the model says; those of validation apart."""
+        choice = self.session.choice
+        if not self._read:
+            processing = Processing() if model is None else Processing(**dict(model.processing))
+            names = [*choice.recordings, *choice.validation]
+            for count, name in enumerate(names):
+                tell(0.5 * count / len(names), f"reading {name}")
+                read = read_recording(self.path(name), topic=choice.topic or robot.effort.topic)
+                recording = replace(read, source=name)
+                measured = process(recording, robot, processing)
+                self._read.append(Source(name, fingerprint(self.path(name)), recording, measured))
+        return self._read[: len(choice.recordings)], self._read[len(choice.recordings) :]

@@ -1,0 +1,138 @@
+"""`identify` stops where data contradict the declaration of effort, names the entry, and never on a right one."""
+
+from __future__ import annotations
+
+import shutil
+from dataclasses import replace
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import pytest
+
+from robot_ident.bags import write_recording
+from robot_ident.cli.main import main
+from robot_ident.estimation.contradiction import Contradiction, contradiction
+from robot_ident.estimation.declaration import judge_all
+from robot_ident.motion import Motion
+from robot_ident.recording import Processing, Recording, process
+from robot_ident.robot import Robot, load_robot
+from robot_ident.robot.effort import Effort, Efforts
+
+
+@pytest.fixture(scope="module")
+def recording(arm: Any) -> Any:
+    return arm.record(1, periods=3, lead=0.0)
+
+
+def found(recording: Recording, robot: Robot) -> Contradiction | None:
+    return contradiction(judge_all([process(recording, robot)], robot), robot)
+
+
+def declared(robot: Robot, **words: Any) -> Robot:
+    return replace(robot, effort=Efforts(Effort(**words)))
+
+
+def test_a_right_declaration_stands(arm: Any, recording: Any) -> None:
+    assert found(recording, arm.robot) is None
+
+
+@pytest.mark.parametrize("wrong", [0.4, 0.7, 1.5, 2.5])
+def test_masses_of_a_urdf_may_be_wrong(arm: Any, recording: Any, wrong: float) -> None:
+    assert found(replace(recording, tau=recording.tau * wrong), arm.robot) is None
+
+
+def test_current_declared_as_torque(arm: Any, recording: Any) -> None:
+    ampere = replace(recording, tau=recording.tau / arm.robot.drives.torque_constant)
+    told = found(ampere, arm.robot)
+    assert told is not None
+    assert (told.entry, told.now) == ("effort.quantity", "torque")
+    assert told.change.startswith("effort: current, with torque_constant")
+    assert found(ampere, declared(arm.robot, quantity="current")) is None
+
+
+def test_torque_declared_as_current(arm: Any, recording: Any) -> None:
+    told = found(recording, declared(arm.robot, quantity="current"))
+    assert told is not None
+    assert (told.entry, told.change) == ("effort.quantity", "effort: torque")
+
+
+def test_all_signs_turned_and_one(arm: Any, recording: Any) -> None:
+    told = found(replace(recording, tau=-recording.tau), arm.robot)
+    assert told is not None
+    assert (told.entry, told.change) == ("effort.sign", "effort: {sign: -1}")
+    told = found(replace(recording, tau=recording.tau * [1.0, -1.0, 1.0]), arm.robot)
+    assert told is not None
+    assert (told.entry, told.change) == ("joints.joint_2.effort.sign", "joint_2: {effort: {sign: -1}}")
+
+
+def test_motor_side(arm: Any, recording: Any) -> None:
+    geared = replace(arm.robot, drives=replace(arm.robot.drives, gear_ratio=np.array([100.0, 80.0, 60.0])))
+    motor = replace(recording, tau=recording.tau / geared.drives.gear_ratio)
+    told = found(motor, geared)
+    assert told is not None
+    assert (told.entry, told.change) == ("effort.side", "effort: {side: motor}")
+    assert found(motor, declared(geared, side="motor")) is None
+
+
+def test_another_unit(arm: Any, recording: Any) -> None:
+    strong = replace(arm.robot, limits=replace(arm.robot.limits, torque=np.full(3, np.inf)))
+    told = found(replace(recording, tau=1000.0 * recording.tau), strong)
+    assert told is not None
+    assert (told.entry, told.change) == ("effort.gain", "effort: {gain: 0.001}")
+
+
+def test_gravity_that_the_driver_takes_out(arm: Any, recording: Any) -> None:
+    still = np.zeros_like(recording.q)
+    gravity = arm.robot.rigid.inverse_dynamics(Motion(recording.q, still, still))
+    compensated = replace(recording, tau=recording.tau - gravity)
+    told = found(compensated, arm.robot)
+    assert told is not None
+    assert (told.entry, told.change) == ("effort.gravity", "effort: {gravity: removed}")
+    assert found(compensated, declared(arm.robot, gravity="removed")) is None
+    told = found(recording, declared(arm.robot, gravity="removed"))
+    assert told is not None
+    assert told.change == "effort: {gravity: included}"
+
+
+def test_friction_behind_the_gear(arm: Any, recording: Any) -> None:
+    told = found(recording, declared(arm.robot, side="link"))
+    assert told is not None
+    assert told.change == "effort: {side: joint}"
+
+
+def test_real_recordings_are_what_their_files_say(shared_data: Path, checkout: Path, tmp_path: Path) -> None:
+    z = np.load(shared_data / "emps/data.npz")
+    emps = Recording(("slide",), z["t"], z["q"], z["tau"], source="emps")
+    robot = load_robot(checkout / "examples/emps/robot.yaml")
+    assert found(emps, robot) is None
+    assert found(replace(emps, tau=-emps.tau), robot) is not None
+    shutil.copy(checkout / "examples/staubli_tx40/robot.yaml", tmp_path)
+    shutil.copy(shared_data / "staubli_tx40/tx40_mdh_modified.urdf", tmp_path)
+    robot = load_robot(tmp_path / "robot.yaml")
+    z = np.load(shared_data / "staubli_tx40/data.npz")
+    tx40 = Recording(robot.joints, z["t"], z["q"], z["tau"], source="tx40")
+    judged = judge_all([process(tx40, robot, Processing(low_pass=100.0, decimate=10))], robot)
+    assert contradiction(judged, robot) is None, "rotors that the URDF lacks make four times its inertia"
+
+
+def test_identify_stops_with_the_line_to_change(
+    arm: Any, recording: Any, tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    text = Path(arm.robot.source).read_text(encoding="utf-8")
+    shutil.copy(Path(arm.robot.source).with_suffix(".urdf"), tmp_path)
+    lines = [*text.splitlines(), "effort:", "  sign: 1"]
+    robot, bag, model = tmp_path / "arm.yaml", tmp_path / "bag.npz", tmp_path / "model.yaml"
+    robot.write_text("\n".join(lines), encoding="utf-8")
+    write_recording(bag, replace(recording, tau=-recording.tau))
+    words = ["identify", str(bag), "--robot", str(robot), "-o", str(model)]
+    assert main(words) == 2
+    told = capsys.readouterr().err.strip().splitlines()[-1]
+    assert f"{robot}:{len(lines)}: effort.sign is 1" in told
+    assert "change it to 'effort: {sign: -1}'" in told
+    assert not model.exists()
+    assert main([*words, "--as-declared"]) == 0
+    assert "taken as declared" in capsys.readouterr().err
+    robot.write_text("\n".join([*lines[:-1], "  sign: -1"]), encoding="utf-8")
+    assert main([*words, "--force"]) == 0
+    assert "contradict" not in capsys.readouterr().err

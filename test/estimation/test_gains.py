@@ -1,0 +1,180 @@
+"""Drive gains from recordings with and without a known payload; without one everything carries the ampere."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+from pathlib import Path
+
+import numpy as np
+import pytest
+import yaml
+
+from robot_ident.bags import write_recording
+from robot_ident.cli.main import main
+from robot_ident.diagnosis.diagnose import diagnose
+from robot_ident.errors import InputError
+from robot_ident.estimation.identify import identify
+from robot_ident.model.model import Model
+from robot_ident.model.model_file import read_model, write_model
+from robot_ident.recording import Processing, Recording, process
+from robot_ident.recording.conditions import Conditions, KnownPayload
+from robot_ident.robot import Robot, load_robot
+from robot_ident.robot.load import definition_of
+from robot_ident.simulation.calibrate import standard_motions
+from robot_ident.simulation.periodic import Play
+from robot_ident.simulation.physics import plant_physics
+
+URDF = "ur_description/urdf/ur5_joint_limited_robot.urdf"
+JOINTS = [f"{j}_joint" for j in ("shoulder_pan", "shoulder_lift", "elbow", "wrist_1", "wrist_2", "wrist_3")]
+GAINS = np.array([0.115, 0.12, 0.11, 0.085, 0.09, 0.08])  # Nm/A on the motor's shaft
+PAYLOAD = KnownPayload(5.0, (0.03, 0.05, 0.08))
+
+
+def write(folder: Path, robots: Path, *, known: bool) -> Path:
+    """Write a six-axis arm that reports motor currents, with or without its drives' gains."""
+    joints = {}
+    for k, joint in enumerate(JOINTS):
+        joints[joint] = {"gear_ratio": 101.0, "torque_variance": 4.0 if k < 3 else 0.4, "position_variance": 1e-9}
+        joints[joint] |= {"velocity": 1.5, "acceleration": 5.0}
+        joints[joint] |= {"torque_constant": float(GAINS[k])} if known else {}
+    friction = {joint: 3.0 if k < 3 else 0.8 for k, joint in enumerate(JOINTS)}
+    data = {
+        "schema": "robot_ident/robot/1",
+        "name": "ur5",
+        "urdf": str(robots / URDF),
+        "effort": {"quantity": "current", "side": "motor"},
+        "joints": joints,
+        "simulation": {"viscous": dict(friction), "coulomb": dict(friction)},
+    }
+    path = folder / f"{'known' if known else 'unknown'}.yaml"
+    path.write_text(yaml.safe_dump(data, sort_keys=False), encoding="utf-8")
+    return path
+
+
+@pytest.fixture(scope="module")
+def robots(tmp_path_factory: pytest.TempPathFactory, robots_folder: Path) -> tuple[Robot, Robot]:
+    folder = tmp_path_factory.mktemp("robots")
+    return tuple(load_robot(write(folder, robots_folder, known=known)) for known in (True, False))  # type: ignore[return-value]
+
+
+@pytest.fixture(scope="module")
+def recordings(robots: tuple[Robot, Robot]) -> tuple[Recording, Recording]:
+    """One recording without and one with a payload of 5 kg, in ampere."""
+    truth = robots[0]
+    motion, out = standard_motions(truth)[0], []
+    for number, effects in enumerate(([], ["payload:payload=5,x=0.03,y=0.05,z=0.08"])):
+        play = Play.of(truth, plant_physics(truth, effects), motion, sample_rate=100.0)
+        out.append(play.record(16, seed=number))
+    return out[0], replace(out[1], conditions=Conditions(PAYLOAD))
+
+
+@pytest.fixture(scope="module")
+def model(robots: tuple[Robot, Robot], recordings: tuple[Recording, Recording]) -> Model:
+    return identify(recordings, robots[1])
+
+
+@pytest.fixture(scope="module")
+def bare(robots: tuple[Robot, Robot], recordings: tuple[Recording, Recording]) -> Model:
+    return identify(recordings[:1], robots[1])
+
+
+def test_gains_of_all_loaded_joints_within_two_percent(model: Model) -> None:
+    assert model.gains is not None
+    value, std = (np.array([one[key] for one in model.gains]) for key in ("value", "std"))
+    assert [one["loaded"] for one in model.gains] == [True] * 6
+    assert {one["unit"] for one in model.gains} == {"Nm/A"}
+    np.testing.assert_allclose(value, GAINS, rtol=0.02)
+    assert np.all(np.abs(value - GAINS) < 4 * std)
+    assert np.all(std < 0.01 * value)
+
+
+def test_the_arm_s_parameters_are_absolute_and_count_the_gains_uncertainty(
+    model: Model, recordings: tuple[Recording, Recording]
+) -> None:
+    truth = model.structure.true_values()
+    error = (model.values - truth) / model.std
+    assert np.abs(error).max() < 5.0
+    assert np.sqrt(np.mean(error**2)) < 1.6
+    assert {p.unit for p in model.parameters} == {"kg m^2", "kg m", "Nm s/rad", "Nm"}
+    free = identify([recordings[0], recordings[0]], model.robot)
+    largest = int(np.argmax(np.abs(truth)))
+    assert model.std[largest] > 1.2 * free.std[largest], "gains known for sure make sigmas smaller"
+
+
+def test_a_model_file_keeps_gains_and_takes_currents(
+    model: Model, recordings: tuple[Recording, Recording], tmp_path: Path
+) -> None:
+    write_model(model, tmp_path / "model.yaml")
+    again = read_model(tmp_path / "model.yaml")
+    assert again.gains == model.gains
+    assert again.robot.ampere_joints == ()
+    for recording in recordings:
+        measured = process(recording, again.robot, Processing(**dict(again.processing)))
+        residual = (measured.torque - again.predict(measured.motion))[measured.used.all(axis=1)]
+        usual = np.array([fit.rms for fit in model.residual.values()])
+        np.testing.assert_allclose(np.sqrt(np.mean(residual**2, axis=0)), usual, rtol=0.3)
+
+
+def test_without_a_payload_everything_carries_the_ampere(bare: Model) -> None:
+    assert bare.gains is not None
+    assert {one["unit"] for one in bare.gains} == {"A/A"}
+    assert bare.robot.ampere_joints == tuple(JOINTS)
+    assert {p.unit for p in bare.parameters} == {"A s^2/rad", "A s^2/m", "A s/rad", "A"}
+    assert any("results carry the unit A" in note for note in bare.notes)
+    ratio, std = (np.array([one[key] for one in bare.gains]) for key in ("value", "std"))
+    told = std[1:] < 0.3 * ratio[1:]
+    assert told.sum() >= 3
+    assert np.all(np.abs(ratio[1:] - GAINS[1:] / GAINS[0])[told] < 4 * std[1:][told])
+
+
+def test_diagnosis_works_in_ampere(tmp_path: Path) -> None:
+    """The KUKA's drives as they report, what hides in them named, its size in A."""
+    truth = load_robot()
+    definition = definition_of(truth)
+    data = {**definition.yaml, "name": "bare", "urdf": "bare.urdf", "effort": "current"}
+    data["joints"] = {
+        name: {key: value for key, value in record.items() if key != "torque_constant"}
+        for name, record in data["joints"].items()
+    }
+    (tmp_path / "bare.urdf").write_text(definition.urdf, encoding="utf-8")
+    (tmp_path / "bare.yaml").write_text(yaml.safe_dump(data, sort_keys=False), encoding="utf-8")
+    runs = []
+    for number, motion in enumerate(standard_motions(truth)[:2]):
+        run = Play.of(truth, plant_physics(truth, ["stribeck@joint_2:stribeck=25"]), motion).record(6, seed=number)
+        runs.append(replace(run, tau=run.tau / truth.drives.torque_constant))
+    fitted = identify(runs, load_robot(tmp_path / "bare.yaml"))
+    assert fitted.robot.ampere_joints == truth.joints
+    assert {fitted.robot.torque_unit(joint) for joint in range(3)} == {"A"}
+    found = diagnose([process(run, fitted.robot) for run in runs], fitted.structure)
+    assert found.verdict == "missing"
+    assert found.missing[0].label == "stribeck@joint_2"
+    assert found.missing[0].parameters[0].unit == "A"
+
+
+def test_what_needs_newton_metres_is_refused(
+    bare: Model, robots: tuple[Robot, Robot], recordings: tuple[Recording, Recording], tmp_path: Path
+) -> None:
+    write_model(bare, tmp_path / "model.yaml")
+    assert main(["export", str(tmp_path / "model.yaml"), "--urdf", str(tmp_path / "out.urdf")]) == 2
+    assert not (tmp_path / "out.urdf").exists()
+    with pytest.raises(InputError, match="no inertia is known in kg m"):
+        identify(recordings[:1], robots[1], physical=True)
+    same = [recordings[1], recordings[1]]
+    with pytest.raises(InputError, match="the same payload; drive gains need one without it"):
+        identify(same, robots[1])
+
+
+def test_the_command_line_takes_the_payload_from_the_sidecar(
+    robots: tuple[Robot, Robot],
+    recordings: tuple[Recording, Recording],
+    tmp_path: Path,
+    capsys: pytest.CaptureFixture[str],
+) -> None:
+    bags = [tmp_path / "plain.npz", tmp_path / "loaded.npz"]
+    for bag, recording in zip(bags, recordings, strict=True):
+        write_recording(bag, recording)
+    (tmp_path / "loaded.npz.conditions.yaml").write_text(Conditions(PAYLOAD).text(), encoding="utf-8")
+    assert main(["identify", *map(str, bags), "--robot", robots[1].source]) == 0
+    captured = capsys.readouterr()
+    assert "drive gains by the payload, Nm/A: shoulder_pan_joint 0.11" in captured.err
+    assert "kg m^2" in captured.out

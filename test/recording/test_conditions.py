@@ -1,0 +1,119 @@
+"""A recording's sidecar: recordings share the arm's parameters and differ by the payload and gravity that it states."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+from robot_ident.bags import read_recording, write_recording
+from robot_ident.errors import InputError
+from robot_ident.excitation.fourier import FourierSeries
+from robot_ident.motion import Array, Motion
+from robot_ident.recording import Recording, process
+from robot_ident.recording.conditions import Conditions, KnownPayload, hand, read_conditions, sidecar
+from robot_ident.robot import Robot, load_robot
+from robot_ident.robot.rigid_body import RigidBody
+from robot_ident.simulation.calibrate import standard_motions
+
+TILTED = (1.5, -2.0, -9.0)
+BODY = KnownPayload(3.0, (0.05, -0.02, 0.1), (0.02, 0.001, 0.03, -0.002, 0.003, 0.025))
+
+
+@pytest.fixture(scope="module")
+def robot() -> Robot:
+    return load_robot()
+
+
+@pytest.fixture(scope="module")
+def series(robot: Robot) -> FourierSeries:
+    return standard_motions(robot)[0]
+
+
+def periods_of(robot: Robot, series: FourierSeries, torque: Array, conditions: Conditions) -> Recording:
+    """Return two periods at 100 Hz whose torque [N, n] is that of one."""
+    t = np.arange(2 * len(torque)) / 100.0
+    return Recording(robot.joints, t, series.motion(t).q, np.tile(torque, (2, 1)), conditions=conditions)
+
+
+def one_period(series: FourierSeries) -> Motion:
+    return series.motion(np.arange(round(100 * series.period)) / 100.0)
+
+
+def heavier(robot: Robot, body: KnownPayload) -> RigidBody:
+    """Return the arm with a body on its hand, by Pinocchio's own sum of inertias."""
+    import pinocchio
+
+    rotation, origin = hand(robot)
+    xx, xy, yy, xz, yz, zz = body.inertia
+    own = pinocchio.Inertia(body.mass, np.array(body.centre), np.array([[xx, xy, xz], [xy, yy, yz], [xz, yz, zz]]))
+    model = robot.rigid.model.copy()
+    placed = pinocchio.SE3(rotation, origin).act(own)
+    model.inertias[robot.n] = model.inertias[robot.n] + placed
+    return RigidBody(model)
+
+
+def test_a_payload_s_torque_is_what_the_heavier_arm_needs_more(robot: Robot, series: FourierSeries) -> None:
+    motion = one_period(series)
+    more = heavier(robot, BODY).inverse_dynamics(motion) - robot.rigid.inverse_dynamics(motion)
+    np.testing.assert_allclose(BODY.torque(robot, motion), more, atol=1e-9)
+
+
+def test_a_known_payload_is_taken_off(robot: Robot, series: FourierSeries) -> None:
+    motion = one_period(series)
+    recording = periods_of(robot, series, heavier(robot, BODY).inverse_dynamics(motion), Conditions(BODY))
+    measured = process(recording, robot)
+    alone = robot.rigid.inverse_dynamics(measured.motion)
+    assert np.abs(measured.torque - alone).max() < 0.01
+    assert any("payload of 3 kg taken off" in note for note in measured.notes)
+    forgotten = process(replace(recording, conditions=Conditions()), robot)
+    assert np.abs(forgotten.torque - alone).max() > 5.0
+
+
+def test_a_base_that_stood_otherwise_shares_the_arm_s_parameters(robot: Robot, series: FourierSeries) -> None:
+    """The columns take the recording's gravity, and what the usual pose never shows is the URDF's."""
+    from robot_ident.model.structure import Structure
+
+    motion = one_period(series)
+    tilted = robot.rigid.inverse_dynamics(replace(motion, gravity=TILTED))
+    assert np.abs(tilted - robot.rigid.inverse_dynamics(motion)).max() > 5.0
+    measured = process(periods_of(robot, series, tilted, Conditions(gravity=TILTED)), robot)
+    structure = Structure.build(robot)
+    rigid = structure.base.values(robot.rigid.parameters, robot.drives.armature)
+    armature = robot.drives.armature * measured.motion.ddq
+    free = [joint for joint in range(robot.n) if joint in structure.base.free_rotors]
+    expected = structure.rigid_columns(measured.motion) @ rigid
+    expected[:, free] += armature[:, free]
+    assert np.abs(measured.torque - expected).max() < 0.01
+
+
+def test_the_sidecar_is_read_with_its_bag(robot: Robot, series: FourierSeries, tmp_path: Path) -> None:
+    recording = periods_of(robot, series, robot.rigid.inverse_dynamics(one_period(series)), Conditions())
+    told = Conditions(BODY, tool="gripper", gravity=TILTED, temperature=31.0, day="2026-03-01", note="after lunch")
+    for bag in (tmp_path / "run", tmp_path / "run.npz"):
+        write_recording(bag, recording)
+        assert read_recording(bag).conditions == Conditions()
+        sidecar(bag).write_text(told.text(), encoding="utf-8")
+        assert sidecar(bag).name == f"{bag.name}.conditions.yaml"
+        assert read_recording(bag).conditions == told
+
+
+@pytest.mark.parametrize(
+    ("line", "told"),
+    [
+        ("payload: {mass: -1}", "payload"),
+        ("payload: {mass: 1, inertia: [1, 0, 1, 0, 0, 5]}", "no body has these moments"),
+        ("payload: heavy", "payload"),
+        ("gravity: [0, 0, 0]", "gravity = [0.0, 0.0, 0.0]"),
+        ("temprature: 20", "unknown key 'temprature'"),
+        ("day: yesterday", "day = 'yesterday'"),
+    ],
+)
+def test_a_mistake_is_named(tmp_path: Path, line: str, told: str) -> None:
+    path = sidecar(tmp_path / "bag")
+    path.write_text(f"schema: robot_ident/conditions/1\n{line}\n", encoding="utf-8")
+    with pytest.raises(InputError, match="bag.conditions.yaml") as caught:
+        read_conditions(tmp_path / "bag")
+    assert told in str(caught.value)

@@ -1,0 +1,42 @@
+"""A speed override stretches time: said, and the stretched period used; another path is not mistaken for it."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+from typing import Any
+
+import numpy as np
+import pytest
+
+from robot_ident.errors import InputError
+from robot_ident.excitation.fourier import FourierSeries
+from robot_ident.recording import Processing, process
+from robot_ident.recording.speed_scaling import speed_scale
+
+
+def slowed(arm: Any, share: float) -> Any:
+    """Return the arm that runs the same path at a share of its speed."""
+    series = arm.series
+    return replace(arm, series=FourierSeries(0.1 * share, series.q0, share * series.a, share * series.b))
+
+
+@pytest.mark.parametrize("share", [0.87, 0.5])
+def test_the_override_is_recognised(arm: Any, share: float) -> None:
+    recording = slowed(arm, share).record(1, periods=3)
+    found = speed_scale(recording, lambda t: arm.series.motion(t).q, 0.1)
+    assert found == pytest.approx(share, rel=1e-4)
+
+
+def test_full_speed_needs_no_word(arm: Any) -> None:
+    assert speed_scale(arm.record(1, periods=3), lambda t: arm.series.motion(t).q, 0.1) == 1.0
+
+
+def test_another_path_is_no_override(arm: Any) -> None:
+    a, b = 0.25 * np.random.default_rng(7).normal(size=(2, 3, 5))
+    other = replace(arm, series=FourierSeries(0.087, arm.series.q0, a, b))
+    assert speed_scale(other.record(1, periods=3), lambda t: arm.series.motion(t).q, 0.1) is None
+
+
+def test_without_the_path_it_is_refused_with_the_way_out(arm: Any) -> None:
+    with pytest.raises(InputError, match=r"at 87 % of its speed.*--base-frequency 0\.087"):
+        process(slowed(arm, 0.87).record(1, periods=3), arm.robot, Processing(base_frequency=0.1, periodic=True))
