@@ -9,8 +9,7 @@ from rclpy.publisher import Publisher
 
 from robot_ident.nodes.common import BaseNode
 
-_SETTLE = 2.0  # s for which the listeners on a topic must stay the same where the robot's own can't be told
-_ROBOT_SETTLE = 1.0  # s of the same where it can: a recorder may be found after it
+_SETTLE = 3.0  # s for which the listeners on a topic must stay the same: a recorder may be found so long after the robot
 _TRIGGER = "std_srvs/srv/Trigger"
 
 
@@ -32,7 +31,7 @@ class Neighbours:
         listening = self._node.get_subscriptions_info_by_topic(topic)
         if not matched or matched < len(listening):
             return f"nobody listens to {topic}"
-        settled = time.monotonic() - self._listeners[1] > (_ROBOT_SETTLE if self._robots() else _SETTLE)
+        settled = time.monotonic() - self._listeners[1] > _SETTLE
         return "" if settled else f"the listeners on {topic} are still being found"
 
     def _robots(self) -> set[tuple[str, str]]:

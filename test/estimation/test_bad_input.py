@@ -10,6 +10,7 @@ import pytest
 
 from robot_ident.errors import InputError
 from robot_ident.estimation.identify import identify
+from robot_ident.estimation.least_squares import factor
 from robot_ident.estimation.solve import solve
 from robot_ident.recording import Processing, Recording, process
 
@@ -115,3 +116,9 @@ def test_periodic_and_other_recordings_make_one_estimate(arm: Any) -> None:
         distance.append(error @ np.linalg.solve(both.covariance, error) / 21)
         assert np.all(np.diag(both.covariance) < 1.02 * np.diag(alone.covariance))
     assert 0.6 < np.mean(distance) < 1.6
+
+
+def test_columns_that_the_motion_leaves_empty_are_named() -> None:
+    phi = np.column_stack([np.arange(1.0, 6.0), np.zeros(5), np.ones(5)])
+    with pytest.raises(InputError, match="run: the motion does not excite end_stop@joint_2; move the joints"):
+        factor(phi, np.ones(5), ["p1", "end_stop@joint_2", "torque_offset@joint_1"], "run")
