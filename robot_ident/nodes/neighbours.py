@@ -9,7 +9,7 @@ from rclpy.publisher import Publisher
 
 from robot_ident.nodes.common import BaseNode
 
-_SETTLE = 3.0  # s for which the listeners on a topic must stay the same: a recorder may be found so long after the robot
+_SETTLE = 3.0  # s for which the listeners must stay the same: a recorder may be found so long after the robot
 _TRIGGER = "std_srvs/srv/Trigger"
 
 
