@@ -65,8 +65,8 @@ def whole_way(arm: str, folder: Path, *, seconds: float, periods: int = 6) -> di
             "design", "--robot", robot, "--seed", seed, "--starts", 1, "--time-limit", seconds,
             "-o", motion,
         )  # fmt: skip
-        _run("check", motion, "--robot", robot)
         _run("simulate", motion, "--robot", robot, "--periods", periods, "-o", folder / f"run_{seed}")
+    _run("check", first, "--robot", robot)
     model = folder / "model.yaml"
     identified = _run("identify", folder / "run_1", "--robot", robot, "-o", model, "--json")
     validated = _run("validate", model, folder / "run_2", "--json")

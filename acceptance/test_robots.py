@@ -7,8 +7,8 @@ from pathlib import Path
 import pytest
 from arms_of_wheel import ARMS, whole_way
 
-SECONDS = 60.0
-"""Of search for each of two motions."""
+SECONDS = 6.0
+"""Of search for each of two motions: enough for a motion that shows every parameter, not for the best."""
 
 
 @pytest.mark.parametrize("arm", ARMS)

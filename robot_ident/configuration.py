@@ -14,6 +14,9 @@ from pydantic import AfterValidator, BaseModel, ConfigDict, ValidationError
 
 from robot_ident.errors import InputError, did_you_mean
 
+ALTERNATIVE = "|"
+"""How the tag of one of several types of a field begins, which is no part of the field's name."""
+
 
 class Closed(BaseModel):
     """A record read from YAML: frozen, finite numbers only, unknown keys refused."""
@@ -140,9 +143,10 @@ def parse(record: type[T], data: dict[str, Any], source: Path | str) -> T:
 
 
 def _problem(record: type[BaseModel], item: Any) -> str:
-    field = ".".join(str(part) for part in item["loc"]) or "file"
+    loc = [str(part) for part in item["loc"] if not str(part).startswith(ALTERNATIVE)]
+    field = ".".join(loc) or "file"
     if item["type"] == "extra_forbidden":
-        known = record.model_fields if len(item["loc"]) == 1 else ()
+        known = record.model_fields if len(loc) == 1 else ()
         return f"unknown key '{field}'{did_you_mean(str(item['loc'][-1]), known)}"
     if item["type"] == "missing":
         return f"'{field}' is missing"

@@ -13,18 +13,28 @@ if TYPE_CHECKING:
 def contradictions(measurements: Sequence[Measurement], robot: Robot, *, as_declared: bool) -> list[str]:
     """Return what in the data contradicts the declaration of effort.
 
-    Raises InputError, with the line of the robot YAML to change, unless the user goes on all the same.
+    Raises InputError, with the line of the robot YAML to change, unless the user goes on all the same. Where nothing
+    contradicts it once stated payloads are left out, the sidecars that state them are named instead.
     """
     from robot_ident.configuration import line_of
     from robot_ident.errors import InputError
     from robot_ident.estimation.contradiction import contradiction
     from robot_ident.estimation.declaration import judge_all
+    from robot_ident.recording.arm_alone import with_payload
+    from robot_ident.recording.conditions import sidecar
 
     found = contradiction(judge_all(measurements, robot), robot)
     if found is None:
         return []
     if as_declared:
         return [f"{found.in_words}; taken as declared"]
+    stated = {str(sidecar(m.source)): m.conditions.payload for m in measurements if m.conditions.payload is not None}
+    if stated and contradiction(judge_all([with_payload(m, robot) for m in measurements], robot), robot) is None:
+        told = ", ".join(f"{file}: payload.mass = {one.mass:g}" for file, one in stated.items())
+        raise InputError(
+            f"{told}: the effort contradicts this payload; mass is in kg, centre in m in the end effector's frame, or"
+            " go on with --as-declared"
+        )
     line = line_of(robot.source, found.entry)
     place = robot.source if line is None else f"{robot.source}:{line}"
     raise InputError(f"{place}: {found.in_words}; change it to '{found.change}', or go on with --as-declared")

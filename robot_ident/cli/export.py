@@ -51,8 +51,9 @@ def run(args: argparse.Namespace) -> int:
     model = read_model(args.model)
     if model.robot.ampere_joints:
         raise InputError(
-            f"{args.model}: the gains of {', '.join(model.robot.ampere_joints)} are not known, so that its parameters"
-            " carry the unit A: no inertia to export; a recording with a known payload would tell them"
+            f"{args.model}: the gains of {', '.join(model.robot.ampere_joints)} are not known, so that what it says of"
+            " them carries the unit A: nothing to export; a recording with a known payload beside their axes would tell"
+            " them, or a torque_constant in the robot YAML"
         )
     made = FORMATS[form](model, args)
     cost = _cost(model, made, args)

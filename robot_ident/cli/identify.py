@@ -11,6 +11,7 @@ from typing import TYPE_CHECKING, Any
 from robot_ident.cli.identify_payload import add_only, run_only
 from robot_ident.cli.output import add_json, add_output, add_robot, print_json, say, table, tell
 from robot_ident.cli.some_joints import add_joints, held_in_recordings, held_note
+from robot_ident.errors import InputError
 
 if TYPE_CHECKING:
     from robot_ident.model.model import Fit, Model
@@ -60,6 +61,8 @@ def run(args: argparse.Namespace) -> int:
 
     if args.only:
         return run_only(args)
+    if args.model:
+        raise InputError("--model: goes with --only payload; identify estimates the whole arm anew")
     if args.output:
         refuse_existing(args.output, force=args.force)
     whole = load_robot(args.robot)

@@ -12,6 +12,20 @@ if TYPE_CHECKING:
     from robot_ident.estimation.payload import PayloadFit
 
 
+_OF_THE_MODEL = (
+    "--effect",
+    "--physical",
+    "--joints",
+    "--hold",
+    "--trajectory",
+    "--low-pass",
+    "--derivative-bandwidth",
+    "--minimum-speed",
+    "--anti-alias",
+)
+"""Options of `identify` that would have no effect here."""
+
+
 def add_only(parser: argparse.ArgumentParser) -> None:
     """Add the options that leave the arm as a model knows it."""
     parser.add_argument(
@@ -34,6 +48,9 @@ def run_only(args: argparse.Namespace) -> int:
 
     if not args.model:
         raise InputError("--only payload: --model model.yaml is needed, the arm without the payload")
+    given = [option for option in _OF_THE_MODEL if getattr(args, option[2:].replace("-", "_"))]
+    if given:
+        raise InputError(f"--only payload does not go with {', '.join(given)}: the model says so")
     if args.output:
         refuse_existing(args.output, force=args.force)
     refuse_twice(args.bags)

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import argparse
+import os
 from collections.abc import Sequence
 from dataclasses import dataclass
 from typing import TYPE_CHECKING
@@ -46,12 +47,22 @@ def read_inputs(words: Sequence[str], validation: Sequence[str], topic: str | No
     if not paths:
         raise InputError(f"none of {', '.join(words)} is a model; make one by robot_ident identify ... -o model.yaml")
     refuse_twice(bags)
+    refuse_twice(validation)
+    _refuse_fitted(bags, validation)
     models = tuple(read_model(path) for path in paths)
     measured = tuple(_measured(models[0], bag, topic) for bag in bags)
     unseen = tuple(_measured(models[0], bag, topic) for bag in validation)
     for bag, measurement in zip(validation, unseen, strict=True):
         _refuse_stranger(models[0], bag, measurement)
     return Inputs(models, paths, bags, measured, unseen)
+
+
+def _refuse_fitted(bags: Sequence[str], validation: Sequence[str]) -> None:
+    """Raise InputError where a recording is to be fitted and to be unseen."""
+    fitted = {os.path.realpath(bag) for bag in bags}
+    for bag in validation:
+        if os.path.realpath(bag) in fitted:
+            raise InputError(f"--validation {bag}: is one of the fitted recordings; give one that no fit has seen")
 
 
 def _refuse_stranger(model: Model, bag: str, measured: Measurement) -> None:

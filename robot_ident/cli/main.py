@@ -64,21 +64,20 @@ def main(argv: Sequence[str] | None = None) -> int:
     """Run the command line and return its exit code."""
     words = list(sys.argv[1:] if argv is None else argv)
     verb = next((word for word in words if not word.startswith("-")), None)
-    parser = build_parser(verb if verb in VERBS else "")
-    args = parser.parse_args(words)
     try:
+        args = build_parser(verb if verb in VERBS else "").parse_args(words)
         refuse_own_input(args)
         register_effects(getattr(args, "effects_from", []))
         with on_cluster(getattr(args, "cluster", None)):
             return int(importlib.import_module(f"robot_ident.cli.{args.verb}").run(args) or 0)
     except RobotIdentError as error:
-        print(f"robot_ident {args.verb}: {error}", file=sys.stderr)
+        print(f"robot_ident {verb}: {error}", file=sys.stderr)
         return error.exit_code
     except BrokenPipeError:
         os.dup2(os.open(os.devnull, os.O_WRONLY), sys.stdout.fileno())
         return 0
     except KeyboardInterrupt:
-        print(f"robot_ident {args.verb}: stopped; nothing was written", file=sys.stderr)
+        print(f"robot_ident {verb}: stopped; nothing was written", file=sys.stderr)
         return 130
 
 

@@ -59,7 +59,7 @@ def check_precision(args: argparse.Namespace, target: Target) -> None:
     names = target.structure.names
     for name in args.parameter:
         if name not in names:
-            raise InputError(f"--parameter {name!r}{did_you_mean(name, names)}; there are {', '.join(names)}")
+            raise InputError(f"--parameter {name!r}{did_you_mean(name, names)}")
 
 
 def precision(

@@ -30,6 +30,7 @@ _ROWS = {
     "unknown_named": "name given to what no effect is",
     "pair_found_nothing_else": "pairs: both found, nothing else",
     "fault_named": "fault of measuring named, or tied",
+    "invisible_fault_named": "name given where a fault hardly shows",
     "friction_named_for_fault": "friction named for a fault of measuring",
     "named_right_with_background": "named right beside three others of 30 %",
 }

@@ -102,6 +102,9 @@ def rates(outcomes: Sequence[Outcome], least: float) -> list[Rate]:
     def single(o: Outcome) -> bool:
         return o.kind == "single" and max(o.visible.values()) >= least
 
+    def fault(o: Outcome, *, visible: bool) -> bool:
+        return o.kind == MEASUREMENT and (max(o.visible.values()) >= least) == visible
+
     rows = (
         _Row("named_right", single, named_right),
         _Row("truth_in_tie_group", single, in_tie_group),
@@ -109,7 +112,8 @@ def rates(outcomes: Sequence[Outcome], least: float) -> list[Rate]:
         _Row("false_name_on_null", lambda o: o.kind == "null", lambda o: bool(o.named), wanted=False),
         _Row("unknown_named", lambda o: o.kind == "unknown", lambda o: bool(o.named), wanted=False),
         _Row("pair_found_nothing_else", lambda o: o.kind == "pair_other_joints", named_right),
-        _Row("fault_named", lambda o: o.kind == MEASUREMENT, in_tie_group),
+        _Row("fault_named", lambda o: fault(o, visible=True), in_tie_group),
+        _Row("invisible_fault_named", lambda o: fault(o, visible=False), lambda o: bool(o.named), wanted=False),
         _Row("friction_named_for_fault", lambda o: o.kind == MEASUREMENT, friction_named, wanted=False),
         _Row("named_right_with_background", lambda o: o.kind == "single_with_background", found_beside_background),
     )

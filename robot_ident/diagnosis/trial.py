@@ -22,7 +22,7 @@ from robot_ident.model.structure import Structure
 from robot_ident.recording.measurement import Measurement
 from robot_ident.recording.process import process
 from robot_ident.robot.robot import Robot
-from robot_ident.simulation.measuring_faults import draw_fault, recordings_with
+from robot_ident.simulation.measuring_faults import MeasuringFault, draw_fault, recordings_with
 from robot_ident.simulation.scenario import Scenario, draw_scenario
 
 MEASUREMENT = "measurement"
@@ -135,10 +135,16 @@ def _run_measuring_case(case: Case, setting: Setting) -> Outcome:
     started = time.process_time()
     found = diagnose(measurements, structure)
     seconds = time.process_time() - started
-    fits = estimate(measurements, structure).residual
-    excess = [max(0.0, fit.mse - (fit.noise_variance or 0.0)) ** 0.5 for fit in fits.values()]
-    scenario = Scenario(MEASUREMENT, case.seed, robot.name, (fault.text(robot),), (), tuple(excess))
+    visible = _visible_of_fault(fault, case, setting, structure)
+    scenario = Scenario(MEASUREMENT, case.seed, robot.name, (fault.text(robot),), (), visible)
     return _outcome(scenario, robot, found, None, None, seconds, "")
+
+
+def _visible_of_fault(fault: MeasuringFault, case: Case, setting: Setting, structure: Structure) -> tuple[float, ...]:
+    """Return the rms [n] Nm that a model leaves of recordings with a fault and without noise, fitted to them."""
+    quiet = recordings_with(fault, setting.robot, setting.training, periods=_UNSEEN_PERIODS, noise=0.0, seed=case.seed)
+    fits = estimate([process(recording, setting.robot) for recording in quiet], structure, estimator="ls").residual
+    return tuple(fit.rms for fit in fits.values())
 
 
 def _errors(

@@ -59,7 +59,7 @@ def contradiction(judged: Sequence[Declared], robot: Robot) -> Contradiction | N
     if behind and min(d.friction for d in behind) > _LOST:
         return Contradiction("effort.side", "link", "effort: {side: joint}", {d.joint: d.share for d in behind})
     scaled = [d for d in trusted if d.verdict == "factor" and _scaled(d) and not robot.in_ampere(_index(robot, d))]
-    return _factor(scaled, robot) if scaled else None
+    return _factor(scaled, robot, alone=len(scaled) == len(trusted)) if scaled else None
 
 
 def _turned(d: Declared) -> bool:
@@ -81,13 +81,15 @@ def _sign(turned: Sequence[Declared], robot: Robot, *, alone: bool) -> Contradic
     share = {d.joint: d.share for d in turned}
     signs = {robot.effort.of(d.joint).sign for d in turned}
     sign = robot.effort.of(turned[0].joint).sign
-    if alone and len(signs) == 1 and len(turned) > 1:
+    common = all(robot.effort.of(d.joint) == robot.effort.common for d in turned)
+    if alone and common and len(signs) == 1 and len(turned) > 1:
         return Contradiction("effort.sign", str(sign), f"effort: {{sign: {-sign}}}", share)
     first = turned[0].joint
-    return Contradiction(f"joints.{first}.effort.sign", str(sign), f"{first}: {{effort: {{sign: {-sign}}}}}", share)
+    change = ", ".join(f"{d.joint}: {{effort: {{sign: {-robot.effort.of(d.joint).sign}}}}}" for d in turned)
+    return Contradiction(f"joints.{first}.effort.sign", str(sign), change, share)
 
 
-def _factor(scaled: Sequence[Declared], robot: Robot) -> Contradiction:
+def _factor(scaled: Sequence[Declared], robot: Robot, *, alone: bool) -> Contradiction:
     """Return what makes of the shares a torque: side, quantity, or the constants."""
     share = {d.joint: d.share for d in scaled}
     declared = [robot.effort.of(d.joint) for d in scaled]
@@ -95,21 +97,32 @@ def _factor(scaled: Sequence[Declared], robot: Robot) -> Contradiction:
     ratio = robot.drives.gear_ratio[joints]
     constant = robot.drives.torque_constant[joints]
     sizes = np.array(list(share.values()))
-    where = "effort" if len(scaled) > 1 or robot.n == 1 else f"joints.{scaled[0].joint}.effort"
+    common = (alone or robot.n == 1) and all(e == robot.effort.common for e in declared)
+    where = "effort" if common and (len(scaled) > 1 or robot.n == 1) else f"joints.{scaled[0].joint}.effort"
+
+    def change(*words: str) -> str:
+        """Return the entry with a word for all of them, or that of each joint with its own."""
+        if where == "effort":
+            return f"effort: {words[0]}"
+        own = words if len(words) == len(scaled) else words * len(scaled)
+        return ", ".join(f"{d.joint}: {{effort: {word}}}" for d, word in zip(scaled, own, strict=True))
+
     if all(e.side != "motor" for e in declared) and _all_near(sizes * ratio):
-        return Contradiction(f"{where}.side", declared[0].side, "effort: {side: motor}", share)
+        return Contradiction(f"{where}.side", declared[0].side, change("{side: motor}"), share)
     if all(e.side == "motor" for e in declared) and _all_near(sizes / ratio):
-        return Contradiction(f"{where}.side", "motor", "effort: {side: joint}", share)
+        return Contradiction(f"{where}.side", "motor", change("{side: joint}"), share)
     if all(e.quantity == "current" for e in declared):
         if _all_near(sizes / constant):
-            return Contradiction(f"{where}.quantity", "current", "effort: torque", share)
+            return Contradiction(f"{where}.quantity", "current", change("torque"), share)
         return _constants(scaled, constant, share)
     if np.all(sizes < 1.0 / _FAR) and np.ptp(np.log(sizes)) < np.log(_FAR * 10) and sizes.max() > 2e-3:
         fit = ", ".join(f"{d.joint} {1 / d.share:.3g}" for d in scaled)
-        change = f"effort: current, with torque_constant by joint if known ({fit} Nm/A would fit)"
-        return Contradiction(f"{where}.quantity", "torque", change, share)
-    gain = _told_gain(declared[0], float(np.exp(np.mean(np.log(sizes)))))
-    return Contradiction(f"{where}.gain", f"{declared[0].gain:g}", f"effort: {{gain: {gain:.3g}}}", share)
+        hint = f"{change('current')}, with torque_constant by joint if known ({fit} Nm/A would fit)"
+        return Contradiction(f"{where}.quantity", "torque", hint, share)
+    each = sizes if where != "effort" else np.exp(np.mean(np.log(sizes), keepdims=True))
+    gains = [_told_gain(effort, float(size)) for effort, size in zip(declared, each, strict=False)]
+    told = change(*(f"{{gain: {gain:.3g}}}" for gain in gains))
+    return Contradiction(f"{where}.gain", f"{declared[0].gain:g}", told, share)
 
 
 def _constants(scaled: Sequence[Declared], constant: np.ndarray, share: Mapping[str, float]) -> Contradiction:

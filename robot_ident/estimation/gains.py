@@ -15,6 +15,7 @@ from typing import Any
 import numpy as np
 
 from robot_ident.errors import InputError
+from robot_ident.estimation.declaration import judge_all
 from robot_ident.estimation.equations import Equations
 from robot_ident.estimation.problem import Problem
 from robot_ident.estimation.row_noise import row_noise
@@ -26,9 +27,9 @@ from robot_ident.recording.recording import Recording
 from robot_ident.robot.load import definition_of, robot_of
 from robot_ident.robot.robot import Definition, Robot
 
-_VAGUE = 1.0  # standard deviation of ln K about what the URDF's masses make of it, before data
-_UNTOLD = 0.5  # the same after data: more says that these tell nothing of the gain
-_UNKNOWN = 0.2  # standard deviation of ln K from which on a gain is not known
+_VAGUE = 1.0  # standard deviation of ln K before data, about what the URDF's masses or the other drives make of it
+_SURE = 3.0  # sigma of a share of the URDF's torque that tells a gain to begin with
+_UNKNOWN = 0.2  # standard deviation of ln K after data from which on a gain is not known
 _LOADED = 0.01  # share of a joint's torque that a payload must make
 _ROUNDS = 30
 _STILL = 1e-7  # of ln K, between rounds
@@ -85,7 +86,11 @@ class Gains:
         if self.unloaded:
             notes.append(f"the payload does not load {', '.join(self.unloaded)}: gains there come by the links alone")
         if self.unknown:
-            notes.append(f"the gain of {', '.join(self.unknown)} stays unknown: results there carry the unit A")
+            values = ", ".join(f"{v:.3g}" for j, v in zip(self.joints, self.values, strict=True) if j in self.unknown)
+            notes.append(
+                f"the gain of {', '.join(self.unknown)} stays unknown: results there carry the unit A, of a drive of"
+                f" 1 {self.units[0]}, with {values} for it; give its torque_constant where a data sheet knows it"
+            )
         return tuple(notes)
 
 
@@ -119,6 +124,7 @@ def estimate_gains(measurements: Sequence[Measurement], structure: Structure) ->
     problem = Problem(measurements, structure)
     equations = problem.equations(structure, None)
     load = _payload(measurements, equations, robot)
+    equations = replace(equations, torque=_with_payload(equations, load, robot))
     stated = [m.conditions.payload for m in measurements]
     absolute = any(stated) or len(free) < robot.n
     if any(stated) and len(set(stated)) < 2:
@@ -126,15 +132,14 @@ def estimate_gains(measurements: Sequence[Measurement], structure: Structure) ->
             f"{problem.source}: all were recorded with the same payload; drive gains need one without it, or another"
         )
     currents = _Currents(problem, equations, load, free)
-    start = _start(currents, measurements, robot)
+    start = _start(measurements, robot)
     if not absolute:
         start = start / start[free[0]]
     held = () if absolute else (free[0],)  # the drive that sets the scale
     g, logarithm = _search(currents, 1.0 / start, held)
-    vague = tuple(joint for joint, spread in zip(free, np.diag(logarithm), strict=True) if spread > _UNTOLD**2)
-    if vague:  # what the data don't tell stays where the URDF's masses put it
-        g = g.copy()
-        g[list(vague)] = 1.0 / start[list(vague)]
+    vague = tuple(joint for joint, spread in zip(free, np.diag(logarithm), strict=True) if spread > _UNKNOWN**2)
+    if vague:
+        g = _like_the_others(g, vague, free, robot)
         g, logarithm = _search(currents, g, (*held, *vague))
         logarithm += np.diag([_VAGUE**2 if joint in vague else 0.0 for joint in free])
     return _gains(currents, robot, 1.0 / g, logarithm, absolute=absolute)
@@ -161,19 +166,34 @@ def _payload(measurements: Sequence[Measurement], equations: Equations, robot: R
     return out
 
 
-def _start(currents: _Currents, measurements: Sequence[Measurement], robot: Robot) -> Array:
-    """Return gains [n] with which the URDF's torque and the currents are alike in size, 1 where they are known."""
-    equations, out = currents.equations, np.ones(robot.n)
-    needed = np.zeros(equations.rows)
-    for block, measured in enumerate(measurements):
-        rows = equations.block == block
-        whole = measured.passed(robot.rigid.inverse_dynamics(measured.motion))
-        needed[rows] = whole[equations.sample[rows], equations.joint[rows]]
-    needed = needed + currents.load
-    for joint in currents.free:
-        rows = equations.joint == joint
-        size, current = np.linalg.norm(needed[rows]), np.linalg.norm(equations.torque[rows])
-        out[joint] = size / current if size > 0 and current > 0 else 1.0
+def _with_payload(equations: Equations, load: Array, robot: Robot) -> Array:
+    """Return the torque [R] as it was measured, with what was taken off of a payload's torque [R] put back."""
+    return np.asarray(equations.torque + robot.compares_with_newton_metres[equations.joint] * load)
+
+
+def _start(measurements: Sequence[Measurement], robot: Robot) -> Array:
+    """Return gains [n] to begin with: what the URDF's masses make of them, friction set apart; 1 where they are known.
+
+    Where that tells nothing, as of a last joint whose torque is all friction, the drive counts as like the others.
+    """
+    out = np.ones(robot.n)
+    free = [joint for joint in range(robot.n) if robot.in_ampere(joint)]
+    for joint, declared in enumerate(judge_all(measurements, robot)):
+        if joint in free:
+            out[joint] = 1.0 / declared.share if declared.share > _SURE * declared.std else np.nan
+    untold = tuple(joint for joint in free if np.isnan(out[joint]))
+    return 1.0 / _like_the_others(1.0 / out, untold, free, robot)
+
+
+def _like_the_others(g: Array, untold: Sequence[int], free: Sequence[int], robot: Robot) -> Array:
+    """Return g [n] where drives that nothing tells of have the geometric mean of the others of their kind, or 1.
+
+    What is taken for them matters little: they are those whose torque beside friction hardly exceeds its noise.
+    """
+    out = np.array(g)
+    for joint in untold:
+        others = [k for k in free if k not in untold and robot.prismatic[k] == robot.prismatic[joint]]
+        out[joint] = float(np.exp(np.mean(np.log(g[others])))) if others else 1.0
     return out
 
 
@@ -283,7 +303,7 @@ def robot_with(robot: Robot, gains: Gains) -> Robot:
     joints: Mapping[str, Any] = data.get("joints") or {}
     made = {name: dict(joints.get(name) or {}) for name in robot.joints}
     for k, name in enumerate(gains.joints):
-        value = float(gains.values[k]) * robot.effort.of(name).relative
+        value = float(gains.values[k]) * (robot.effort.of(name).relative or 1.0)
         if name in gains.unknown:
             told = made[name].get("effort", {})
             told = {"quantity": told} if isinstance(told, str) else dict(told)
@@ -315,7 +335,8 @@ def spread_by_gains(gains: Gains, measurements: Sequence[Measurement], structure
     """Return the covariance [p, p] that linear parameters have by that of the gains: D C D', D = d theta / d ln K."""
     problem = Problem(measurements, structure)
     equations = problem.equations(structure, values)
-    torque = equations.torque + _payload(measurements, equations, structure.robot)
+    load = _payload(measurements, equations, structure.robot)
+    torque = _with_payload(equations, load, structure.robot)
     columns = [np.where(equations.joint == structure.robot.joint_index(joint), torque, 0.0) for joint in gains.joints]
     slopes = problem.factored(equations.phi, structure.names).solve(problem.right(np.column_stack(columns)))
     return np.asarray(slopes @ gains.logarithm @ slopes.T)

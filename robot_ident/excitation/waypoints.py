@@ -127,6 +127,10 @@ def plan_tour(
     require_limits(robot)
     certifier = Certifier(robot)
     legs, refused = _legs(target, waypoints, certifier, sample_rate)
+    if not legs:
+        raise InputError(
+            f"--waypoints: no approved move keeps the robot's limits at any speed{_outside(waypoints, robot)}"
+        )
     best = _annealed(legs, length, len(target.structure.parameters), seed, progress)
     points = np.array([waypoints.poses[leg.start] for leg in best] + [waypoints.poses[best[0].start]])
     paces = np.array([leg.pace for leg in best])
@@ -136,6 +140,15 @@ def plan_tour(
     rows = np.concatenate([leg.rows for leg in best]) * np.sqrt(repeats)
     names = (*(leg.start for leg in best), best[0].start)
     return Tour(names, tuple(paces.tolist()), cycle, motion, evaluate_rows(rows), certifier.margins(cycle), refused)
+
+
+def _outside(waypoints: Waypoints, robot: Robot) -> str:
+    """Return the first pose beyond a joint's limits, in words."""
+    for name, pose in waypoints.poses.items():
+        for joint, angle, lower, upper in zip(robot.joints, pose, robot.limits.lower, robot.limits.upper, strict=True):
+            if not lower <= angle <= upper:
+                return f": poses.{name}: {joint} = {angle:g} is not within {lower:g} to {upper:g} (rad or m)"
+    return ""
 
 
 def _legs(

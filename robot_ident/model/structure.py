@@ -225,8 +225,9 @@ def _behind_the_gear(robot: Robot) -> list[str]:
 
 
 def _linear(robot: Robot, base: BaseParameters, effects: Sequence[Effect]) -> tuple[Parameter, ...]:
+    ampere = robot.ampere_joints == robot.joints  # a joint in Nm sets the scale of what joints share
     rigid = [
-        Parameter(name, in_ampere(unit) if robot.ampere_joints else unit, robot.joints[link], "rigid_body", rule)
+        Parameter(name, in_ampere(unit) if ampere else unit, robot.joints[link], "rigid_body", rule)
         for name, unit, link, rule in zip(base.names, base.units, base.links, base.rules, strict=True)
     ]
     further = [

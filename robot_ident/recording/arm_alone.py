@@ -18,16 +18,15 @@ def arm_alone(measured: Measurement, conditions: Conditions, robot: Robot) -> Me
 
     tau - Y_last pi_payload of a known payload. With another gravity than the robot's the motion carries it, and what
     the URDF's inertias need there beyond its base parameters is taken off: no recording in the usual pose shows it.
-    Where a drive's gain is unknown the payload stays: it is what tells the gain.
+    At drives of unknown gain the payload stays: it is what tells the gain.
     """
     motion = measured.motion
     extra = np.zeros_like(measured.torque)
     if conditions.gravity is not None:
         motion = replace(motion, gravity=conditions.gravity)
         extra += _beyond_base(robot, motion)
-    if conditions.payload is not None and not robot.ampere_joints:
-        extra += conditions.payload.torque(robot, motion)
-    notes = conditions.notes(off=not robot.ampere_joints)
+    extra += _of_payload(conditions, motion, robot)
+    notes = conditions.notes(off=bool(robot.compares_with_newton_metres.any()))
     single = measured.period_torque
     return replace(
         measured,
@@ -37,6 +36,19 @@ def arm_alone(measured: Measurement, conditions: Conditions, robot: Robot) -> Me
         notes=(*measured.notes, *notes),
         conditions=conditions,
     )
+
+
+def with_payload(measured: Measurement, robot: Robot) -> Measurement:
+    """Return a measurement of `arm_alone` with the torque of its known payload in it, as it was measured."""
+    return replace(measured, torque=measured.torque + _of_payload(measured.conditions, measured.motion, robot))
+
+
+def _of_payload(conditions: Conditions, motion: Motion, robot: Robot) -> Array:
+    """Return the torque [N, n] Nm of a known payload at the drives whose effort compares with it."""
+    known = robot.compares_with_newton_metres
+    if conditions.payload is None or not known.any():
+        return np.zeros_like(motion.q)
+    return np.asarray(known * conditions.payload.torque(robot, motion))
 
 
 def _beyond_base(robot: Robot, motion: Motion) -> Array:

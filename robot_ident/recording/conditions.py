@@ -8,9 +8,9 @@ from pathlib import Path
 from typing import Annotated, Any, Literal
 
 import numpy as np
-from pydantic import Field
+from pydantic import Discriminator, Field, Tag
 
-from robot_ident.configuration import Closed, read, schema, to_yaml
+from robot_ident.configuration import ALTERNATIVE, Closed, read, schema, to_yaml
 from robot_ident.errors import InputError
 from robot_ident.motion import Array, Motion
 from robot_ident.robot.robot import Robot
@@ -18,6 +18,7 @@ from robot_ident.robot.robot import Robot
 Positive = Annotated[float, Field(gt=0)]
 Vector = tuple[float, float, float]
 SCHEMA = "robot_ident/conditions/1"
+_GRAVITY = 1.5, 30.0  # m/s^2, from the Moon's to far beyond the Earth's
 
 
 @dataclass(frozen=True)
@@ -97,6 +98,9 @@ class Conditions:
         return to_yaml(self.to_dict())
 
 
+_BODY, _WORD = ALTERNATIVE + "body", ALTERNATIVE + "word"  # so that a mistake in one is not told as one in both
+
+
 class PayloadFile(Closed):
     """A known payload in a sidecar."""
 
@@ -107,11 +111,20 @@ class PayloadFile(Closed):
     )
 
 
+def _kind(value: Any) -> str:
+    return _BODY if isinstance(value, (dict, PayloadFile)) else _WORD
+
+
+PayloadField = Annotated[
+    Annotated[PayloadFile, Tag(_BODY)] | Annotated[Literal["estimate", "none"], Tag(_WORD)], Discriminator(_kind)
+]
+
+
 class ConditionsFile(Closed):
     """`BAG.conditions.yaml` (`schema: robot_ident/conditions/1`)."""
 
     schema_: schema(SCHEMA) = Field(alias="schema", description="what this file is")  # type: ignore[valid-type]
-    payload: PayloadFile | Literal["estimate", "none"] = Field("none", description="in the hand, or to be estimated")
+    payload: PayloadField = Field("none", description="in the hand, or to be estimated")
     tool: str = Field("", description="what is mounted; it belongs to the arm")
     gravity: Vector | None = Field(None, description="in the base's frame, m/s^2; default the robot's")
     temperature: float | None = Field(None, description="deg C")
@@ -135,8 +148,10 @@ def read_conditions(bag: Path | str) -> Conditions:
     if isinstance(file.payload, PayloadFile):
         payload = KnownPayload(file.payload.mass, file.payload.centre, file.payload.inertia)
         _check_inertia(payload, path)
-    if file.gravity is not None and not np.any(file.gravity):
-        raise InputError(f"{path}: gravity = {list(file.gravity)}: leave it out, or say where down is")
+    if file.gravity is not None and not _GRAVITY[0] <= np.linalg.norm(file.gravity) <= _GRAVITY[1]:
+        raise InputError(
+            f"{path}: gravity = {list(file.gravity)}: m/s^2 in the base's frame was expected, 9.81 of them towards down"
+        )
     return Conditions(
         payload,
         file.payload == "estimate",

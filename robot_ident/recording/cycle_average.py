@@ -16,6 +16,7 @@ from robot_ident.recording.periodic import of_mean
 from robot_ident.recording.recording import Recording
 from robot_ident.robot.robot import Robot
 
+_ROWS = 5.0  # a second per Hz of the low pass: it leaves 7e-4 of what lies beyond half of that
 _TOUCHED = 0.02  # of a filtered row: the share of standstill from which on it counts as standstill
 
 
@@ -46,7 +47,8 @@ def averaged_cycles(
     """Return the mean cycle of a recording; torque and columns pass a low pass, as those of one pass do.
 
     A robot's moves begin and end at rest with acceleration that jumps: more than the positions can tell. Rows that
-    the low pass mixes with standstill, where stiction hides the torque, don't count.
+    the low pass mixes with standstill, where stiction hides the torque, don't count; of the others as many are kept
+    as tell anything new, columns being computed at every sample before they pass it.
     """
     mean = mean_cycle(recording, clock, cycles)
     samples = sum(cycles.samples)
@@ -64,6 +66,7 @@ def averaged_cycles(
         motion=replace(made.motion, began=began),
         used=made.used & ~touched,
         low_pass=low_pass,
+        decimate=max(made.decimate, int(1.0 / (_ROWS * cutoff * made.dt))),
         cycles=cycles,
         notes=(*cycle_notes(cycles, mean), f"low-passed at {cutoff:g} Hz", *made.notes),
     )

@@ -75,7 +75,7 @@ def _current_of(torque: Array, robot: Robot, joint: int) -> Array:
 def _constant(robot: Robot, joint: int) -> float:
     """Return a drive's Nm/A; where nobody knows it, its A over the A of the others."""
     if robot.in_ampere(joint):
-        return robot.effort.of(robot.joints[joint]).relative
+        return robot.effort.of(robot.joints[joint]).relative or 1.0
     return float(robot.drives.torque_constant[joint])
 
 

@@ -19,7 +19,8 @@ class Effort:
     """What one joint reports: reported * sign * gain is a torque Nm (a force N) or a current A, measured at a side.
 
     gravity: whether it holds the torque of the arm's weight (`included`) or the driver took that out (`removed`).
-    relative: A over A that makes drives of unknown gains comparable, where nobody knows the gain itself.
+    relative: what makes a drive of unknown gain comparable with the others (A over A, or Nm/A that stand in for it),
+    None: nothing does.
     """
 
     quantity: Literal["torque", "current"] = "torque"
@@ -27,7 +28,7 @@ class Effort:
     sign: Literal[1, -1] = 1
     gain: float = 1.0
     gravity: Literal["included", "removed"] = "included"
-    relative: float = 1.0
+    relative: float | None = None
 
 
 @dataclass(frozen=True)

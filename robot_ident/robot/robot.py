@@ -142,6 +142,13 @@ class Robot:
         """The joints whose results carry the unit A."""
         return tuple(name for joint, name in enumerate(self.joints) if self.in_ampere(joint))
 
+    @property
+    def compares_with_newton_metres(self) -> np.ndarray:
+        """Whether a joint's measured torque stands beside one in Nm [n]: known, or by a relative gain beside known."""
+        ampere = np.array([self.in_ampere(joint) for joint in range(self.n)])
+        stands_in = np.array([self.effort.of(name).relative is not None for name in self.joints])
+        return np.asarray(~ampere | (stands_in & (not ampere.all())))
+
     def side(self, joint: int) -> Side:
         """Return where a joint's effort is measured."""
         return self.effort.of(self.joints[joint]).side

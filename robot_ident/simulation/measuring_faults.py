@@ -163,7 +163,11 @@ class StampJitter(MeasuringFault):
 
 
 class LinkLength(MeasuringFault):
-    """A joint that is mounted elsewhere than the URDF says: its origin in the frame before is off by (x, y, z)."""
+    """A joint that is mounted elsewhere than the URDF says: its origin in the frame before is off by (x, y, z).
+
+    Base parameters absorb most of it, and all of it along the joint's own axis or that of the joint before: 50 mm leave
+    at most 0.15 Nm rms of the KUKA's torque.
+    """
 
     name = "link_length"
 

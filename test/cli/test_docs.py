@@ -96,7 +96,7 @@ WORDS: dict[str, list[str]] = {
     "predict": ["MODEL", "BAG", "-o", "OUT"],
     "validate": ["MODEL", "BAG"],
     "compare": ["MODEL", "OTHER"],
-    "diagnose": ["MODEL", "OTHER", "--validation", "OTHER"],
+    "diagnose": ["MODEL", "OTHER", "--validation", "BAG"],
     "report": ["MODEL", "--bag", "OTHER", "--validation", "OTHER", "--trajectory", "EXC", "-o", "OUT"],
     "add": ["MODEL", "torque_offset@joint_2", "--bag", "OTHER"],
     "effects": [],

@@ -9,6 +9,7 @@ from collections.abc import Callable
 
 import pytest
 
+from robot_ident.cli.main import main
 from robot_ident.cli.output import say, table
 
 ROWS = [("stribeck", 1.5, "friction that falls as a lubricant film builds up between the surfaces of the gear")]
@@ -70,3 +71,14 @@ def test_numbers_are_never_broken(terminal: Callable[..., Terminal]) -> None:
 def test_rows_may_come_one_by_one() -> None:
     lines = table(("name", "value"), ((f"row {k}", k) for k in range(2))).splitlines()
     assert lines[2:] == ["row 0      0", "row 1      1"]
+
+
+def test_ctrl_c_while_a_verb_is_loaded_is_one_line(
+    monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
+) -> None:
+    def interrupted(name: str) -> None:
+        raise KeyboardInterrupt
+
+    monkeypatch.setattr("robot_ident.cli.main.importlib.import_module", interrupted)
+    assert main(["identify", "bag"]) == 130
+    assert capsys.readouterr().err == "robot_ident identify: stopped; nothing was written\n"

@@ -12,7 +12,7 @@ import numpy as np
 import pytest
 
 from robot_ident.diagnosis.score import confusion, rates, removed_quantiles, wilson
-from robot_ident.diagnosis.trial import Case, Outcome, Setting, run_case
+from robot_ident.diagnosis.trial import MEASUREMENT, Case, Outcome, Setting, run_case
 from robot_ident.excitation.excitation import Excitation
 from robot_ident.simulation.scenario import draw_scenario
 from robot_ident.simulation.sealed import seal
@@ -76,6 +76,17 @@ def test_pairs_and_background() -> None:
     found = {r.name: r for r in rates([pair, both, behind, also, stranger, like_it], least=1.0)}
     assert (found["pair_found_nothing_else"].successes, found["pair_found_nothing_else"].cases) == (1, 2)
     assert (found["named_right_with_background"].successes, found["named_right_with_background"].cases) == (3, 4)
+
+
+def test_a_fault_counts_as_found_only_where_it_shows() -> None:
+    found_one = replace(RIGHT, kind=MEASUREMENT, truth=("effort_gain@joint_2",), named=("effort_gain@joint_2",))
+    rubs = replace(found_one, seed=2, named=("stribeck@joint_2",))
+    faint = replace(found_one, seed=3, truth=("link_length@joint_2",), named=(), tied=(), visible={"joint_1": 0.1})
+    invented = replace(faint, seed=4, named=("stribeck@joint_2",), tied=((),))
+    found = {r.name: r for r in rates([found_one, rubs, faint, invented], least=1.0)}
+    assert (found["fault_named"].successes, found["fault_named"].exceptions) == (1, (2,))
+    assert (found["invisible_fault_named"].successes, found["invisible_fault_named"].cases) == (1, 2)
+    assert (found["friction_named_for_fault"].successes, found["friction_named_for_fault"].exceptions) == (2, (2, 4))
 
 
 def test_nothing_added_removes_nothing() -> None:

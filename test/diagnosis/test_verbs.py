@@ -120,6 +120,7 @@ def test_bad_input_is_one_line(verb: Verb, files: Any, bench: Any, tmp_path: Pat
         (["add", model, "viscous@joint_1", "--bag", bag], "in the model already"),
         (["add", bag, "stribeck@joint_2", "--bag", bag], "not a model"),
         (["diagnose", model, strange], "joint 'joint_1' is missing"),
+        (["diagnose", model, bag, "--validation", bag], "is one of the fitted recordings"),
         (["diagnose", model, bag, "--validation", strange], "joint 'joint_1' is missing"),
         (["diagnose", model, bag, "--validation", alike], "a recording of another robot than kuka_ir361?"),
         (["add", model, "stribeck@joint_2", "--bag", bag, "--validation", alike], "a recording of another robot"),

@@ -66,6 +66,21 @@ def test_all_signs_turned_and_one(arm: Any, recording: Any) -> None:
     assert (told.entry, told.change) == ("joints.joint_2.effort.sign", "joint_2: {effort: {sign: -1}}")
 
 
+def test_joints_of_their_own_are_changed_where_they_stand(arm: Any, recording: Any) -> None:
+    single = {"joint_2": Effort(gain=10.0), "joint_3": Effort(gain=0.01)}
+    strong = replace(arm.robot, limits=replace(arm.robot.limits, torque=np.full(3, np.inf)))
+    told = found(recording, replace(strong, effort=Efforts(by_joint=single)))
+    assert told is not None
+    assert told.entry == "joints.joint_2.effort.gain"
+    assert told.change == "joint_2: {effort: {gain: 1}}, joint_3: {effort: {gain: 1}}"
+    told = found(recording, replace(arm.robot, effort=Efforts(by_joint={"joint_2": Effort(quantity="current")})))
+    assert told is not None
+    assert told.change == "joint_2: {effort: torque}"
+    told = found(recording, replace(arm.robot, effort=Efforts(by_joint={j: Effort(sign=-1) for j in arm.robot.joints})))
+    assert told is not None
+    assert told.change.startswith("joint_1: {effort: {sign: 1}}, joint_2: {effort: {sign: 1}}")
+
+
 def test_motor_side(arm: Any, recording: Any) -> None:
     geared = replace(arm.robot, drives=replace(arm.robot.drives, gear_ratio=np.array([100.0, 80.0, 60.0])))
     motor = replace(recording, tau=recording.tau / geared.drives.gear_ratio)

@@ -178,3 +178,35 @@ def test_the_command_line_takes_the_payload_from_the_sidecar(
     captured = capsys.readouterr()
     assert "drive gains by the payload, Nm/A: shoulder_pan_joint 0.11" in captured.err
     assert "kg m^2" in captured.out
+
+
+def test_a_drive_that_nothing_tells_of_does_not_harm_the_others(
+    robots: tuple[Robot, Robot], recordings: tuple[Recording, Recording]
+) -> None:
+    """A payload on the last axis loads five joints; what the sixth needs beside friction drowns in noise."""
+    truth = robots[0]
+    play = Play.of(
+        truth, plant_physics(truth, ["payload:payload=5,x=0,y=0,z=0"]), standard_motions(truth)[0], sample_rate=100.0
+    )
+    loaded = replace(play.record(16, seed=1), conditions=Conditions(KnownPayload(5.0)))
+    noise = np.random.default_rng(3)
+    runs = []
+    for run in (recordings[0], loaded):
+        tau = np.array(run.tau)
+        tau[:, 5] += 0.5 * np.std(tau[:, 5]) * noise.standard_normal(len(tau))
+        runs.append(replace(run, tau=tau))
+    found = identify(runs, robots[1])
+    assert found.gains is not None
+    assert found.robot.ampere_joints == (JOINTS[5],)
+    assert [one["unit"] for one in found.gains] == ["Nm/A"] * 5 + ["A/A"]
+    np.testing.assert_allclose([one["value"] for one in found.gains[:5]], GAINS[:5], rtol=0.02)
+    told = [one["value"] for one in found.gains[:5]]
+    assert min(told) < found.gains[5]["value"] < max(told), "like the others, where nothing tells"
+    assert any(f"the gain of {JOINTS[5]} stays unknown" in note for note in found.notes)
+    for joint, fit in found.residual.items():
+        assert fit.noise_variance is not None
+        assert fit.mse < 1.5 * fit.noise_variance, joint
+    rigid = [k for k, p in enumerate(found.parameters) if p.effect == "rigid_body"]
+    assert {found.parameters[k].unit for k in rigid} == {"kg m^2", "kg m"}
+    error = (found.values - found.structure.true_values())[rigid] / found.std[rigid]
+    assert np.abs(error).max() < 5.0

@@ -137,6 +137,10 @@ def test_the_command_line(
     words = ["identify", str(bag), "--only", "payload"]
     assert main(words) == 2
     assert "--model model.yaml is needed" in capsys.readouterr().err
+    assert main(["identify", str(bag), "--model", str(file)]) == 2
+    assert "goes with --only payload" in capsys.readouterr().err
+    assert main([*words, "--model", str(file), "--physical"]) == 2
+    assert "does not go with --physical" in capsys.readouterr().err
     assert main(["identify", str(bag), "--robot", arm.source]) == 2
     assert "leave the payload to be estimated" in capsys.readouterr().err
     assert main([*words, "--model", str(file), "-o", str(out), "--json"]) == 0

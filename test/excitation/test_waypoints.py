@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from dataclasses import replace
 from pathlib import Path
 from typing import Any
 
@@ -85,6 +86,13 @@ def test_lists_that_can_not_be_used_are_one_line(listed: Any, change: tuple[str,
     with pytest.raises(InputError) as raised:
         listed(text=LIST.replace(*change))
     assert words in str(raised.value)
+
+
+def test_poses_in_degrees_are_named(arm: Any, listed: Any) -> None:
+    waypoints = replace(listed(), poses={"home": np.zeros(3), "pick": np.array([45.0, 10.0, 0.0])})
+    waypoints = replace(waypoints, moves=(("home", "pick"), ("pick", "home")))
+    with pytest.raises(InputError, match="poses.pick: joint_1 = 45 is not within"):
+        plan_tour(Target.of_robot(arm.robot), waypoints)
 
 
 def test_moves_without_a_way_back_are_refused(arm: Any, listed: Any) -> None:

@@ -116,7 +116,7 @@ def test_hardware_needs_a_controller_that_holds(
         states.publish(message)
 
     client.create_timer(0.01, tell)
-    ways = {"trajectory": trajectory, "autostart": True, "exit_when_done": True, "state_wait": 4.0, **PATIENT}
+    ways = {"trajectory": trajectory, "autostart": True, "exit_when_done": True, "state_wait": 12.0, **PATIENT}
     publisher = start("trajectory_publisher", **ways)
     assert publisher.wait() == 2
     assert "on hardware, name the controller that holds the robot by itself" in publisher.text

@@ -105,8 +105,12 @@ def test_the_sidecar_is_read_with_its_bag(robot: Robot, series: FourierSeries, t
     [
         ("payload: {mass: -1}", "payload"),
         ("payload: {mass: 1, inertia: [1, 0, 1, 0, 0, 5]}", "no body has these moments"),
-        ("payload: heavy", "payload"),
+        ("payload: heavy", "yaml: payload = 'heavy': Input should be 'estimate' or 'none'"),
+        ("payload: {mass: 5 kg}", "yaml: payload.mass = '5 kg': Input should be a valid number"),
+        ("payload: {mas: 5}", "'payload.mass' is missing; unknown key 'payload.mas'"),
         ("gravity: [0, 0, 0]", "gravity = [0.0, 0.0, 0.0]"),
+        ("gravity: [0, 0, -1]", "m/s^2 in the base's frame was expected"),
+        ("gravity: [0, 0, -9810]", "m/s^2 in the base's frame was expected"),
         ("temprature: 20", "unknown key 'temprature'"),
         ("day: yesterday", "day = 'yesterday'"),
     ],

@@ -56,11 +56,20 @@ def test_the_noise_floor_is_the_noise(arm: Any, measured: Measurement) -> None:
     assert measured.cycles is not None
     assert measured.periods == 39
     exact = arm.structure.columns(measured.motion) @ arm.structure.true_values()
-    rest = np.where(measured.used, measured.passed(measured.torque - exact), np.nan)
+    rest = np.where(measured.used[measured.rows], measured.passed(measured.torque - exact), np.nan)
     # stiction holds another torque at each rest, which the scatter counts as noise: the floor is high by a tenth or so
     assert np.all(np.nanmean(rest**2, axis=0) / measured.averaged_variance < 1.3)
-    noise = measured.averaged_variance * measured.averages / measured.independent
+    assert measured.low_pass is not None
+    noise = measured.averaged_variance * measured.averages / measured.low_pass.independent
     np.testing.assert_allclose(noise / arm.robot.noise.torque_variance, 1.0, atol=0.25)
+
+
+def test_rows_that_the_low_pass_makes_alike_are_not_kept(measured: Measurement) -> None:
+    assert measured.low_pass is not None
+    assert measured.decimate > 1
+    assert 4.0 < 1.0 / (measured.dt * measured.decimate * measured.low_pass.cutoff) < 10.0
+    kept = len(measured.passed(measured.torque)) * measured.independent
+    assert kept == pytest.approx(measured.low_pass.independent * measured.motion.samples, rel=0.01), "none is lost"
 
 
 @pytest.mark.parametrize("law", ["smooth", "fastest"])
