@@ -26,6 +26,18 @@ window.dash_clientside = window.dash_clientside || {};
     return { of: name.startsWith("{") ? JSON.parse(name) : name, value: hit.value, count };
   };
 
+  // A deed is taken from the click itself: a button that is redrawn in the same moment would take its click with it.
+  document.addEventListener(
+    "click",
+    (event) => {
+      const button = event.target.closest('button[id*=\'"do":\']');
+      if (!button || button.disabled) return;
+      count += 1;
+      window.dash_clientside.set_props("pressed", { data: { of: JSON.parse(button.id), count } });
+    },
+    true
+  );
+
   const each = (ids, of) => ids.map((id) => of(Object.values(id)[0]));
   const marks = (ids, chosen) => each(ids, (own) => String(own === chosen));
 

@@ -6,8 +6,6 @@ from typing import Any
 
 from dash import ALL, ClientsideFunction, Dash, Input, Output, State
 
-DEEDS = {"do": ALL, "label": ALL, "at": ALL}
-
 
 def register(app: Dash) -> None:
     """Register the callbacks that run in the browser."""
@@ -30,7 +28,6 @@ def register(app: Dash) -> None:
         at_first=False,
     )
     run("ticked", Output({"tick": ALL}, "aria-checked"), Input("overlays", "data"), Input({"tick": ALL}, "id"))
-    run("real", Output("pressed", "data"), Input(DEEDS, "n_clicks"), at_first=False)
     run(
         "real",
         Output("brushing", "data"),
