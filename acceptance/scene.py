@@ -1,6 +1,7 @@
 """A robot that plays while something goes wrong: real processes over real DDS, and this process in between.
 
-Time comes from here and waits for robot and publisher, so that a loaded machine slows the scene and disturbs nothing.
+Time comes from here, or from the node `simulated_clock`, and waits for robot and publisher, so that a loaded machine
+slows the scene and disturbs nothing.
 The simulated robot publishes on `raw_states`; a relay here hands that on to `joint_states`, and is where faults of the
 robot are put in. What this process hears is noted, so that it can be asked for in the bag afterwards.
 """
@@ -21,7 +22,7 @@ from commanded import commands
 from processes import Process, environment, parameters, wait_until, write_trajectory
 
 import robot_ident
-from robot_ident.bags import read_messages
+from robot_ident.bags import read_messages, read_recording
 from robot_ident.playing.stamps import header_stamp
 from robot_ident.robot import load_robot
 
@@ -59,9 +60,14 @@ class Scene:
         self.processes.append(process)
         return process
 
-    def play(self, **values: object) -> tuple[Process, Process, Process]:
-        """Start recorder, robot and publisher; return them once the robot has played for a while."""
-        self._listen()
+    def play(self, *, clock_node: bool = False, **values: object) -> tuple[Process, Process, Process]:
+        """Start recorder, robot and publisher; return them once the robot has played for a while.
+
+        clock_node: time is that of `simulated_clock`, the first of `processes`.
+        """
+        if clock_node:
+            self.start("simulated_clock", use_sim_time=False)
+        self._listen(follows=clock_node)
         recorder = self.start("recorder", output=self.folder / "bag")
         robot = self.start("simulated_kuka", "-r", "joint_states:=raw_states", delay=0.15, noise=0.0)
         recorder.says("recording to", LOADED)
@@ -80,7 +86,7 @@ class Scene:
         goal = len(self.heard[COMMANDS]) + count
         assert wait_until(lambda: len(self.heard[COMMANDS]) > goal, LOADED), self.texts()
 
-    def _listen(self) -> None:
+    def _listen(self, follows: bool) -> None:
         from rclpy.qos import QoSProfile
         from rosgraph_msgs.msg import Clock
         from sensor_msgs.msg import JointState
@@ -101,8 +107,14 @@ class Scene:
             self.heard[COMMANDS].append(stamp(message))
 
         self.node.create_subscription(JointState, "joint_command", hear, many)
+        if follows:
+            self.node.create_subscription(Clock, "/clock", self._hear_clock, 10)
+            return
         clock = self.node.create_publisher(Clock, "/clock", 10)
         threading.Thread(target=self._run_clock, args=(clock,), daemon=True).start()
+
+    def _hear_clock(self, message: Any) -> None:
+        self.now_ns = int(message.clock.sec) * 1_000_000_000 + int(message.clock.nanosec)
 
     def _run_clock(self, clock: Any) -> None:
         """Publish time no faster than real time, and no faster than those who are `awaited` can follow."""
@@ -146,6 +158,41 @@ class Scene:
 def stamp(message: Any) -> int:
     """Return the header's stamp [ns]."""
     return int(message.header.stamp.sec) * 1_000_000_000 + int(message.header.stamp.nanosec)
+
+
+def settled(value: Callable[[], int]) -> int:
+    """Wait until a value stays the same for half a second; return it."""
+    deadline = time.monotonic() + LOADED
+    while time.monotonic() < deadline:
+        before = value()
+        time.sleep(0.5)
+        if value() == before:
+            return before
+    raise AssertionError("it never came to rest")
+
+
+def lost_on_the_way(scene: Scene) -> int:
+    """Return how many commands the recorder says that it has missed."""
+    text = " ".join((scene.folder / "bag" / "metadata.yaml").read_text().split())
+    found = re.search(r"robot_ident/joint_command: '?[^,]*, (\d+) lost on the way", text)
+    assert found, text
+    return int(found[1])
+
+
+def not_recorded(scene: Scene) -> int:
+    """Return how many commands were heard here, and are not in the bag."""
+    there = {header_stamp(message.data) for message in read_messages(scene.folder / "bag", [COMMANDS])}
+    heard = scene.heard[COMMANDS]
+    return sum(one not in there for one in heard[heard.index(min(there)) :])
+
+
+def missing_states(bag: Path, robot: Any) -> int:
+    """Return how many of the robot's states never came to the computer: a reliable topic sends them again."""
+    stamps = {round(1e6 * (robot.start_ns * 1e-9 + t)) for t in robot.t}
+    known = read_recording(bag)
+    came = {round(1e6 * (known.start_ns * 1e-9 + t)) for t in known.t}
+    between = {one for one in stamps if min(came) <= one <= max(came)}
+    return len(between - came)
 
 
 @dataclass(frozen=True)

@@ -1,43 +1,93 @@
-"""`make demo`, twenty times in a row with other seeds: each finds what is hidden, none fails.
+"""`make demo`, twenty times in a row with other seeds: none fails, none names what isn't there.
 
-ROBOT_IDENT_DEMOS: how many times (20).
+A demo fails that ends with an error, finds nothing of what is hidden, or names anything else. How many find all of it
+is told: the recordings are short, and what they don't tell from another effect is left unnamed.
+
+ROBOT_IDENT_DEMOS: how many times (20), or which seeds (5:20). ROBOT_IDENT_DEMOS_KEPT: a folder for what each demo told
+and for the whole demo where it failed; demos that are done there already are not run again.
 """
 
 from __future__ import annotations
 
 import json
 import os
+import shutil
+import signal
 import subprocess
 import sys
 from pathlib import Path
+from typing import Any
 
 import numpy as np
 import pytest
 
 pytest.importorskip("rclpy")
 
-DEMOS = int(os.environ.get("ROBOT_IDENT_DEMOS", "20"))
-LIMIT = 1200.0  # s
+FIRST, _, LAST = os.environ.get("ROBOT_IDENT_DEMOS", "20").rpartition(":")
+SEEDS = range(int(FIRST or 0), int(LAST))
+KEPT = os.environ.get("ROBOT_IDENT_DEMOS_KEPT", "")
+LIMIT = 7200.0  # s; a demo says itself when nothing moves on, long before
+
+
+def demo(seed: int, folder: Path) -> dict[str, Any]:
+    """Run one demo; return what it told, or `failure` with the last line of its log, which stays in the folder."""
+    folder.mkdir(parents=True)
+    command = [sys.executable, "-m", "robot_ident", "demo", "--json", "--folder", folder / "demo", "--seed", str(seed)]
+    with (folder / "log.txt").open("w") as log, (folder / "told.json").open("w") as told:
+        process = subprocess.Popen(command, stdin=subprocess.DEVNULL, stdout=told, stderr=log)
+        try:
+            code = process.wait(LIMIT)
+            failure = f"code {code}" if code else ""
+        except subprocess.TimeoutExpired:
+            process.send_signal(signal.SIGINT)  # it ends its nodes itself
+            process.wait()
+            failure = f"not done within {LIMIT:g} s"
+    said = [line for line in (folder / "log.txt").read_text(errors="replace").splitlines() if line.strip()]
+    if failure:
+        return {"failure": f"{failure}: {(said or ['silent'])[-1]}; its log: {folder / 'log.txt'}"}
+    answer: dict[str, Any] = json.loads((folder / "told.json").read_text())
+    return answer
+
+
+def named(told: dict[str, Any]) -> set[str]:
+    """Return the effects that a demo found to be missing."""
+    return {f"{item['effect']}@{item['joint']}" for item in told["diagnosis"]["missing"]}
+
+
+def judged(told: dict[str, Any], hidden: set[str]) -> str:
+    """Return what is wrong with a demo, or an empty text."""
+    if "failure" in told:
+        return str(told["failure"])
+    found = named(told)
+    if not found or found - hidden:
+        return f"hidden: {', '.join(sorted(hidden))}; found: {', '.join(sorted(found)) or 'nothing'}"
+    return "" if Path(told["report"]).stat().st_size > 100_000 else "its report is empty"
 
 
 def test_unattended(tmp_path: Path) -> None:
-    seconds, failed = [], []
-    for seed in range(DEMOS):
-        folder = tmp_path / str(seed)
-        command = [sys.executable, "-m", "robot_ident", "demo", "--json", "--folder", folder, "--seed", str(seed)]
-        done = subprocess.run(command, capture_output=True, text=True, timeout=LIMIT, stdin=subprocess.DEVNULL)
-        if done.returncode:
-            failed.append(seed)
-            print(f"  demo {seed:2d}: code {done.returncode}: {(done.stderr.strip().splitlines() or ['silent'])[-1]}")
-            continue
-        told = json.loads(done.stdout)
-        found = [f"{item['effect']}@{item['joint']}" for item in told["diagnosis"]["missing"]]
+    from robot_ident.cli.demo import HIDDEN
+
+    hidden = {effect.partition(":")[0] for effect in HIDDEN}
+    kept = Path(KEPT) if KEPT else tmp_path
+    seconds, whole, failed = [], 0, {}
+    for seed in SEEDS:
+        folder = kept / f"demo_{seed}"
+        done = folder / "done.json"
+        if not done.is_file():
+            shutil.rmtree(folder, ignore_errors=True)
+            told = demo(seed, folder)
+            problem = judged(told, hidden)
+            if problem:
+                failed[seed] = problem
+                print(f"  demo {seed:2d}: {problem}", flush=True)
+                continue
+            done.write_text(json.dumps({"seconds": told["seconds"], "found": sorted(named(told))}))
+            shutil.rmtree(folder / "demo")
+        told = json.loads(done.read_text())
         seconds.append(told["seconds"])
-        print(
-            f"  demo {seed:2d}: {told['seconds']:5.0f} s, {told['diagnosis']['verdict']}: {', '.join(found)}",
-            flush=True,
-        )
-        assert Path(told["report"]).stat().st_size > 100_000
+        whole += set(told["found"]) == hidden
+        print(f"  demo {seed:2d}: {told['seconds']:5.0f} s, found {', '.join(told['found'])}", flush=True)
     if seconds:
-        print(f"{len(seconds)} of {DEMOS} demos: median {np.median(seconds):.0f} s, longest {max(seconds):.0f} s")
-    assert not failed, f"demos {failed} failed"
+        print(f"{len(seconds)} of {len(SEEDS)} demos, {whole} of which found all that is hidden")
+        print(f"  median {np.median(seconds):.0f} s, longest {max(seconds):.0f} s")
+    assert not failed, "\n".join(f"demo {seed}: {problem}" for seed, problem in failed.items())

@@ -7,7 +7,6 @@ from __future__ import annotations
 
 import math
 import os
-import re
 import signal
 import time
 from collections.abc import Callable, Iterator
@@ -18,10 +17,22 @@ import numpy as np
 import pytest
 from network import Cable, available
 from processes import wait_until
-from scene import COMMANDS, LOADED, Outcome, Scene, Table, outcome, stamp, told_after
+from scene import (
+    COMMANDS,
+    LOADED,
+    Outcome,
+    Scene,
+    Table,
+    lost_on_the_way,
+    missing_states,
+    not_recorded,
+    outcome,
+    settled,
+    stamp,
+    told_after,
+)
 
 from robot_ident.bags import read_messages, read_recording
-from robot_ident.playing.stamps import header_stamp
 
 pytest.importorskip("rclpy")
 
@@ -276,19 +287,24 @@ def test_a_node_that_stands_still(name: str, says: str, must: str, scene: Scene,
     table.add(f"{name} stopped for 3 s", must, closed(scene, recorder, fault_ns, told))
 
 
-def lost_on_the_way(scene: Scene) -> int:
-    """Return how many commands the recorder says that it has missed."""
-    text = " ".join((scene.folder / "bag" / "metadata.yaml").read_text().split())
-    found = re.search(r"robot_ident/joint_command: '?[^,]*, (\d+) lost on the way", text)
-    assert found, text
-    return int(found[1])
-
-
-def not_recorded(scene: Scene) -> int:
-    """Return how many commands were heard here, and are not in the bag."""
-    there = {header_stamp(message.data) for message in read_messages(scene.folder / "bag", [COMMANDS])}
-    heard = scene.heard[COMMANDS]
-    return sum(one not in there for one in heard[heard.index(min(there)) :])
+def test_a_clock_that_stands_still(scene: Scene, table: Table) -> None:
+    """Time itself is stopped: nobody moves, nobody takes the silence for a fault, and all go on where they were."""
+    recorder, _, publisher = scene.play(clock_node=True)
+    clock = scene.processes[0]
+    _, fault_ns = scene.fault()
+    clock.send(signal.SIGSTOP)
+    stopped_ns = settled(lambda: scene.now_ns)
+    heard = settled(lambda: len(scene.heard[COMMANDS]))
+    time.sleep(PAUSE)  # the fault itself: it lasts so long
+    assert scene.now_ns == stopped_ns and len(scene.heard[COMMANDS]) == heard, "time stands still"
+    clock.send(signal.SIGCONT)
+    scene.moves(600)
+    assert "stopping" not in publisher.text and "halted" not in publisher.text, publisher.text
+    steps = np.diff([one for one in scene.heard[COMMANDS] if one > fault_ns])
+    assert steps.max() < 1.5e9 / 150.0, "no command is left out"
+    publisher.end()
+    found = closed(scene, recorder, fault_ns, math.nan)
+    table.add("simulated_clock stopped for 3 s", "all wait, then go on", Outcome(math.nan, math.nan, *_rest(found)))
 
 
 # --- time, rivals, network
@@ -376,12 +392,3 @@ def grown(bag: Path, by: int) -> None:
 
     goal = size() + by
     assert wait_until(lambda: size() > goal, LOADED), bag
-
-
-def missing_states(bag: Path, robot: Any) -> int:
-    """Return how many of the robot's states never came to the computer: a reliable topic sends them again."""
-    stamps = {round(1e6 * (robot.start_ns * 1e-9 + t)) for t in robot.t}
-    known = read_recording(bag)
-    came = {round(1e6 * (known.start_ns * 1e-9 + t)) for t in known.t}
-    between = {one for one in stamps if min(came) <= one <= max(came)}
-    return len(between - came)

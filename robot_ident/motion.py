@@ -15,7 +15,8 @@ Mask = NDArray[np.bool_]
 def frozen_array(values: ArrayLike, *shape: int | None) -> Array:
     """Return a read-only float array; ValueError when its shape differs from `shape` (None: any length)."""
     array: Array = np.array(values, dtype=float)
-    if shape and (
+    agrees = not shape or array.shape == shape  # the usual case first: in real time there are many of them
+    if not agrees and (
         array.ndim != len(shape) or any(s not in (None, got) for s, got in zip(shape, array.shape, strict=True))
     ):
         raise ValueError(f"an array of shape {shape} was expected, got {array.shape}")

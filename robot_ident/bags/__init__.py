@@ -7,6 +7,8 @@ so that a killed process loses none, `write_recording` writes a recording whole,
 from __future__ import annotations
 
 from robot_ident.bags.describe import BagInfo, TopicInfo, describe
+from robot_ident.bags.for_robot import read_for
+from robot_ident.bags.growth import BagGrowth
 from robot_ident.bags.prediction import write_prediction
 from robot_ident.bags.qos import Qos, qos_text
 from robot_ident.bags.read import RawMessage, read_messages, read_recording
@@ -18,6 +20,7 @@ from robot_ident.bags.writer import BagWriter
 
 __all__ = [
     "JOINT_STATE",
+    "BagGrowth",
     "BagInfo",
     "BagWriter",
     "Qos",
@@ -27,6 +30,7 @@ __all__ = [
     "TopicInfo",
     "describe",
     "qos_text",
+    "read_for",
     "read_messages",
     "read_recording",
     "read_robot_description",

@@ -16,6 +16,7 @@ Integers = NDArray[np.int64]
 
 _LONGEST_LINE = 300  # characters that a message quotes
 JOINT_STATE = "sensor_msgs/msg/JointState"
+NUMBERS = "std_msgs/msg/Float64MultiArray"
 
 
 @dataclass(frozen=True)

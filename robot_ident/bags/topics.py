@@ -55,7 +55,7 @@ def choose_topic(storage: Storage, source: Path, topic: str | None) -> int:
     reports efforts. Command topics are never taken for states. InputError lists what is there.
     """
     if topic is not None:
-        return _named(storage, source, topic)
+        return named_topic(storage, source, topic)
     last = [known.name.rsplit("/", 1)[-1] for known in storage.topics]
     states = [index for index in joint_states(storage) if "command" not in last[index]]
     called = [index for index in states if last[index] == STATES]
@@ -89,16 +89,17 @@ def faster(storage: Storage, chosen: int) -> tuple[str, ...]:
     return tuple(out)
 
 
-def _named(storage: Storage, source: Path, topic: str) -> int:
+def named_topic(storage: Storage, source: Path, topic: str, kind: str = JOINT_STATE) -> int:
+    """Return the index of a topic by its name, or its last words; InputError where none of this kind has messages."""
     wanted = topic.strip("/")
     named = [index for index, known in enumerate(storage.topics) if known.name.strip("/") == wanted]
     named = named or [index for index, known in enumerate(storage.topics) if known.name.endswith(f"/{wanted}")]
-    usable = [index for index in named if _is_joint_state(storage.topics[index])]
+    usable = [k for k in named if storage.topics[k].type == kind and storage.topics[k].encoding == "cdr"]
     if len(usable) > 1:
         names = one_line(*(storage.topics[index].name for index in usable))
         raise InputError(f"{source}: topic {topic!r} may be any of {names}; give the whole name")
     if not usable:
-        what = f"is no {JOINT_STATE}" if named else "is not in it"
+        what = f"is no {kind}" if named else "is not in it"
         raise InputError(f"{source}: topic {topic!r} {what}{_because(storage)}; {listing(storage)}")
     if not storage.counts[usable[0]]:
         raise InputError(f"{source}: topic {topic!r} has no messages{_because(storage)}; {listing(storage)}")

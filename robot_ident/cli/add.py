@@ -6,12 +6,11 @@ import argparse
 from collections.abc import Sequence
 from typing import TYPE_CHECKING, Any
 
-from robot_ident.cli.output import print_json, say, table
+from robot_ident.cli.output import print_json, say
 from robot_ident.errors import InputError
 
 if TYPE_CHECKING:
-    from robot_ident.cli.loop import Inputs
-    from robot_ident.model.model import Model
+    from robot_ident.cli.extended import Step
 
 
 def add_arguments(parser: argparse.ArgumentParser) -> None:
@@ -28,9 +27,9 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
 
 def run(args: argparse.Namespace) -> int:
     """Add effects to a model, refit, and print the error before and after."""
+    from robot_ident.cli.extended import staircase, steps_of
     from robot_ident.cli.loop import read_inputs
     from robot_ident.effects import make_effect
-    from robot_ident.estimation.extend import extend
     from robot_ident.files import refuse_existing
     from robot_ident.model.model_file import is_model, write_model
 
@@ -40,53 +39,29 @@ def run(args: argparse.Namespace) -> int:
         raise InputError(f"{args.model}: not a model; make one by robot_ident identify ... -o model.yaml")
     inputs = read_inputs([args.model, *args.bag], args.validation, args.topic)
     effects = [make_effect(label, inputs.models[0].robot) for label in args.effects]
-    steps = extend(inputs.models[0], inputs.measurements, effects)
+    steps = steps_of(inputs, effects, args.validation, args.topic)
+    last = steps[-1].model
     if args.output:
-        write_model(steps[-1], args.output, force=args.force)
+        write_model(last, args.output, force=args.force)
     if args.json:
-        print_json(_to_dict(inputs, steps))
+        print_json(_to_dict(steps))
         return 0
-    say(staircase(inputs, steps))
+    say(staircase(steps))
     say()
     names = {e.label for e in effects}
-    for p, value, std in zip(steps[-1].parameters, steps[-1].values, steps[-1].std, strict=True):
+    for p, value, std, at_bound in zip(last.parameters, last.values, last.std, last.at_bound, strict=True):
         if f"{p.effect}@{p.joint}" in names or (p.joint is None and p.effect in names):
-            say(f"{p.name} = {value:.4g} ± {std:.2g} {p.unit}".rstrip())
+            spread = f" ± {std:.2g}" if std and not at_bound else ""
+            say(f"{p.name} = {value:.4g}{spread} {p.unit}".rstrip() + (" (at its bound)" if at_bound else ""))
+    for one in last.gains or ():
+        say(f"gain of {one['joint']} = {one['value']:.4g} ± {one['std']:.2g} {one['unit']}")
     if args.output:
         say(f"written: {args.output}")
     return 0
 
 
-def validation_errors(model: Model, inputs: Inputs) -> dict[str, float] | None:
-    """Return the mean square error by joint over the validation recordings, (Nm)^2; None where there are none."""
-    import numpy as np
-
-    from robot_ident.estimation.extend import mean_square_errors
-
-    if not inputs.validation:
-        return None
-    total = np.mean([mean_square_errors(model, measured) for measured in inputs.validation], axis=0)
-    return {joint: float(value) for joint, value in zip(model.robot.joints, total, strict=True)}
-
-
-def staircase(inputs: Inputs, steps: Sequence[Model]) -> str:
-    """Return the falling error, a line a joint and model, beside the noise floor."""
-    robot = inputs.models[0].robot
-    rows: list[tuple[object, ...]] = []
-    unseen = [validation_errors(model, inputs) for model in steps]
-    for number, joint in enumerate(robot.joints):
-        for place, model in enumerate(steps):
-            label = "as it was" if place == 0 else f"+ {model.structure.labels[-1]}"
-            fit, beyond = model.residual[joint], unseen[place]
-            floor = None if fit.noise_variance is None else fit.noise_variance**0.5
-            row = (joint if place == 0 else "", label, fit.rms, *(() if beyond is None else (beyond[joint] ** 0.5,)))
-            rows.append((*row, floor, robot.torque_unit(number)))
-    validation = ("validation rms",) if inputs.validation else ()
-    return table(("joint", "model", "rms", *validation, "noise rms", "unit"), rows)
-
-
-def _to_dict(inputs: Inputs, steps: Sequence[Model]) -> dict[str, Any]:
-    before, after = steps[0], steps[-1]
+def _to_dict(steps: Sequence[Step]) -> dict[str, Any]:
+    before, after = steps[0].model, steps[-1].model
     joints = before.robot.joints
     return {
         "schema": "robot_ident/add/1",
@@ -94,7 +69,7 @@ def _to_dict(inputs: Inputs, steps: Sequence[Model]) -> dict[str, Any]:
         "residual_mse_before": {joint: before.residual[joint].mse for joint in joints},
         "residual_mse_after": {joint: after.residual[joint].mse for joint in joints},
         "noise_variance": {joint: after.residual[joint].noise_variance for joint in joints},
-        "validation_mse_before": validation_errors(before, inputs),
-        "validation_mse_after": validation_errors(after, inputs),
+        "validation_mse_before": steps[0].unseen,
+        "validation_mse_after": steps[-1].unseen,
         "model": after.to_dict(),
     }

@@ -14,16 +14,21 @@ def contradictions(measurements: Sequence[Measurement], robot: Robot, *, as_decl
     """Return what in the data contradicts the declaration of effort.
 
     Raises InputError, with the line of the robot YAML to change, unless the user goes on all the same. Where nothing
-    contradicts it once stated payloads are left out, the sidecars that state them are named instead.
+    contradicts it once stated payloads are left out, the sidecars that state them are named instead. Recordings with an
+    unknown payload are not judged.
     """
     from robot_ident.configuration import line_of
     from robot_ident.errors import InputError
     from robot_ident.estimation.contradiction import contradiction
+    from robot_ident.estimation.coupling import coupling_contradiction
     from robot_ident.estimation.declaration import judge_all
     from robot_ident.recording.arm_alone import with_payload
     from robot_ident.recording.conditions import sidecar
 
-    found = contradiction(judge_all(measurements, robot), robot)
+    measurements = [m for m in measurements if not m.conditions.estimated]
+    if not measurements:
+        return []
+    found = coupling_contradiction(measurements, robot) or contradiction(judge_all(measurements, robot), robot)
     if found is None:
         return []
     if as_declared:

@@ -2,8 +2,6 @@
 
 from __future__ import annotations
 
-import os
-import time
 from collections.abc import Sequence
 from dataclasses import dataclass
 from functools import partial
@@ -20,7 +18,7 @@ if TYPE_CHECKING:
 TRAJECTORIES = 2
 _PAPER = -48.63  # log10 of the paper's determinant
 _SPEED = 2.0  # times real time, at most
-_SLACK = 300.0  # s beyond the motion that discovery, approach and a loaded machine may take
+_PATIENCE = 300.0  # s of real time for which a motion may not move on, its start included
 
 
 @dataclass(frozen=True)
@@ -73,8 +71,12 @@ def _show(bar: Progress, limit: float, state: DesignProgress) -> None:
 
 
 def record(runs: list[Run], folder: Path, *, seed: int, hidden: Sequence[str]) -> None:
-    """Play every motion on a simulated robot of its own, all at the same time, each in its own DDS domain."""
-    from robot_ident.cli.node_processes import wait_for
+    """Play every motion on a simulated robot of its own, all at the same time, each in its own DDS domain.
+
+    A loaded machine only makes it longer: a failure is a node that ends or a motion that stands still.
+    """
+    from robot_ident.bags import BagGrowth
+    from robot_ident.cli.node_processes import free_domains, wait_for
 
     longest = max(run.duration for run in runs)
     tell(
@@ -82,47 +84,53 @@ def record(runs: list[Run], folder: Path, *, seed: int, hidden: Sequence[str]) -
         f" {4 * len(runs)} node processes over DDS, in simulated time:"
         f" up to {_SPEED:g} times real time, as fast as this machine can"
     )
-    crews: list[list[NodeProcess]] = []
+    commanded = {run.name: BagGrowth(run.bag.absolute(), "/joint_command") for run in runs}
+    reached = dict.fromkeys(commanded, 0.0)
+    crews: dict[str, list[NodeProcess]] = {}
     try:
-        for k, motion in enumerate(runs):
-            crews.append(_crew(motion, k, folder, seed, hidden))
-        publishers = [crew[-1] for crew in crews]
-        others = [node for crew in crews for node in crew[:-1]]
-        begun = time.monotonic()
+        for k, (motion, domain) in enumerate(zip(runs, free_domains(len(runs)), strict=True)):
+            crews[motion.name] = _crew(motion, domain, folder, seed + k, hidden)
+        others = [node for crew in crews.values() for node in crew[:-1]]
+
+        def progress() -> dict[str, float]:
+            playing = {name: commanded[name].seconds() for name, crew in crews.items() if crew[-1].running}
+            reached.update(playing)
+            return {f"the motion {name}": seconds for name, seconds in playing.items()}
+
         with Progress("playing", longest) as bar:
             wait_for(
-                lambda: not any(node.running for node in publishers),
+                lambda: not any(crew[-1].running for crew in crews.values()),
                 others,
-                longest + _SLACK,
-                lambda: bar.reach(min(longest, time.monotonic() - begun)),
+                progress,
+                _PATIENCE,
+                lambda: bar.reach(min(longest, *reached.values())),
             )
-        for crew in crews:
+        for crew in crews.values():
             for node in reversed(crew):
                 node.end()
     finally:
-        for crew in crews:
+        for crew in crews.values():
             for node in crew:
                 node.kill()
 
 
-def _crew(motion: Run, index: int, folder: Path, seed: int, hidden: Sequence[str]) -> list[NodeProcess]:
+def _crew(motion: Run, domain: int, folder: Path, seed: int, hidden: Sequence[str]) -> list[NodeProcess]:
     """Start robot, recorder and publisher for one motion; the publisher is the last."""
     from robot_ident.cli.node_processes import NodeProcess
 
-    domain = 1 + (3 * os.getpid() + index) % 100
     logs = folder / "logs" / motion.name
     logs.mkdir(parents=True)
     simulated = {"use_sim_time": True}  # time that waits for the nodes: a loaded machine slows it and disturbs nothing
     crew = [
-        NodeProcess("simulated_clock", {"speed": _SPEED}, domain, logs),
+        NodeProcess("simulated_clock", {"speed": _SPEED, "patience": 30.0}, domain, logs),
         NodeProcess(
             "simulated_kuka",
-            {"seed": seed + index, "delay": 0.6, "effects": list(hidden) or [""], **simulated},
+            {"seed": seed, "delay": 0.6, "effects": list(hidden) or [""], **simulated},
             domain,
             logs,
         ),
         NodeProcess("recorder", {"output": motion.bag.absolute(), **simulated}, domain, logs),
     ]
     play = {"trajectory": motion.file.absolute(), "periods": motion.periods, "autostart": True, "exit_when_done": True}
-    play |= {"tracking_error": [10.0], "state_wait": 60.0, "state_timeout": 2.0, **simulated}
+    play |= {"tracking_error": [10.0], "state_wait": _PATIENCE, "state_timeout": 10.0, **simulated}
     return [*crew, NodeProcess("trajectory_publisher", play, domain, logs)]

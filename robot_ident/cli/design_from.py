@@ -23,7 +23,7 @@ def within_runs(args: argparse.Namespace, robot: Robot, whole: Robot) -> Robot:
         return robot
     import numpy as np
 
-    from robot_ident.bags import read_recording
+    from robot_ident.bags import read_for
     from robot_ident.excitation.envelope import within_envelope
     from robot_ident.motion import Motion
     from robot_ident.recording.measurement import Processing
@@ -31,7 +31,7 @@ def within_runs(args: argparse.Namespace, robot: Robot, whole: Robot) -> Robot:
 
     motions, places = [], []
     for bag in args.run_before:
-        recording = read_recording(bag, topic=robot.effort.topic)
+        recording = read_for(bag, robot)
         measured = process(recording, robot, Processing(derivative_bandwidth=_BANDWIDTH))
         edge = 0 if measured.base_frequency is not None else round(1.0 / (_BANDWIDTH * measured.dt))
         kept = measured.motion[slice(edge, measured.motion.samples - edge)]

@@ -9,6 +9,7 @@ from robot_ident.cli.output import Progress, print_json, say, table, tell
 from robot_ident.errors import InputError
 
 if TYPE_CHECKING:
+    from robot_ident.cli.extended import Step
     from robot_ident.cli.loop import Inputs
     from robot_ident.diagnosis.diagnosis import Diagnosis, Suspect
     from robot_ident.model.model import Model
@@ -46,15 +47,15 @@ def run(args: argparse.Namespace) -> int:
         raise InputError("diagnose takes one model and at least one recording")
     with Progress("diagnose", 1.0) as bar:
         found = diagnose(inputs.measurements, inputs.models[0].structure, inputs.validation, bar.reach)
-    steps = _added(found, inputs) if args.add_until_adequate else []
+    steps = _added(found, inputs, args) if args.add_until_adequate else []
     if args.output:
-        _write(steps or [inputs.models[0]], args)
+        _write(steps[-1].model if steps else inputs.models[0], args)
     if args.json:
-        print_json(_to_dict(found, inputs, steps))
+        print_json(_to_dict(found, steps))
         return 0
     _print(found, inputs)
     if steps:
-        _print_staircase(found, inputs, steps)
+        _print_staircase(found, steps)
     elif args.add_until_adequate:
         say("\nnothing to add")
     if args.output:
@@ -62,32 +63,30 @@ def run(args: argparse.Namespace) -> int:
     return 0
 
 
-def _added(found: Diagnosis, inputs: Inputs) -> list[Model]:
+def _added(found: Diagnosis, inputs: Inputs, args: argparse.Namespace) -> list[Step]:
     """Return the model as it was and with one of the named effects more each time."""
-    from robot_ident.estimation.extend import extend
+    from robot_ident.cli.extended import steps_of
 
     columns = [s.effect for s in found.missing if not s.effect.measuring]
-    return extend(inputs.models[0], inputs.measurements, columns) if columns else []
+    return steps_of(inputs, columns, args.validation, args.topic) if columns else []
 
 
-def _write(steps: list[Model], args: argparse.Namespace) -> None:
+def _write(model: Model, args: argparse.Namespace) -> None:
     from robot_ident.model.model_file import write_model
 
-    write_model(steps[-1], args.output, force=args.force)
+    write_model(model, args.output, force=args.force)
 
 
-def _to_dict(found: Diagnosis, inputs: Inputs, steps: list[Model]) -> dict[str, Any]:
-    from robot_ident.cli.add import validation_errors
-
+def _to_dict(found: Diagnosis, steps: list[Step]) -> dict[str, Any]:
     data = found.to_dict()
     if steps:
         data["staircase"] = [
             {
-                "added": None if number == 0 else model.structure.labels[-1],
-                "residual_mse": {joint: fit.mse for joint, fit in model.residual.items()},
-                "validation_mse": validation_errors(model, inputs),
+                "added": None if number == 0 else step.model.structure.labels[-1],
+                "residual_mse": {joint: fit.mse for joint, fit in step.model.residual.items()},
+                "validation_mse": step.unseen,
             }
-            for number, model in enumerate(steps)
+            for number, step in enumerate(steps)
         ]
     return data
 
@@ -163,13 +162,13 @@ def _floors(inputs: Inputs) -> dict[str, float | None]:
     return {joint: float(np.sqrt(v)) if np.isfinite(v) else None for joint, v in zip(joints, variance, strict=True)}
 
 
-def _print_staircase(found: Diagnosis, inputs: Inputs, steps: list[Model]) -> None:
+def _print_staircase(found: Diagnosis, steps: list[Step]) -> None:
     """Print the falling error, and what had been predicted of it beside what came."""
-    from robot_ident.cli.add import staircase, validation_errors
+    from robot_ident.cli.extended import staircase
 
     say()
-    say(staircase(inputs, steps))
-    told = validation_errors(steps[-1], inputs)
+    say(staircase(steps))
+    told = steps[-1].unseen
     last = next((s for s in reversed(found.missing) if s.validation_after is not None), None)
     if told is None or last is None or last.validation_after is None:
         return

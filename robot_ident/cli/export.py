@@ -110,15 +110,13 @@ def _cost(model: Model, made: Exported, args: argparse.Namespace) -> dict[str, d
     """Return the rms torque by joint of each effect that is left out; nothing without a recording."""
     if not args.validation:
         return {}
-    from robot_ident.bags import read_recording
+    from robot_ident.bags import read_for
     from robot_ident.export.left_out import torque_of
     from robot_ident.recording.measurement import Processing
     from robot_ident.recording.process import process
 
     processing = Processing(**dict(model.processing)) if model.processing else Processing()
-    measured = process(
-        read_recording(args.validation, topic=args.topic or model.robot.effort.topic), model.robot, processing
-    )
+    measured = process(read_for(args.validation, model.robot, topic=args.topic), model.robot, processing)
     found = torque_of(model, made.left, measured.motion)
     return {label: dict(zip(model.robot.joints, map(float, rms), strict=True)) for label, rms in found.items()}
 

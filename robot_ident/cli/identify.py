@@ -8,7 +8,7 @@ from collections.abc import Mapping
 from dataclasses import replace
 from typing import TYPE_CHECKING, Any
 
-from robot_ident.cli.identify_payload import add_only, run_only
+from robot_ident.cli.identify_payload import add_only, body_table, run_only
 from robot_ident.cli.output import add_json, add_output, add_robot, print_json, say, table, tell
 from robot_ident.cli.some_joints import add_joints, held_in_recordings, held_note
 from robot_ident.errors import InputError
@@ -47,7 +47,7 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
 
 def run(args: argparse.Namespace) -> int:
     """Identify and print the parameters with their uncertainty."""
-    from robot_ident.bags import read_recording
+    from robot_ident.bags import read_for
     from robot_ident.cli.declared import contradictions
     from robot_ident.cli.processing import at_its_speed, processing_of
     from robot_ident.estimation.gains import with_known_gains
@@ -67,7 +67,7 @@ def run(args: argparse.Namespace) -> int:
         refuse_existing(args.output, force=args.force)
     whole = load_robot(args.robot)
     refuse_twice(args.bags)
-    recordings = [read_recording(bag, topic=args.topic or whole.effort.topic) for bag in args.bags]
+    recordings = [read_for(bag, whole, topic=args.topic) for bag in args.bags]
     robot, recordings, held = held_in_recordings(args, whole, recordings)
     recordings, processing = at_its_speed(args, recordings, processing_of(args, robot, played=whole))
     structure = Structure.build(robot, args.effect)
@@ -105,6 +105,9 @@ def run(args: argparse.Namespace) -> int:
     say(f"condition number {model.condition_number:.4g}, log10 det of the covariance {model.log10_det_covariance:.2f}")
     if model.chi_square is not None and model.dof:
         say(f"chi-square per degree of freedom {model.chi_square / model.dof:.4f} ({model.dof:.0f} degrees of freedom)")
+    for text in payload_tables(model):
+        say()
+        say(text)
     for one in model.per_period:
         say(
             f"{one['source']}: the {one['periods']} periods alone scatter {one['scatter_over_sigma']:.2f} times what"
@@ -115,6 +118,14 @@ def run(args: argparse.Namespace) -> int:
     if args.output:
         say(f"written: {args.output}")
     return 0
+
+
+def payload_tables(model: Model) -> list[str]:
+    """Return a table for every payload that was found with the arm."""
+    return [
+        f"payload {one['name']}".rstrip() + f" of {', '.join(one['recordings'])}\n" + body_table(one)
+        for one in model.payloads
+    ]
 
 
 def _days(days: Mapping[str, Any]) -> str:
@@ -128,8 +139,10 @@ def _days(days: Mapping[str, Any]) -> str:
 def parameter_table(model: Model) -> str:
     """Return the parameters with their standard deviations."""
     rows = [
-        (p.name, *to_the_digit(value, std), p.unit, _percent(value, std), p.meaning)
-        for p, value, std in zip(model.parameters, model.values, model.std, strict=True)
+        (p.name, f"{value:.4f}", "at its bound", p.unit, "", p.meaning)
+        if at_bound
+        else (p.name, *to_the_digit(value, std), p.unit, _percent(value, std), p.meaning)
+        for p, value, std, at_bound in zip(model.parameters, model.values, model.std, model.at_bound, strict=True)
     ]
     return table(("parameter", "value", "sigma", "unit", "sigma/value", "meaning"), rows)
 

@@ -3,7 +3,8 @@
 from __future__ import annotations
 
 import argparse
-from typing import TYPE_CHECKING
+from collections.abc import Mapping
+from typing import TYPE_CHECKING, Any
 
 from robot_ident.cli.output import print_json, say, table, tell
 from robot_ident.errors import InputError
@@ -11,6 +12,7 @@ from robot_ident.errors import InputError
 if TYPE_CHECKING:
     from robot_ident.estimation.payload import PayloadFit
 
+_MOMENTS = "Ixx", "Ixy", "Iyy", "Ixz", "Iyz", "Izz"
 
 _OF_THE_MODEL = (
     "--effect",
@@ -38,7 +40,7 @@ def run_only(args: argparse.Namespace) -> int:
     """Identify a payload and print it with its uncertainty."""
     from dataclasses import replace
 
-    from robot_ident.bags import read_recording
+    from robot_ident.bags import read_for
     from robot_ident.cli.declared import contradictions
     from robot_ident.estimation.payload import bare, identify_payload
     from robot_ident.files import refuse_existing, refuse_twice, write_text
@@ -57,7 +59,7 @@ def run_only(args: argparse.Namespace) -> int:
     model = read_model(args.model)
     used = Processing(**dict(model.processing)) if model.processing else Processing()
     processing = replace(used, base_frequency=args.base_frequency, periodic=False if args.not_periodic else None)
-    recordings = [read_recording(bag, topic=args.topic or model.robot.effort.topic) for bag in args.bags]
+    recordings = [read_for(bag, model.robot, topic=args.topic) for bag in args.bags]
     stated = {recording.conditions.payload for recording in recordings}
     if len(stated) > 1:
         raise InputError(f"{', '.join(args.bags)}: their conditions state different payloads; one at a time")
@@ -79,21 +81,27 @@ def _conditions(found: PayloadFit) -> str:
     """Return the payload as the conditions of a recording."""
     from robot_ident.recording.conditions import Conditions, KnownPayload
 
-    x, y, z = (float(c) for c in found.centre)
-    return Conditions(
-        KnownPayload(found.mass, (x, y, z)), note="payload identified; its own inertia is left out"
-    ).text()
+    known = found.body.known
+    note = "payload identified; its own inertia is left out"
+    return Conditions(KnownPayload(known.mass, known.centre), note=note).text()
+
+
+def body_table(body: Mapping[str, Any]) -> str:
+    """Return mass, centre and inertia of a payload with their standard deviations."""
+    from robot_ident.estimation.body import NOTHING
+
+    rows = [("mass", body["mass"], body["mass_std"], "kg")]
+    rows += [(f"centre {a}", c, s, "m") for a, c, s in zip("xyz", body["centre"], body["centre_std"], strict=True)]
+    moments = zip(_MOMENTS, body["inertia"], body["inertia_std"], strict=True)
+    rows += [(name, value, std, "kg m^2") for name, value, std in moments]
+    listed = [(n, f"{v:.5f}", f"{s:.5f}", u) if s < NOTHING else (n, "not told", "", u) for n, v, s, u in rows]
+    return table(("payload", "value", "sigma", "unit"), listed)
 
 
 def _print(found: PayloadFit, output: str | None) -> None:
     for note in found.notes:
         tell(note)
-    rows = [("mass", found.mass, found.mass_std, "kg")]
-    rows += [(f"centre {a}", c, s, "m") for a, c, s in zip("xyz", found.centre, found.centre_std, strict=True)]
-    places = {"Ixx": (0, 0), "Ixy": (0, 1), "Iyy": (1, 1), "Ixz": (0, 2), "Iyz": (1, 2), "Izz": (2, 2)}
-    for name, (i, j) in places.items():
-        rows.append((name, float(found.inertia[i, j]), float(found.inertia_std[i, j]), "kg m^2"))
-    say(table(("payload", "value", "sigma", "unit"), [(n, f"{v:.5f}", f"{s:.5f}", u) for n, v, s, u in rows]))
+    say(body_table(found.to_dict()))
     say("centre in the end effector's frame, moments of inertia about it along its axes")
     if found.stated is not None:
         centre = ", ".join(f"{c:g}" for c in found.stated.centre)

@@ -9,7 +9,10 @@ from robot_ident.cli.output import add_json, add_robot, print_json, say, table, 
 from robot_ident.errors import InputError
 
 if TYPE_CHECKING:
+    from robot_ident.estimation.declaration import Declared
+    from robot_ident.recording.recording import Recording
     from robot_ident.recording.summary import Summary
+    from robot_ident.robot import Robot
 
 
 def add_arguments(parser: argparse.ArgumentParser) -> None:
@@ -22,24 +25,24 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
 
 def run(args: argparse.Namespace) -> int:
     """Describe a bag: its topics, and the joint states in it."""
-    from robot_ident.bags import describe, read_recording
+    from robot_ident.bags import describe, read_for, read_recording
     from robot_ident.recording.plausibility import check_plausible
     from robot_ident.recording.summary import summarise
     from robot_ident.robot import load_robot
 
     bag = describe(args.bag)
     robot = load_robot(args.robot) if args.robot else None
-    summary, trouble, declared = None, None, []
+    summary, trouble = None, None
+    declared: list[Declared] = []
+    coupled: list[str] = []
     try:
-        recording = read_recording(args.bag, topic=args.topic or (robot.effort.topic if robot else None))
+        recording = read_for(args.bag, robot, topic=args.topic) if robot else read_recording(args.bag, topic=args.topic)
         if robot is not None:
             recording = recording.with_joints(robot.joints)
             check_plausible(recording, robot)
         summary = summarise(recording)
         if robot is not None:
-            from robot_ident.estimation.declaration import judge_declaration
-
-            declared = judge_declaration(recording, robot)
+            declared, coupled = _judged(recording, robot)
     except InputError as error:
         if robot is not None or args.topic:
             raise
@@ -53,7 +56,7 @@ def run(args: argparse.Namespace) -> int:
             "truncated": bag.truncated,
             "topics": topics,
         }
-        notes = [*bag.notes, *([trouble] if trouble else [])]
+        notes = [*bag.notes, *([trouble] if trouble else []), *coupled]
         print_json(
             {
                 **data,
@@ -79,7 +82,30 @@ def run(args: argparse.Namespace) -> int:
         say("\neffort against the rigid model of the URDF (share 1: torque in the declared unit)")
         rows = [(one.joint, f"{one.share:.3f}", f"{one.std:.3f}", one.verdict, one.hint) for one in declared]
         say(table(("joint", "share", "sigma", "verdict", "look at"), rows))
+    for note in coupled:
+        tell(note)
     return 0
+
+
+def _judged(recording: Recording, robot: Robot) -> tuple[list[Declared], list[str]]:
+    """Return by joint how effort and rigid model go together, and what else there is to say of it."""
+    from robot_ident.estimation.declaration import judge_declaration
+
+    if recording.conditions.estimated:
+        return [], ["effort is not held against the URDF: its payload is unknown; a recording without one tells"]
+    return judge_declaration(recording, robot), _coupling(recording, robot)
+
+
+def _coupling(recording: Recording, robot: Robot) -> list[str]:
+    """Return what contradicts a declared coupling, whose joints seem to have wrong signs and gains."""
+    if robot.effort.coupling is None:
+        return []
+    from robot_ident.estimation.coupling import coupling_contradiction
+    from robot_ident.recording.measurement import Processing
+    from robot_ident.recording.process import process
+
+    found = coupling_contradiction([process(recording, robot, Processing(periodic=False))], robot)
+    return [] if found is None else [f"{found.in_words}; change it to '{found.change}'"]
 
 
 def _print(summary: Summary) -> None:

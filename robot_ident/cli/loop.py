@@ -51,10 +51,15 @@ def read_inputs(words: Sequence[str], validation: Sequence[str], topic: str | No
     _refuse_fitted(bags, validation)
     models = tuple(read_model(path) for path in paths)
     measured = tuple(_measured(models[0], bag, topic) for bag in bags)
-    unseen = tuple(_measured(models[0], bag, topic) for bag in validation)
+    unseen = validated_for(models[0], validation, topic)
     for bag, measurement in zip(validation, unseen, strict=True):
         _refuse_stranger(models[0], bag, measurement)
     return Inputs(models, paths, bags, measured, unseen)
+
+
+def validated_for(model: Model, validation: Sequence[str], topic: str | None) -> tuple[Measurement, ...]:
+    """Return recordings kept aside, processed as a model says."""
+    return tuple(_measured(model, bag, topic) for bag in validation)
 
 
 def _refuse_fitted(bags: Sequence[str], validation: Sequence[str]) -> None:
@@ -85,9 +90,7 @@ def _refuse_stranger(model: Model, bag: str, measured: Measurement) -> None:
 
 
 def _measured(model: Model, bag: str, topic: str | None) -> Measurement:
-    from robot_ident.bags import read_recording
-    from robot_ident.recording.measurement import Processing
-    from robot_ident.recording.process import process
+    from robot_ident.bags import read_for
+    from robot_ident.estimation.for_model import measured_for
 
-    processing = Processing(**dict(model.processing)) if model.processing else Processing()
-    return process(read_recording(bag, topic=topic or model.robot.effort.topic), model.robot, processing)
+    return measured_for(model, read_for(bag, model.robot, topic=topic))

@@ -2,18 +2,24 @@
 
 from __future__ import annotations
 
+import itertools
 import os
 import signal
+import socket
 import subprocess
 import sys
 import time
-from collections.abc import Callable
+from collections.abc import Callable, Mapping, Sequence
 from pathlib import Path
 from typing import Any
 
 from robot_ident.errors import RobotIdentError
 
-_END = 10.0  # s that a node has to end after SIGINT
+_END = 60.0  # s that a node has to end after SIGINT, on a machine that hardly lets it run
+_DOMAINS = 100
+_PARTICIPANTS = 20
+_LOOK = 0.1  # s between two looks at what is waited for
+_LONGEST_LOOK = 1.0  # s; after more than that this process has stood still itself
 
 
 class NodeProcess:
@@ -69,18 +75,64 @@ class NodeProcess:
         return lines[-1] if lines else "it said nothing"
 
 
-def wait_for(what: Callable[[], bool], nodes: list[NodeProcess], limit: float, tick: Callable[[], None]) -> None:
-    """Wait until `what()`; RobotIdentError when a node ends first or `limit` [s] is over."""
-    deadline = time.monotonic() + limit
+def free_domains(count: int) -> list[int]:
+    """Return so many DDS domains in which nobody runs on this machine; RobotIdentError when there are not enough.
+
+    Participant k of domain d listens on UDP port 7410 + 250 d + 2 k (RTPS 2.5, 9.6.2.3): where none of these is taken
+    there is none. Domains up to 100 keep clear of the ports that the system hands out itself.
+    """
+    offset = os.getpid()
+    found = (domain for k in range(_DOMAINS) if _free(domain := 1 + (offset + k) % _DOMAINS))
+    domains = list(itertools.islice(found, count))
+    if len(domains) < count:
+        raise RobotIdentError(
+            f"{count} DDS domains are needed that no node uses; {len(domains)} of {_DOMAINS} are free"
+        )
+    return domains
+
+
+def _free(domain: int) -> bool:
+    """Whether the ports of a domain's first participants are free."""
+    for participant in range(_PARTICIPANTS):
+        with socket.socket(socket.AF_INET, socket.SOCK_DGRAM) as probe:
+            try:
+                probe.bind(("", 7410 + 250 * domain + 2 * participant))
+            except OSError:
+                return False
+    return True
+
+
+def wait_for(
+    what: Callable[[], bool],
+    nodes: Sequence[NodeProcess],
+    progress: Callable[[], Mapping[str, float]],
+    patience: float,
+    tick: Callable[[], None] = lambda: None,
+) -> None:
+    """Wait until `what()`, however long it takes while all goes on.
+
+    RobotIdentError when a node ends first, or when one of the values of `progress()` has stayed the same for `patience`
+    [s] of real time in which this process ran, too.
+    """
+    reached: dict[str, float] = {}
+    still: dict[str, float] = {}
+    before = time.monotonic()
     while not what():
         for node in nodes:
             if not node.running:
                 node.end()
                 raise RobotIdentError(f"node {node.node} ended too soon; its log: {node.log}")
-        if time.monotonic() > deadline:
-            raise RobotIdentError(f"the nodes did not finish within {limit:.0f} s; their logs: {nodes[0].log.parent}")
+        step, before = min(time.monotonic() - before, _LONGEST_LOOK), time.monotonic()
+        for name, value in progress().items():
+            still[name] = still.get(name, 0.0) + step if reached.get(name) == value else 0.0
+            reached[name] = value
+            if still[name] > patience:
+                raise RobotIdentError(
+                    f"{name} has stood still at {value:.1f} s for {patience:.0f} s; the nodes' logs:"
+                    f" {nodes[0].log.parent.parent}"
+                )
         tick()
-        time.sleep(0.1)
+        time.sleep(_LOOK)
 
 
 def _text(value: Any) -> str:

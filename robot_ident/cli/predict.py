@@ -29,7 +29,7 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
 
 def run(args: argparse.Namespace) -> int:
     """Write the model's torque along a recording."""
-    from robot_ident.bags import read_recording, write_prediction
+    from robot_ident.bags import read_for, write_prediction
     from robot_ident.estimation.predict import predict
     from robot_ident.files import refuse_existing
     from robot_ident.model.model_file import read_model
@@ -37,7 +37,7 @@ def run(args: argparse.Namespace) -> int:
     refuse_existing(args.output, force=args.force)
     model = read_model(args.model)
     planned = _planned(args.bag, model)
-    found = planned or predict(model, read_recording(args.bag, topic=args.topic or model.robot.effort.topic))
+    found = planned or predict(model, read_for(args.bag, model.robot, topic=args.topic))
     write_prediction(args.output, found, force=args.force)
     joints = {joint: _of_joint(found, k) for k, joint in enumerate(found.joints)}
     if args.json:

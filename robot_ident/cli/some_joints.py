@@ -37,9 +37,9 @@ def given_angles(args: argparse.Namespace, robot: Robot) -> dict[str, float]:
         except ValueError:
             raise InputError(f"--hold {word!r}: JOINT=ANGLE was expected, like {robot.joints[-1]}=0.5") from None
         robot.joint_index(name.strip())
-    if out and not args.joints:
+    if out and args.joints is None:
         raise InputError("--hold goes with --joints, which names the joints that move")
-    both = [name for name in out if args.joints and name in moving_joints(robot, args.joints)]
+    both = [name for name in out if name in moving_joints(robot, args.joints)]
     if both:
         raise InputError(f"--hold {both[0]}: --joints moves it")
     return out
@@ -50,7 +50,7 @@ def held_for_design(args: argparse.Namespace, robot: Robot) -> tuple[Robot, dict
     where 0 lies outside.
     """
     given = given_angles(args, robot)
-    if not args.joints:
+    if args.joints is None:
         return robot, {}
     from robot_ident.excitation.held import check_angles
     from robot_ident.robot.held import hold, moving_joints
@@ -73,7 +73,7 @@ def held_in_recordings(
     Raises InputError where they stand elsewhere from one recording to the next: the base parameters depend on it.
     """
     given = given_angles(args, robot)
-    if not args.joints:
+    if args.joints is None:
         return robot, list(recordings), {}
     from robot_ident.recording.still import STILL, held_angles, still_part
     from robot_ident.robot.held import hold, moving_joints

@@ -28,15 +28,13 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
 
 def run(args: argparse.Namespace) -> int:
     """Validate and print the residual of every joint."""
-    from robot_ident.bags import read_recording
+    from robot_ident.bags import read_for
     from robot_ident.cli.identify import fit_table
     from robot_ident.estimation.validate import validate
     from robot_ident.model.model_file import read_model
 
     model = read_model(args.model)
-    result = validate(
-        model, read_recording(args.bag, topic=args.topic or model.robot.effort.topic), low_pass=args.low_pass
-    )
+    result = validate(model, read_for(args.bag, model.robot, topic=args.topic), low_pass=args.low_pass)
     if args.json:
         print_json(result.to_dict())
     else:

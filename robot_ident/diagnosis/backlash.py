@@ -7,11 +7,12 @@ from dataclasses import replace
 
 import numpy as np
 
-from robot_ident.diagnosis.candidates import Folds, Score, candidate_of, score
+from robot_ident.diagnosis.candidates import Candidate, Folds, Score, candidate_of, score, score_grams
 from robot_ident.diagnosis.evidence import Evidence, Trajectory, fitted, kept_between_parts
 from robot_ident.diagnosis.hidden_path import residual_beside_hidden_path
-from robot_ident.diagnosis.refine import refined
+from robot_ident.diagnosis.scan import add, columns_of, gram
 from robot_ident.diagnosis.unseen import Unseen
+from robot_ident.effects import Effect, Inner
 from robot_ident.effects.backlash import Backlash
 from robot_ident.motion import Array, Mask
 
@@ -22,6 +23,8 @@ CHANCE = 0.3  # beyond the share that chance would put there
 AFTER = 0.25  # s after a reversal within which its burst dies away
 RINGS = 0.4  # s after a reversal within which hardly anything of it is left
 GAIN = 40.0  # chi-square units that the column of a gap must gain
+SHARE_OF_BLOW = 0.4  # of the blow that a gap makes which must be there; as many times more is too much
+STEPS, STEP = 5, 2e-3  # of the search for a gap's inner parameters: how many, and the differences' in their ranges
 
 
 def gap_behind(evidence: Evidence, folds: Folds, rattling: Sequence[int]) -> Score | None:
@@ -42,9 +45,58 @@ def best_gap(evidence: Evidence, folds: Folds, joints: Collection[int]) -> Score
     candidates = [candidate_of(effect, evidence) for effect in effects if not effect.unseen]
     scores = [score(candidate, evidence, folds) for candidate in candidates if candidate.columns]
     best = max(scores, key=lambda s: s.gain, default=None)
-    if best is None or best.gain < GAIN or best.held_out < GAIN / 2:
+    return None if best is None or best.gain < GAIN / 2 else gap_near(best.effect, evidence, folds)
+
+
+def gap_near(effect: Effect, evidence: Evidence, folds: Folds) -> Score | None:
+    """Return a gap with its inner parameters refined from those that it has; None where it does not gain enough, held
+    out, too, or where the blows are not as large as such a gap makes them.
+    """
+    torques = evidence.torques
+    effect = _fitted(effect, evidence, folds)
+    columns = columns_of(effect, evidence, torques)
+    if not columns.joints:
         return None
-    return refined(best, evidence, folds)
+    inner = gram(columns, evidence)
+    found = score_grams(Candidate(effect.label, (columns,)), [inner], folds)
+    share = float(add(inner, folds.whole, effect.signs).coefficients[0])
+    as_large = SHARE_OF_BLOW <= share <= 1.0 / SHARE_OF_BLOW
+    return found if as_large and found.gain >= GAIN and found.held_out >= GAIN / 2 else None
+
+
+def _fitted(effect: Effect, evidence: Evidence, folds: Folds) -> Effect:
+    """Return a gap with its inner parameters where the squared error is least: variable projection, all of the data
+    together. What the model's torque tells of the load is taken as it stands.
+    """
+    from scipy.optimize import least_squares
+
+    torques = evidence.torques
+    axes = [inner for inner in effect.inner if inner.continuous]
+    low, high = (np.array([_scaled(i, getattr(i, side)) for i in axes]) for side in ("lower", "upper"))
+
+    def at(x: Array) -> Effect:
+        places = dict(zip(axes, low + (high - low) * np.clip(x, 0.0, 1.0), strict=True))
+        values = {i.name: float(np.exp(place)) if i.logarithmic else float(place) for i, place in places.items()}
+        return effect.at({i.name: float(np.clip(values[i.name], i.lower, i.upper)) for i in axes})
+
+    def rest(x: Array) -> Array:
+        columns = columns_of(at(x), evidence, torques)
+        joints = list(columns.joints)
+        addition = add(gram(columns, evidence), folds.whole, effect.signs)
+        out = []
+        for t, phi, part in zip(evidence.trajectories, evidence.phi, columns.parts, strict=True):
+            left = t.y - phi @ addition.values
+            left[:, joints] -= part @ addition.coefficients
+            out.append(left.ravel())
+        return np.concatenate(out)
+
+    start = (np.array([_scaled(i, effect.setting[i.name]) for i in axes]) - low) / (high - low)
+    found = least_squares(rest, np.clip(start, 1e-6, 1 - 1e-6), bounds=(0.0, 1.0), diff_step=STEP, max_nfev=STEPS)
+    return at(found.x)
+
+
+def _scaled(inner: Inner, value: float) -> float:
+    return float(np.log(value)) if inner.logarithmic else value
 
 
 def muted(
@@ -68,8 +120,7 @@ def _quiet(t: Trajectory, load: Array, rattling: Mapping[int, Collection[int]]) 
     for joint, causes in rattling.items():
         for cause in causes:
             weight[_after_reversals(load[:, cause], reach)[t.measured.rows], joint] = 0.0
-    share = (weight > 0).sum(axis=0) / np.maximum(1, (t.weight > 0).sum(axis=0))
-    return replace(t, weight=weight, y=np.where(weight > 0, t.y, 0.0), dof=t.dof * share)
+    return t.weighed_by(weight)
 
 
 def burst_cause(evidence: Evidence, joint: int) -> int | None:

@@ -19,12 +19,12 @@ _STEP = 1e-3  # of the range of an inner parameter, for derivatives
 def mean_squares(evidence: Evidence) -> dict[str, float]:
     """Return the mean square of the residual of every joint, (Nm)^2."""
     out = {}
+    newton = evidence.newton
     for joint, name in enumerate(evidence.structure.robot.joints):
         total, rows = 0.0, 0
-        for t, residual in zip(evidence.trajectories, evidence.residual, strict=True):
-            used = t.weight[:, joint] > 0
-            total += float(np.sum((residual[used, joint] / t.weight[used, joint]) ** 2))
-            rows += int(used.sum())
+        for t, residual in zip(evidence.trajectories, newton, strict=True):
+            total += float(np.sum(residual[:, joint] ** 2))
+            rows += int(np.sum(t.weight[:, joint] > 0))
         out[name] = total / max(rows, 1)
     return out
 

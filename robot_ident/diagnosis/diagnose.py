@@ -20,7 +20,7 @@ from robot_ident.diagnosis.candidates import Score
 from robot_ident.diagnosis.diagnosis import Diagnosis, Suspect, Verdict
 from robot_ident.diagnosis.drift import DRIFT, UNSEEN_IN_MEANS, drift_gain, drift_suspect, without_trends
 from robot_ident.diagnosis.evidence import Evidence, extended, gather, split
-from robot_ident.diagnosis.lack_of_fit import joint_noise, lack_of_fit
+from robot_ident.diagnosis.lack_of_fit import lack_of_fit
 from robot_ident.diagnosis.measuring.first import Fault, measuring_fault, undecidable
 from robot_ident.diagnosis.measuring.jitter import with_jitter
 from robot_ident.diagnosis.progress import Tell, after, silent
@@ -29,12 +29,16 @@ from robot_ident.diagnosis.stage import GAIN, MOSTLY, Stage, choose, much_is_lef
 from robot_ident.diagnosis.suspects import Ground, further, gap_suspects, suspect
 from robot_ident.diagnosis.unexplained import explain_by_variables
 from robot_ident.diagnosis.unseen import Unseen
+from robot_ident.diagnosis.white_lines import whitened
+from robot_ident.effects import Effect
 from robot_ident.model.structure import Structure
 from robot_ident.motion import Array
 from robot_ident.recording.measurement import Measurement
 
 SHARE = 0.35  # of a joint's excess that its members must explain on trajectories not seen
-STRICTER = 0.45  # more than that where what remains is far above the noise: a proxy leaves much, a cause little
+STRICTER = 0.37  # more than that where what remains is seen beside the noise: a proxy leaves much, a cause little
+_SEEN = 0.25  # of the noise of the mean: what remains is seen as clearly as need be
+_SHADOW = 0.08  # of what another joint still lacks, that a member must explain: less may be the shadow of that
 ALONE = 0.4  # of its held-out gain that any other effect may reach, where there is one recording only
 MOST = 6  # members
 
@@ -57,7 +61,9 @@ def diagnose(
     trending = {effect.label for effect in structure.effects if effect.trends}
     measurements, structure, validation = without_trends(measurements, structure, validation)
     evidence = gather(measurements, structure)
-    if len(evidence.trajectories) < 2:
+    if len(evidence.trajectories) > 1:
+        evidence = whitened(evidence)
+    else:  # lines belong to a whole period: of its parts, the rows are weighed
         evidence = split(evidence)
         notes.append(
             "one trajectory only: judged by parts of its own motion, which tells causes from proxies less well;"
@@ -91,7 +97,7 @@ class _Search:
     """Looks for members one after the other; where a gap makes joints rattle, in the time between its bursts.
 
     given: stage of the model as it was given; first: the same in the time in which nothing rattles; last: with the
-    members. rattling: by joint, the joints whose gaps make it rattle.
+    members. rattling: by joint, the joints whose gaps make it rattle; gaps: those found, by joint.
     """
 
     def __init__(self, evidence: Evidence, given: Stage) -> None:
@@ -100,6 +106,7 @@ class _Search:
         self.given = self.first = self.last = given
         self.members: list[Score] = []
         self.rattling: dict[int, set[int]] = {}
+        self.gaps: dict[int, Effect] = {}
 
     def run(self, tell: Tell) -> _Search:
         """Add members until nothing more explains enough."""
@@ -123,6 +130,7 @@ class _Search:
         gap = gap_behind(self.last.evidence, self.last.folds, loud)
         if gap is None:
             return False
+        self.gaps[gap.effect.joint] = gap.effect
         for joint in {*loud, gap.effect.joint}:
             self.rattling.setdefault(joint, set()).add(gap.effect.joint)
         self.evidence, unseen = muted(self.evidence, self.first.folds.unseen, self.rattling)
@@ -131,12 +139,7 @@ class _Search:
         return True
 
     def _again(self) -> None:
-        self.last = self.first.under(self.evidence, [m.effect for m in self.members], self.first.excess)
-
-    @property
-    def causes(self) -> list[int]:
-        """Joints that have a gap."""
-        return sorted(set().union(*self.rattling.values())) if self.rattling else []
+        self.last = self.first.under(self.evidence, [m.effect for m in self.members])
 
 
 def _conclude(
@@ -154,7 +157,7 @@ def _conclude(
     shown = [j for j, name in enumerate(robot.joints) if robot.side(j) != "link" and f"{DRIFT}@{name}" not in trending]
     drifting = {j: float(gain) for j, gain in enumerate(drift_gain(whole)) if gain >= GAIN and j in shown}
     trusted = _trusted(found, failing)
-    gaps = gap_suspects(whole, trusted, found.causes, validation)
+    gaps = gap_suspects(whole, trusted, [found.gaps[joint] for joint in sorted(found.gaps)], validation)
     suspects = [*(suspect(_ground(whole, found, gaps, validation), m, trusted) for m in trusted), *gaps]
     held = [s.effect for s in suspects]
     with_all = extended(whole, held) if held else whole
@@ -188,20 +191,24 @@ def _ground(whole: Evidence, found: _Search, gaps: Sequence[Suspect], validation
 def _trusted(found: _Search, failing: Sequence[int]) -> list[Score]:
     """Return the members that, all together, explain more than needed of the excess on one of their joints.
 
-    As much as the least that is wanted, and more the farther what remains stands above the noise; on trajectories left
-    out in turn or on recordings kept aside.
+    As much as the least that is wanted, and more the farther what remains stands above the noise of the mean; on
+    trajectories left out in turn or on recordings kept aside. What another joint lacks far more of casts its shadow on
+    the rest, through the inertia: beside it nothing small is trusted.
     """
     first, last = found.first, found.last
     share = 1.0 - last.excess / np.maximum(first.excess, 1e-300)
     if first.unseen_excess is not None and last.unseen_excess is not None:
         aside = 1.0 - last.unseen_excess / np.maximum(first.unseen_excess, 1e-300)
         share = np.where(first.unseen_excess >= GAIN, np.maximum(share, aside), share)
-    left = np.array([fit.excess for fit in last.fits])
-    surplus = share - SHARE - STRICTER * left / (left + joint_noise(last.evidence))
+    seen = np.array([np.clip((fit.statistic - 1.0) / _SEEN, 0.0, 1.0) if fit.fails else 0.0 for fit in last.fits])
+    surplus = share - SHARE - STRICTER * seen
 
     def enough(member: Score) -> bool:
         joints = [j for j in member.columns.joints if j in failing]
-        return bool(joints) and float(np.max(surplus[joints])) >= 0.0
+        if not joints or float(np.max(surplus[joints])) < 0.0:
+            return False
+        elsewhere = np.delete(last.excess, list(member.columns.joints))
+        return float(member.held_out_by_joint[joints].sum()) >= _SHADOW * float(elsewhere.max(initial=0.0))
 
     return [m for m in found.members if enough(m) or _stands_out(m, first, share)]
 

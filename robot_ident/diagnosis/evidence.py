@@ -20,7 +20,8 @@ class Trajectory:
     """One trajectory: its averaged motion, torque over noise y [N, n] and weight [N, n] (1 / sigma, 0 where a row is
     not used).
 
-    dof [n]: independent rows of each joint. measured: where it comes from.
+    dof [n]: independent rows of each joint. measured: where it comes from. whitening [K + 1, n]: factors on the Fourier
+    lines of what is weighed, so that each is in units of its own noise; None where all are alike.
     """
 
     measured: Measurement
@@ -28,10 +29,32 @@ class Trajectory:
     weight: Array
     y: Array
     dof: Array
+    whitening: Array | None = None
 
     def weighed(self, columns: Array) -> Array:
         """Return columns [N, n, k] (Nm) low-passed as the torque is, and in units of the noise."""
-        return self.measured.passed(columns) * self.weight[:, :, None]
+        return self.in_noise(self.measured.passed(columns))
+
+    def in_noise(self, passed: Array, joints: Sequence[int] | None = None) -> Array:
+        """Return low-passed columns [N, joints, k] (Nm) in units of the noise; joints: all of them unless told."""
+        chosen = slice(None) if joints is None else list(joints)
+        rows = passed * self.weight[:, chosen, None]
+        if self.whitening is None:
+            return rows
+        lines = np.fft.rfft(rows, axis=0) * self.whitening[:, chosen, None]
+        return np.asarray(np.fft.irfft(lines, len(rows), axis=0))
+
+    def plain(self, rows: Array) -> Array:
+        """Return weighed rows [N, n] with their lines as they were before they were put in units of their noise."""
+        if self.whitening is None:
+            return rows
+        return np.asarray(np.fft.irfft(np.fft.rfft(rows, axis=0) / self.whitening, len(rows), axis=0))
+
+    def weighed_by(self, weight: Array) -> Trajectory:
+        """Return the trajectory with another weight [N, n], 0 in rows more than before."""
+        share = (weight > 0).sum(axis=0) / np.maximum(1, (self.weight > 0).sum(axis=0))
+        other = replace(self, weight=weight, dof=self.dof * share)
+        return replace(other, y=other.weighed(self.measured.torque[:, :, None])[:, :, 0])
 
 
 @dataclass(frozen=True)
@@ -52,6 +75,12 @@ class Evidence:
     def residual(self) -> tuple[Array, ...]:
         """Weighed residual [N, n] of each trajectory."""
         return tuple(t.y - phi @ self.values for t, phi in zip(self.trajectories, self.phi, strict=True))
+
+    @property
+    def newton(self) -> tuple[Array, ...]:
+        """Residual [N, n] Nm of each trajectory, low-passed as the torque is, 0 where a row is not used."""
+        pairs = zip(self.trajectories, self.residual, strict=True)
+        return tuple(t.plain(r) / np.where(t.weight > 0, t.weight, np.inf) for t, r in pairs)
 
     @cached_property
     def torques(self) -> tuple[Torques, ...]:
@@ -116,8 +145,7 @@ def weighed_once(
     for place, t in enumerate(trajectories):
         if id(t.measured) not in passed:
             passed[id(t.measured)] = t.measured.passed(columns(place))
-    chosen = slice(None) if joints is None else list(joints)
-    return tuple(passed[id(t.measured)] * t.weight[:, chosen, None] for t in trajectories)
+    return tuple(t.in_noise(passed[id(t.measured)], joints) for t in trajectories)
 
 
 def fitted(
@@ -130,7 +158,7 @@ def fitted(
     memory = {} if memory is None else memory
     values = np.zeros(len(structure.names))
     own = rigid[0].shape[2]
-    links = tuple(_passed_rigid(t, r, memory) * t.weight[:, :, None] for t, r in zip(trajectories, rigid, strict=True))
+    links = tuple(t.in_noise(_passed_rigid(t, r, memory)) for t, r in zip(trajectories, rigid, strict=True))
 
     def effects(place: int) -> Array:
         return structure.columns(trajectories[place].motion, values, rigid[place])[:, :, own:]
@@ -187,9 +215,7 @@ def split(evidence: Evidence, parts: int = 4, block: float | None = None) -> Evi
     part = np.minimum(part, parts - 1) if block is None else part % parts
     pieces = []
     for number in range(parts):
-        weight = np.where((part == number)[:, None], whole.weight, 0.0)
-        share = (weight > 0).sum(axis=0) / np.maximum(1, (whole.weight > 0).sum(axis=0))
-        pieces.append(replace(whole, weight=weight, y=np.where(weight > 0, whole.y, 0.0), dof=whole.dof * share))
+        pieces.append(whole.weighed_by(np.where((part == number)[:, None], whole.weight, 0.0)))
     return fitted(evidence.structure, tuple(pieces), evidence.rigid * parts, kept_between_parts(evidence))
 
 

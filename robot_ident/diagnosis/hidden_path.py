@@ -9,7 +9,7 @@ effect seem to lag and to fade.
 
 from __future__ import annotations
 
-from collections.abc import Hashable
+from collections.abc import Hashable, Mapping
 from dataclasses import replace
 
 import numpy as np
@@ -17,10 +17,13 @@ import numpy as np
 from robot_ident.diagnosis.candidates import Score
 from robot_ident.diagnosis.evidence import Evidence, Trajectory, added
 from robot_ident.diagnosis.scan import BaseFit, BaseGram, add, base_gram, gram
-from robot_ident.motion import Array
+from robot_ident.diagnosis.white_lines import inertia_along
+from robot_ident.motion import Array, Mask
 from robot_ident.recording.lines import Lines, evaluate, least_above_noise, lines_of_grid
 
 _MATTERS = 1.0  # chi-square units that a hidden part must make, at its usual size, to be reckoned with
+_LAST = 0.5  # of the number of lines that stand above the noise, from which on they tell how large the next ones are
+_MOST = 2.0  # times the smallest line that stands above the noise: were they larger, the next would stand above it, too
 _KEY = "hidden path"
 
 
@@ -59,8 +62,9 @@ def _beside(evidence: Evidence) -> tuple[Evidence, BaseFit] | None:
 def _with_hidden_path(evidence: Evidence) -> tuple[Evidence, BaseFit] | None:
     if any(t.measured.position_lines is None or t.measured.decimate != 1 for t in evidence.trajectories):
         return None
+    kinks = {id(t.measured): _kinks_once(t, evidence) for t in evidence.trajectories}
     parts = [
-        t.weighed(np.concatenate([_kinks_once(t, evidence), _given_way(t, rigid, evidence)], axis=2))
+        t.weighed(np.concatenate([*_own(kinks, t), _given_way(t, rigid, evidence)], axis=2))
         for t, rigid in zip(evidence.trajectories, evidence.rigid, strict=True)
     ]
     matter = np.sum([np.sum(part**2, axis=(0, 1)) for part in parts], axis=0) > _MATTERS
@@ -75,6 +79,12 @@ def _with_hidden_path(evidence: Evidence) -> tuple[Evidence, BaseFit] | None:
     return beside, BaseFit.of(BaseGram(own, base.torque, base.power), range(len(parts)))
 
 
+def _own(kinks: Mapping[int, Array], t: Trajectory) -> list[Array]:
+    """Return the kinks of all measurements, those of others than a trajectory's as zeros: each has its own."""
+    rows, n = t.motion.q.shape
+    return [k if key == id(t.measured) else np.zeros((rows, n, k.shape[2])) for key, k in kinks.items()]
+
+
 def _kinks_once(t: Trajectory, evidence: Evidence) -> Array:
     """Return `_kinks`, computed once for all models on a measurement: further effects hardly change an inertia."""
     key: Hashable = (_KEY, id(t.measured))
@@ -86,20 +96,14 @@ def _kinks_once(t: Trajectory, evidence: Evidence) -> Array:
 
 
 def _kinks(t: Trajectory, evidence: Evidence) -> Array:
-    """Return the torque [N, n, 2 n] Nm of every joint's hidden kinks of usual size, in phase with its reversals and in
-    quadrature: the lag of the servo turns them.
+    """Return the torque [N, n, k] Nm of the hidden kink of usual size of every joint's every reversal, by the
+    inertia that it moves: the lag of the servo turns its phase.
     """
-    samples, n = t.motion.q.shape
-    out = np.zeros((samples, n, 2 * n))
-    structure, values = evidence.structure, evidence.values
-    plain = structure.torques(t.motion, values).total
-    lines = _hidden_lines(t)
-    for joint in range(n):
-        for turn, factor in enumerate((1.0, 1.0j)):
-            ddq = t.motion.ddq.copy()
-            ddq[:, joint] += evaluate(factor * lines[:, [joint]], samples, t.measured.base_frequency or 0.0, 2)[:, 0]
-            out[:, :, 2 * joint + turn] = structure.torques(replace(t.motion, ddq=ddq), values).total - plain
-    return out
+    inertia, out = inertia_along(t, evidence), []
+    for joint in range(t.motion.joints):
+        hidden = evaluate(_hidden_lines(t, joint), t.motion.samples, t.measured.base_frequency or 0.0, 2)
+        out.append(inertia[:, :, [joint]] * hidden[:, None, :])
+    return np.concatenate(out, axis=2)
 
 
 def _given_way(t: Trajectory, rigid: Array, evidence: Evidence) -> Array:
@@ -126,22 +130,37 @@ def _given_way(t: Trajectory, rigid: Array, evidence: Evidence) -> Array:
     return np.concatenate(out, axis=2)
 
 
-def _hidden_lines(t: Trajectory) -> Lines:
-    """Return the lines [K + 1, n] of each joint's kinks at its reversals that noise may hide.
+def _hidden_lines(t: Trajectory, joint: int) -> Lines:
+    """Return the lines [K + 1, 3 R + S] that noise hides of kinks at each of a joint's R reversals and the others' S.
 
-    A kink of the velocity by the same amount at every reversal has the lines of sign(dq) over k^2; where the lines end
-    that stand above the noise, it is as large as the least that would.
+    A step of the acceleration has lines over k, its position over k^3. Each may be as large where the last lines end
+    that stand above the noise as all of these are, and at least as the smallest that would; in phase with the reversal,
+    in quadrature, and not quite at its time, which what is hidden shifts. The reversals of others jerk it, too.
     """
     measured, motion = t.measured, t.motion
     variance, kept = measured.averaged_position_variance, measured.position_lines
-    lines = lines_of_grid(np.sign(motion.dq))
+    count = np.arange(motion.samples // 2 + 1)
     if variance is None or kept is None:
-        return np.zeros_like(lines)
-    least = least_above_noise(len(kept), variance, motion.samples)
-    count = np.arange(len(lines))
-    for joint in range(motion.joints):
-        edge = max(1, int(kept[:, joint].sum()) - 1)
-        near = np.sqrt(np.mean(np.abs(lines[edge : 2 * edge + 1, joint]) ** 2))
-        lines[:, joint] *= least[joint] / max(float(near), 1e-300) * np.minimum(1.0, (edge / np.maximum(count, 1)) ** 2)
-        lines[: len(kept), joint][kept[: len(lines), joint]] = 0.0
-    return lines
+        return np.zeros((len(count), 0), dtype=complex)
+    there: Mask = np.zeros(len(count), dtype=bool)
+    there[: len(kept)] = kept[: len(there), joint]
+    held = there.astype(float)
+    if measured.line_share is not None:
+        held[: len(kept)] = measured.line_share[: len(held), joint]
+    edge = max(1, int(there.sum()) - 1)
+    least = float(least_above_noise(len(kept), variance, motion.samples)[joint])
+    last = there & (count > _LAST * edge)
+    seen = np.abs(lines_of_grid(motion.q[:, [joint]])[last, 0]) * (count[last] / edge) ** 3
+    largest = float(np.clip(np.sqrt(np.mean(seen**2)) if len(seen) else 0.0, least, _MOST * least))
+    size = largest * np.minimum(1.0, (edge / np.maximum(count, 1)) ** 3) * (1.0 - held)
+    turns = [np.exp(-2j * np.pi * np.outer(count, _reversals(v)) / motion.samples) for v in motion.dq.T]
+    steps = [1j * size[:, None] * turn for turn in turns]
+    own = steps.pop(joint)
+    return np.hstack([own, 1j * own, 2j * np.pi / motion.samples * count[:, None] * own, *steps])
+
+
+def _reversals(speed: Array) -> Array:
+    """Return the places [R] in samples, parts of them included, where a periodic speed [N] passes zero."""
+    before = np.flatnonzero(np.sign(speed) * np.sign(np.roll(speed, -1)) < 0)
+    ahead = np.roll(speed, -1)[before]
+    return np.asarray(before + speed[before] / (speed[before] - ahead))

@@ -37,14 +37,10 @@ def lack_of_fit(evidence: Evidence, base: BaseGram) -> tuple[LackOfFit, ...]:
 
 def _excess(evidence: Evidence, joint: int, orthonormal: list[Array]) -> float:
     """Return the mean square of the residual beyond the noise [(Nm)^2]."""
-    total = float(sum(np.sum(r[:, joint] ** 2) for r in evidence.residual))
-    spent = float(sum(np.sum(q[:, joint] ** 2) for q in orthonormal))
-    dof = float(sum(t.dof[joint] for t in evidence.trajectories)) - spent
-    weights = np.concatenate([t.weight[:, joint] ** 2 for t in evidence.trajectories])
-    rows = np.concatenate([t.weight[:, joint] > 0 for t in evidence.trajectories])
-    return max(0.0, total - dof) / max(1.0, float(rows.sum())) / float(np.mean(weights[rows]))
-
-
-def joint_noise(evidence: Evidence) -> Array:
-    """Return the variance [n] of the noise on the averaged torque, (Nm)^2, mean over trajectories."""
-    return np.asarray(np.mean([t.measured.averaged_variance for t in evidence.trajectories], axis=0))
+    beyond = rows = 0.0
+    for t, rest, q in zip(evidence.trajectories, evidence.newton, orthonormal, strict=True):
+        used = float(np.sum(t.weight[:, joint] > 0))
+        spent = float(np.sum(q[:, joint] ** 2)) / t.measured.independent
+        beyond += float(np.sum(rest[:, joint] ** 2)) - float(t.measured.averaged_variance[joint]) * (used - spent)
+        rows += used
+    return max(0.0, beyond) / max(1.0, rows)

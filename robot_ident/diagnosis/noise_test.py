@@ -87,8 +87,13 @@ class Share:
 
 
 def noise_tests(evidence: Evidence, residual: Sequence[Array], share: Share) -> tuple[NoiseTest, ...]:
-    """Return the test of every joint's weighed residual [N, n] of each trajectory."""
+    """Return the test of every joint's weighed residual [N, n] of each trajectory.
+
+    FloatingPointError where one isn't finite: whatever made it so, it must not pass for fit.
+    """
     n = evidence.structure.robot.n
+    if not all(np.isfinite(rows).all() for rows in residual):
+        raise FloatingPointError("a residual is not finite")
     return tuple(_noise_test(wholes(evidence, joint, residual), share, joint, n) for joint in range(n))
 
 

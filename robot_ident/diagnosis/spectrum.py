@@ -45,12 +45,26 @@ class Whitening:
         if measured.low_pass is not None:
             count[rate > measured.low_pass.cutoff + 1e-9] = 0.0
         density = _density(t, joint)
+        if t.whitening is not None:
+            return cls._of_whitened(t, joint, count * np.mean(used), rate)
         if density is None:
             return cls(count * np.mean(used), np.ones(len(rate)), rate, whole)
         count = np.where(density > 0.0, count, 0.0)
         shape = np.where(count > 0.0, density / (np.sum(count * density) / np.sum(count)), 1.0)
         plain = cls(count * np.mean(used), shape, rate, whole)
         return replace(plain, scatter=plain._scatter(measured.period_torque, joint))
+
+    @classmethod
+    def _of_whitened(cls, t: Trajectory, joint: int, count: Array, rate: Array) -> Whitening:
+        """Return that of rows whose lines are in units of their noise already."""
+        assert t.whitening is not None
+        plain = cls(count, np.ones(len(rate)), rate, t.measured.variance_dof)
+        density = _density(t, joint)
+        scatter = None if density is None else plain._scatter(t.measured.period_torque, joint)
+        if density is None or scatter is None:
+            return plain
+        power = t.whitening[:, joint] ** 2
+        return replace(plain, scatter=scatter * power + count * (1.0 - relative_density(t, joint) * power))
 
     def _scatter(self, periods: Array | None, joint: int) -> Array | None:
         """Return the squares of the lines of periods [M, N, n] about their mean; gaps are nan."""
@@ -87,7 +101,9 @@ class Whitening:
     def noise_dof(self, inside: Mask) -> float:
         """Return the degrees of freedom of the noise's estimate over some of the lines."""
         return (
-            self.known_dof * float(np.sum(self.count[inside]) / np.sum(self.count)) if self.coloured else self.known_dof
+            self.known_dof * float(np.sum(self.count[inside]) / np.sum(self.count))
+            if self.coloured or self.scatter is not None
+            else self.known_dof
         )
 
     def noise(self, inside: Mask) -> float:
@@ -99,6 +115,16 @@ class Whitening:
         if self.scatter is None:
             return float(np.sum(self.count[inside]))
         return float(np.sum(self.scatter[inside] / self.shape[inside]))
+
+
+def relative_density(t: Trajectory, joint: int) -> Array:
+    """Return the density of the torque's noise over the lines [K + 1] of the period, 1 on average and where it is not
+    known.
+    """
+    density = _density(t, joint)
+    if density is None:
+        return np.ones(len(t.y) // 2 + 1)
+    return np.where(density > 0.0, density / np.mean(density[density > 0.0]), 1.0)
 
 
 def _density(t: Trajectory, joint: int) -> Array | None:

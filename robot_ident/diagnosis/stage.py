@@ -23,7 +23,8 @@ PART = 0.35  # of the present excess on its joints that every member must explai
 AGAIN = 0.5  # the same where a joint has a member already: what an imperfect column leaves looks like another effect
 LATER = 0.08  # of the excess that there was at first, which a further member on a joint must explain, too
 KEPT_ASIDE = 0.6  # of the excess on recordings that no fit sees, and of that on the fitted ones: enough by itself
-OWN = 0.5  # of its gain that an effect must keep beside what the hidden part of the path may make
+OWN = 0.4  # of its gain that an effect must keep beside what the hidden part of the path may make
+NEARLY_ALL = 0.8  # the same from which on the hidden part isn't in question, whether its joints lack fit or not
 MOSTLY = 0.6  # of a joint's excess, explained where there is one recording only; or by a column, so no gap made it
 _EXACT = 3  # candidates that are refined before recordings kept aside judge them
 LEAST = 0.25  # Nm rms (times the torque scale of the joint over 400 Nm) that every member must remove
@@ -33,7 +34,7 @@ LEAST = 0.25  # Nm rms (times the torque scale of the joint over 400 Nm) that ev
 class Stage:
     """Evidence on the model with the members found so far, and all that follows from it.
 
-    initial [n]: excess of the model as it was given, None where this is it.
+    first: that of the model as it was given, None where this is it.
     """
 
     evidence: Evidence
@@ -41,21 +42,26 @@ class Stage:
     folds: Folds
     candidates: dict[str, Candidate]
     scores: list[Score]
-    initial: Array | None = None
+    first: Stage | None = None
 
     @classmethod
-    def of(cls, evidence: Evidence, unseen: Unseen | None = None, initial: Array | None = None) -> Stage:
+    def of(cls, evidence: Evidence, unseen: Unseen | None = None, first: Stage | None = None) -> Stage:
         """Score every candidate; unseen: recordings that no fit sees."""
         base = base_gram(evidence)
         folds = Folds.of(base, None if unseen is None else unseen.under(evidence))
         candidates = {candidate.label: candidate for candidate in enumerate_candidates(evidence)}
         scores = [score(candidate, evidence, folds) for candidate in candidates.values()]
         scores.sort(key=lambda s: -s.held_out)
-        return cls(evidence, lack_of_fit(evidence, base), folds, candidates, scores, initial)
+        return cls(evidence, lack_of_fit(evidence, base), folds, candidates, scores, first)
 
-    def under(self, evidence: Evidence, effects: Sequence[Effect], initial: Array | None) -> Stage:
+    def under(self, evidence: Evidence, effects: Sequence[Effect]) -> Stage:
         """Return the stage of the model of an evidence with further effects, the same recordings kept aside."""
-        return Stage.of(extended(evidence, effects), self.folds.unseen, initial)
+        return Stage.of(extended(evidence, effects), self.folds.unseen, self.initial)
+
+    @property
+    def initial(self) -> Stage:
+        """The stage of the model as it was given."""
+        return self.first or self
 
     @property
     def excess(self) -> Array:
@@ -94,7 +100,9 @@ def choose(stage: Stage, rattling: Collection[int] = ()) -> Score | None:
         if not _worthwhile(best, stage, rattling):
             continue
         scores = sharpened(best, listed, stage.evidence, stage.folds)
-        leader = next((s for s in scores if _worthwhile(s, stage, rattling)), best)
+        leader = next((s for s in scores if _worthwhile(s, stage, rattling)), None)
+        if leader is None:  # it seemed so on a point of its grid only
+            continue
         rivals = tied(leader, scores, stage.evidence, stage.folds)
         equals = [leader, *(r for r in rivals if _worthwhile(r, stage, rattling))]
         simplest = min(equals, key=lambda s: (_size(s.effect), -s.held_out))
@@ -137,7 +145,10 @@ def _worthwhile(candidate: Score, stage: Stage, rattling: Collection[int]) -> bo
     mean_square = sum(gains[j] / max(w * r, 1e-300) for j, w, r in zip(joints, weights, rows, strict=True))
     if np.sqrt(max(mean_square, 0.0)) < min(least_torque(stage.evidence, j) for j in joints):
         return False
-    return gain_beside_hidden_path(candidate, stage.evidence) >= max(GAIN, OWN * candidate.gain)
+    own = gain_beside_hidden_path(candidate, stage.evidence)
+    if own < NEARLY_ALL * candidate.gain and not any(stage.fits[j].fails for j in joints):
+        return False  # beside the hidden path these joints lack nothing
+    return own >= max(GAIN, OWN * candidate.gain)
 
 
 def _explains(candidate: Score, stage: Stage, joints: Sequence[int]) -> bool:
@@ -145,8 +156,7 @@ def _explains(candidate: Score, stage: Stage, joints: Sequence[int]) -> bool:
     excess, removed = stage.excess[joints].sum(), candidate.held_out_by_joint[joints].sum()
     if not _touched(added(stage.evidence.structure), joints):
         return bool(removed >= PART * excess)
-    initial = excess if stage.initial is None else stage.initial[joints].sum()
-    return bool(removed >= max(AGAIN * excess, LATER * initial))
+    return bool(removed >= max(AGAIN * excess, LATER * stage.initial.excess[joints].sum()))
 
 
 def _told(candidate: Score, stage: Stage, joints: Sequence[int]) -> bool:
@@ -161,7 +171,10 @@ def _told(candidate: Score, stage: Stage, joints: Sequence[int]) -> bool:
         float(np.sum(r[:, joints] ** 2)) - float(t.dof[joints].sum())
         for t, r in zip(stage.evidence.trajectories, stage.evidence.residual, strict=True)
     )
-    return bool(removed >= max(GAIN, KEPT_ASIDE * excess) and candidate.gain >= KEPT_ASIDE * fitted)
+    least = max(GAIN, KEPT_ASIDE * excess)
+    if _touched(added(stage.evidence.structure), joints) and stage.initial.unseen_excess is not None:
+        least = max(least, LATER * stage.initial.unseen_excess[joints].sum())
+    return bool(removed >= least and candidate.gain >= KEPT_ASIDE * fitted)
 
 
 def least_torque(evidence: Evidence, joint: int) -> float:
@@ -181,7 +194,7 @@ def much_is_left(stage: Stage, joint: int) -> bool:
     """Return whether a joint lacks fit by more than an imperfect formula of a member leaves, and no column explains
     most of that.
     """
-    fit, initial = stage.fits[joint], stage.excess if stage.initial is None else stage.initial
+    fit, initial = stage.fits[joint], stage.initial.excess
     large = np.sqrt(fit.excess) >= least_torque(stage.evidence, joint)
     best = max((s.held_out_by_joint[joint] for s in stage.scores), default=0.0)
     return bool(
@@ -200,14 +213,14 @@ def reconsider(
     """Choose every earlier member again, given the others; drop one that explains nothing any more."""
     for place in range(len(members) - 1):
         others = [m for k, m in enumerate(members) if k != place]
-        without = stage.under(evidence, [m.effect for m in others], stage.initial)
+        without = stage.under(evidence, [m.effect for m in others])
         again = choose(without, rattling)
         if again is None:
             return others, without
         if again.label != members[place].label:
             changed = [*members[:place], again, *members[place + 1 :]]
             if len({m.label for m in changed}) == len(changed):
-                fresh = stage.under(evidence, [m.effect for m in changed], stage.initial)
+                fresh = stage.under(evidence, [m.effect for m in changed])
                 if fresh.loss < stage.loss - GAIN / 4:
                     members, stage = changed, fresh
     return members, stage

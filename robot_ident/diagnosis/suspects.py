@@ -7,7 +7,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from robot_ident.diagnosis.backlash import best_gap
+from robot_ident.diagnosis.backlash import gap_near
 from robot_ident.diagnosis.before_after import errors, estimates, mean_squares
 from robot_ident.diagnosis.candidates import Folds, Score
 from robot_ident.diagnosis.diagnosis import Suspect
@@ -46,7 +46,7 @@ def suspect(ground: Ground, found: Score, members: Sequence[Score] = ()) -> Susp
     from scipy.stats import chi2
 
     fellows = [m.effect for m in members if m.label != found.label]
-    stage = ground.first.under(ground.first.evidence, fellows, None) if fellows else ground.first
+    stage = ground.first.under(ground.first.evidence, fellows) if fellows else ground.first
     mine = next((s for s in stage.scores if s.label == found.label), None)
     rivals: list[Score] = []
     if mine is not None:
@@ -82,16 +82,16 @@ def further(ground: Ground, named: Collection[str], failing: Collection[int]) ->
 
 
 def gap_suspects(
-    whole: Evidence, members: Sequence[Score], causes: Sequence[int], validation: Sequence[Measurement]
+    whole: Evidence, members: Sequence[Score], gaps: Sequence[Effect], validation: Sequence[Measurement]
 ) -> list[Suspect]:
-    """Return the gaps of some joints, one beside the other, beside the members; those whose column gains enough."""
+    """Return some gaps, one beside the other, beside the members; those whose column gains enough."""
     from scipy.stats import chi2
 
     out: list[Suspect] = []
     before = extended(whole, [m.effect for m in members]) if members else whole
-    for cause in causes:
+    for gap in gaps:
         folds = Folds.of(base_gram(before))
-        found = best_gap(before, folds, [cause])
+        found = gap_near(gap, before, folds)
         if found is None:
             continue
         after = extended(before, [found.effect])
@@ -100,7 +100,7 @@ def gap_suspects(
         out.append(
             Suspect(
                 effect=found.effect,
-                p_value=min(1.0, float(chi2.sf(found.gain, 2)) * whole.structure.robot.n),
+                p_value=min(1.0, float(chi2.sf(found.gain, 1 + len(found.effect.inner))) * whole.structure.robot.n),
                 explained=float(np.clip(found.held_out_by_joint[joints].sum() / max(excess, 1e-300), 0.0, 1.0)),
                 mse_before=mean_squares(before),
                 mse_after=mean_squares(after),

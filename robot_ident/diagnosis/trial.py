@@ -15,6 +15,7 @@ import numpy as np
 
 from robot_ident.diagnosis.diagnose import diagnose
 from robot_ident.diagnosis.diagnosis import Diagnosis
+from robot_ident.diagnosis.true_motion import TrueMotion
 from robot_ident.errors import InputError
 from robot_ident.estimation.identify import estimate
 from robot_ident.excitation.fourier import FourierSeries
@@ -28,7 +29,7 @@ from robot_ident.simulation.scenario import Scenario, draw_scenario
 MEASUREMENT = "measurement"
 """The kind of a case in which the measuring is at fault and the arm is as modelled."""
 
-_UNSEEN_PERIODS = 2  # of the motion on which errors are judged: without noise one would do, were it periodic
+_QUIET_PERIODS = 2  # without noise one would do, were it periodic
 
 
 @dataclass(frozen=True)
@@ -60,9 +61,9 @@ class Outcome:
 
     hidden: with their values; truth, background: `name@joint` of what was to be found and of what else there was.
     visible [Nm rms]: what a model without it leaves, by joint. named: members of `missing`; tied: their tie groups.
-    error_before, error_after: mean square error on an unseen motion without noise, by joint [(Nm)^2], before and after
-    what was named was added; None where nothing was. seconds: processor time of the diagnosis. trouble: the message
-    where `add` was refused.
+    error_before, error_after: mean square error along an unseen motion as it truly was, by joint [(Nm)^2], before and
+    after what was named was added; None where nothing was. seconds: processor time of the diagnosis. trouble: the
+    message where `add` was refused.
     """
 
     seed: int
@@ -118,8 +119,7 @@ def run_case(case: Case, setting: Setting) -> Outcome:
     started = time.process_time()
     found = diagnose(measurements, structure)
     seconds = time.process_time() - started
-    unseen = process(plays[-1].record(_UNSEEN_PERIODS, noise=0.0), robot)
-    before, after, trouble = _errors(measurements, structure, found, unseen)
+    before, after, trouble = _errors(measurements, structure, found, TrueMotion.of(plays[-1]))
     return _outcome(scenario, robot, found, before, after, seconds, trouble)
 
 
@@ -142,13 +142,13 @@ def _run_measuring_case(case: Case, setting: Setting) -> Outcome:
 
 def _visible_of_fault(fault: MeasuringFault, case: Case, setting: Setting, structure: Structure) -> tuple[float, ...]:
     """Return the rms [n] Nm that a model leaves of recordings with a fault and without noise, fitted to them."""
-    quiet = recordings_with(fault, setting.robot, setting.training, periods=_UNSEEN_PERIODS, noise=0.0, seed=case.seed)
+    quiet = recordings_with(fault, setting.robot, setting.training, periods=_QUIET_PERIODS, noise=0.0, seed=case.seed)
     fits = estimate([process(recording, setting.robot) for recording in quiet], structure, estimator="ls").residual
     return tuple(fit.rms for fit in fits.values())
 
 
 def _errors(
-    measurements: list[Measurement], structure: Structure, found: Diagnosis, unseen: Measurement
+    measurements: list[Measurement], structure: Structure, found: Diagnosis, unseen: TrueMotion
 ) -> tuple[dict[str, float] | None, dict[str, float] | None, str]:
     """Return the errors on the unseen motion before and after what was named is added, or why it couldn't be."""
     named = [suspect.effect for suspect in found.missing if not suspect.effect.measuring]
@@ -159,8 +159,7 @@ def _errors(
         models = [estimate(measurements, s) for s in (structure, longer)]
     except InputError as error:
         return None, None, str(error)
-    rows = (unseen.used & ~unseen.standstill).all(axis=1)  # stiction leaves the torque at standstill undetermined
-    before, after = (np.mean((unseen.torque - model.predict(unseen.motion))[rows] ** 2, axis=0) for model in models)
+    before, after = (unseen.errors(model) for model in models)
     joints = structure.robot.joints
     return dict(zip(joints, before.tolist(), strict=True)), dict(zip(joints, after.tolist(), strict=True)), ""
 

@@ -13,6 +13,7 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from robot_ident.diagnosis.evidence import Evidence, Trajectory, trajectory
+from robot_ident.diagnosis.white_lines import white_lines
 from robot_ident.effects import Effect, Torques
 from robot_ident.motion import Array
 from robot_ident.recording.measurement import Measurement
@@ -37,7 +38,7 @@ class Unseen:
         known = [m for m, v in zip(measurements, variances, strict=True) if np.all(np.isfinite(v)) and np.all(v > 0)]
         if not known:
             return None
-        trajectories = tuple(trajectory(measured) for measured in known)
+        trajectories = white_lines([trajectory(measured) for measured in known], evidence)
         rigid = tuple(evidence.structure.rigid_columns(t.motion) for t in trajectories)
         return cls(trajectories, rigid, (), ()).under(evidence)
 

@@ -54,12 +54,16 @@ class Coefficient:
     symmetry: Symmetry | None = None
 
 
+_RESTS = 1e-3  # of its range, or of a scale's bound: so near to it a searched value rests there
+
+
 @dataclass(frozen=True)
 class Inner:
     """A parameter inside a column, which is searched: on `grid` first, then refined between `lower` and `upper`.
 
     grid_prismatic: the grid on a prismatic joint, where it differs. continuous: False where only the values of the grid
-    have a meaning. logarithmic: a scale, to be refined in its logarithm.
+    have a meaning; ordered: these are more or less of something rather than kinds. logarithmic: a scale, to be refined
+    in its logarithm.
     """
 
     name: str
@@ -70,7 +74,16 @@ class Inner:
     grid: tuple[float, ...]
     grid_prismatic: tuple[float, ...] = ()
     continuous: bool = True
+    ordered: bool = False
     logarithmic: bool = False
+
+    def at_bound(self, value: float) -> bool:
+        """Return whether a value rests at a bound, where it says no more than that it is there or beyond."""
+        if not self.continuous and not self.ordered:
+            return False
+        if self.logarithmic:
+            return value <= self.lower * (1.0 + _RESTS) or value >= self.upper * (1.0 - _RESTS)
+        return not _RESTS < (value - self.lower) / (self.upper - self.lower) < 1.0 - _RESTS
 
     @property
     def middle(self) -> float:

@@ -30,7 +30,7 @@ class Stribeck(Effect):
             (0.001, 0.003, 0.01, 0.03, 0.08, 0.2),
             logarithmic=True,
         ),
-        Inner("d", "", "", 0.5, 2.0, (0.5, 1.0, 2.0), continuous=False),
+        Inner("d", "", "", 0.5, 2.0, (0.5, 1.0, 2.0), continuous=False, ordered=True),
     )
     symmetry = "dissipative"
     signature = "peaks at low speed"

@@ -23,19 +23,20 @@ _LOSSES = 0.02  # share of the torque from which on friction tells a sign
 class Contradiction:
     """An entry of the robot YAML that the data contradict, on some joints: what stands there, and what it should be.
 
-    `share`: of the URDF's torque that is found in the effort, by joint.
+    `share`: of the URDF's torque that is found in the effort, by joint. found: what `share` is, in words.
     """
 
     entry: str
     now: str
     change: str
     share: Mapping[str, float]
+    found: str = "share of the URDF's torque in it"
 
     @property
     def in_words(self) -> str:
         """The contradiction in one line."""
         found = ", ".join(f"{joint} {share:.3g}" for joint, share in self.share.items())
-        return f"{self.entry} is {self.now}, which the data contradict (share of the URDF's torque in it: {found})"
+        return f"{self.entry} is {self.now}, which the data contradict ({self.found}: {found})"
 
 
 def contradiction(judged: Sequence[Declared], robot: Robot) -> Contradiction | None:

@@ -96,7 +96,7 @@ def _judge(robot: Robot, measured: Measurement, gravity: Array, inertial: Array,
         return Declared(name, NOT_TOLD, float("inf"), "not_told", "it hardly moves")
     scaled = columns / size
     solved, *_ = np.linalg.lstsq(scaled, tau, rcond=1e-9)
-    spread = _clustered(scaled, tau - scaled @ solved, max(1, round(_BLOCK / (measured.dt * measured.decimate))))
+    spread = clustered(scaled, tau - scaled @ solved, max(1, round(_BLOCK / (measured.dt * measured.decimate))))
     told = {k: (float(solved[k] / size[k]), float(spread[k] / size[k])) for k in (0, 1) if np.isfinite(size[k])}
     told = {k: (s, std) for k, (s, std) in told.items() if 0.0 < std < _HARDLY or abs(s) > _SURE * std > 0.0}
     if not told:
@@ -138,7 +138,7 @@ def _verdict(robot: Robot, joint: int, told: dict[int, tuple[float, float]]) -> 
     return "factor", f"{share:.3g} times the URDF's {unit}: a gain, a gear ratio or ampere ({asked})?"
 
 
-def _clustered(columns: Array, residual: Array, block: int) -> Array:
+def clustered(columns: Array, residual: Array, block: int) -> Array:
     """Return standard deviations [k] that hold when errors within a block depend on each other."""
     inverse = np.linalg.pinv(columns.T @ columns)
     pieces = np.array_split(columns * residual[:, None], max(2, len(residual) // block))

@@ -15,6 +15,7 @@ from typing import Any
 import numpy as np
 
 from robot_ident.errors import InputError
+from robot_ident.estimation.carried import refuse_untold
 from robot_ident.estimation.declaration import judge_all
 from robot_ident.estimation.equations import Equations
 from robot_ident.estimation.problem import Problem
@@ -324,6 +325,7 @@ def with_known_gains(
     robot = structure.robot
     if not robot.ampere_joints:
         return measurements, structure, None
+    refuse_untold(measurements, robot)
     gains = estimate_gains(measurements, structure)
     known = robot_with(robot, gains)
     labels = [label for label in structure.labels if label not in Structure.build(robot).labels]

@@ -9,6 +9,7 @@ import numpy as np
 
 from robot_ident.errors import InputError, did_you_mean
 from robot_ident.estimation.apart import apart
+from robot_ident.estimation.carried import solve_carrying
 from robot_ident.estimation.days import by_day
 from robot_ident.estimation.equations import Equations, stack
 from robot_ident.estimation.gains import Gains, spread_by_gains, with_known_gains
@@ -17,7 +18,7 @@ from robot_ident.estimation.per_period import drift_notes, per_period
 from robot_ident.estimation.position_noise import position_notes
 from robot_ident.estimation.problem import Solution
 from robot_ident.estimation.scale import scale_notes
-from robot_ident.estimation.solve import ESTIMATORS, solve
+from robot_ident.estimation.solve import ESTIMATORS
 from robot_ident.model.model import Fit, Model, NoiseLevel
 from robot_ident.model.structure import Structure
 from robot_ident.motion import Array
@@ -60,22 +61,24 @@ def estimate(
     """Return the model of some measurements: eq. (7), (10) or the minimum of (4), with its covariance.
 
     physical: take the nearest parameters that a real arm can have. gains: those of the drives that the same recordings
-    told, whose uncertainty the covariance takes in.
+    told, whose uncertainty the covariance takes in. Payloads that conditions leave open are found with the arm, and the
+    model is that of the arm alone.
     """
     if estimator not in ESTIMATORS:
         raise InputError(f"unknown estimator {estimator!r}{did_you_mean(estimator, ESTIMATORS)}")
     if not measurements:
         raise InputError("no recording was given")
-    _check_conditions(measurements)
     if physical and structure.robot.ampere_joints:
         raise InputError(
             f"robot {structure.robot.name}: without drive gains no inertia is known in kg m^2, and none can be physical"
         )
+    solved = solve_carrying(measurements, structure, estimator)
+    measurements, found = solved.measurements, solved.solution
     taken = apart(measurements, structure.effects)
-    found = solve(taken, structure, estimator)
     # where a trend is part of the model, no period by itself tells it from the level
     periods = per_period(measurements, found, estimator) if taken is measurements else ()
     notes = [*structure.notes, *(f"{m.source}: {note}" for m in measurements for note in m.notes), *found.notes]
+    notes += [note for payload in solved.payloads for note in payload.notes]
     if gains is not None:
         notes += gains.notes
         found = replace(found, covariance=_with_gains(found, gains, measurements))
@@ -113,6 +116,7 @@ def estimate(
         recordings=tuple(measured.facts() for measured in measurements),
         gains=None if gains is None else tuple(gains.to_dict()),
         days=days.to_dict(structure.names),
+        payloads=tuple(payload.to_dict() for payload in solved.payloads),
     )
 
 
@@ -123,16 +127,6 @@ def _with_gains(found: Solution, gains: Gains, measurements: Sequence[Measuremen
     values = found.values[:linear]
     covariance[:linear, :linear] += spread_by_gains(gains, measurements, found.structure, values)
     return covariance
-
-
-def _check_conditions(measurements: Sequence[Measurement]) -> None:
-    """Raise InputError where a recording says that its payload is yet to be estimated."""
-    for measured in measurements:
-        if measured.conditions.estimated:
-            raise InputError(
-                f"{measured.source}: its conditions leave the payload to be estimated: identify the arm without it,"
-                f" then robot_ident identify {measured.source} --only payload --model model.yaml"
-            )
 
 
 def _misfit_notes(residual: Mapping[str, Fit], equations: Equations) -> list[str]:

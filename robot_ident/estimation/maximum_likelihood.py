@@ -1,12 +1,13 @@
 """Maximum likelihood: parameters and trajectory together (Swevers et al. 1997, eqs. 3 to 6).
 
-The trajectory of each joint is q(t) = q0 + sum_l over the Fourier lines of its measured position that stand above the
-noise (eq. 11, with as many lines as the robot shows). K = 1/2 sum (q_m - q(delta))^2 / s_q^2 + 1/2 (tau_m - tau)' S^-1
-(tau_m - tau), tau = Phi(q(delta), dq(delta), ddq(delta)) theta, is minimised by Levenberg-Marquardt on exact
-derivatives. The lines being orthogonal over a period, the first sum is delta' P^-1 delta about the measured lines, and
-the normal equations have the form of an arrow: theta couples to every measurement's delta, these not to each other, so
-that each delta is eliminated by its Schur complement. What is left, F_tt - F_td F_dd^-1 F_dt, is the Fisher information
-of theta (eq. 6 printed right: Fi = sum J' W J), its inverse the Cramer-Rao bound.
+The trajectory of each joint is q(t) = q0 + sum_l over the Fourier lines of its measured position that hold more than
+noise (eq. 11, with as many lines as the robot shows; of faint ones their share, whose error is as much smaller).
+K = 1/2 sum (q_m - q(delta))^2 / s_q^2 + 1/2 (tau_m - tau)' S^-1 (tau_m - tau), tau = Phi(q(delta), dq(delta),
+ddq(delta)) theta, is minimised by Levenberg-Marquardt on exact derivatives. The lines being orthogonal over a period,
+the first sum is delta' P^-1 delta about the measured lines, and the normal equations have the form of an arrow: theta
+couples to every measurement's delta, these not to each other, so that each delta is eliminated by its Schur
+complement. What is left, F_tt - F_td F_dd^-1 F_dt, is the Fisher information of theta (eq. 6 printed right: Fi = sum J'
+W J), its inverse the Cramer-Rao bound.
 """
 
 from __future__ import annotations
@@ -34,7 +35,8 @@ _TELL = 0.3  # sigmas of difference from wls that are worth a word
 class Trajectory:
     """The lines of one measured period: bases B, dB, ddB [N, d] of all joints' coefficients delta [d].
 
-    joint [d]: whose position a coefficient enters. variance [d]: of its measured value, 2 s^2 / N of an amplitude.
+    joint [d]: whose position a coefficient enters. variance [d]: of its error, 2 s^2 / N of an amplitude, times the
+    share of a faint line that counts as motion.
     """
 
     basis: tuple[Array, Array, Array]
@@ -45,14 +47,14 @@ class Trajectory:
     @classmethod
     def of(cls, measured: Measurement, structure: Structure, values: Array) -> Trajectory:
         """Return the lines of a measurement's motion that its torque could move; InputError where it isn't periodic."""
-        lines, noise = measured.position_lines, measured.averaged_position_variance
-        if lines is None or noise is None or measured.base_frequency is None:
+        share, noise = measured.line_share, measured.averaged_position_variance
+        if share is None or noise is None or measured.base_frequency is None:
             raise InputError(
                 f"{measured.source}: ml estimates the lines of a periodic motion; this recording is not periodic:"
                 " use --estimator wls or iv"
             )
         samples = measured.motion.samples
-        lines = lines & _movable(measured, noise, structure, values)
+        lines = (share > 0.0) & _movable(measured, noise, structure, values)
         t = np.arange(samples)[:, None] * measured.dt
         parts: list[tuple[Array, Array, Array]] = []
         joint: list[np.ndarray] = []
@@ -71,7 +73,7 @@ class Trajectory:
             )
             joint.append(np.full(2 * len(k) + 1, index))
             size = max(float(noise[index]), 1e-24) / samples
-            variance.append(np.concatenate([[size], np.full(2 * len(k), 2.0 * size)]))
+            variance.append(np.concatenate([[size], np.tile(2.0 * size * share[k, index], 2)]))
         b0, b1, b2 = (np.hstack([part[order] for part in parts]) for order in range(3))
         return cls((b0, b1, b2), np.concatenate(joint), np.concatenate(variance), measured.motion)
 

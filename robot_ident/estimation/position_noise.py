@@ -17,7 +17,7 @@ _TORQUE = 0.1  # of the torque's noise variance: more is worth a word
 
 def acceleration_noise(measured: Measurement) -> Array:
     """Return the noise of the acceleration over its rms [n], from the lines of a periodic motion; 0 elsewhere."""
-    lines, variance = measured.position_lines, measured.averaged_position_variance
+    lines, variance = measured.line_share, measured.averaged_position_variance
     if lines is None or variance is None or measured.base_frequency is None:
         return np.zeros(len(measured.joints))
     rates = (2.0 * np.pi * measured.base_frequency * np.arange(len(lines))) ** 4
@@ -32,11 +32,12 @@ def torque_of_position_noise(measured: Measurement, structure: Structure, values
     Lines of equal noise sigma^2 / N (twice that but for the mean), cosine and sine alike, give the position a variance
     v_0 at every instant, the velocity v_1, the acceleration v_2, and position and acceleration the covariance -v_1:
     var tau = sum over joints of (dtau/dq)^2 v_0 + ((dtau/ddq)^2 - 2 dtau/dq dtau/dddq) v_1 + (dtau/dddq)^2 v_2.
-    Lines count by what the low pass of the measurement leaves of them.
+    Lines count by the share of them that the motion holds, which is what is left of their variance, and by what the low
+    pass of the measurement leaves of them.
     """
     from robot_ident.model.derivatives import torque_derivatives
 
-    lines, noise = measured.position_lines, measured.averaged_position_variance
+    lines, noise = measured.line_share, measured.averaged_position_variance
     if lines is None or noise is None or measured.base_frequency is None:
         return np.zeros(len(measured.joints))
     rates = 2.0 * np.pi * measured.base_frequency * np.arange(len(lines))

@@ -7,9 +7,9 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
+from robot_ident.estimation.for_model import payload_in, processing_of
 from robot_ident.model.model import Model
 from robot_ident.motion import Array, Motion
-from robot_ident.recording.measurement import Processing
 from robot_ident.recording.process import process
 from robot_ident.recording.recording import Recording
 
@@ -45,13 +45,14 @@ def predict(model: Model, recording: Recording) -> Prediction:
     unless the model was made with another), since differentiated noise is all that it holds beyond. Raises InputError
     where the recording isn't of the model's robot.
     """
-    used = Processing(**dict(model.processing)) if model.processing else Processing()
-    measured = process(recording, model.robot, replace(used, periodic=False, base_frequency=None, decimate=1))
+    used = replace(processing_of(model), periodic=False, base_frequency=None, decimate=1)
+    measured = process(recording, model.robot, used)
     motion = measured.motion
     std = standard_deviation(model, motion, measured.passed)
     torque = model.predict(motion)
-    if recording.conditions.payload is not None:
-        torque = torque + recording.conditions.payload.torque(model.robot, motion)
+    carried = payload_in(model, recording) if recording.conditions.estimated else recording.conditions.payload
+    if carried is not None:
+        torque = torque + carried.torque(model.robot, motion)
     misfit = np.array([_misfit(model, joint) for joint in model.robot.joints])
     return Prediction(
         joints=model.robot.joints,

@@ -20,6 +20,8 @@ from robot_ident.model.structure import Structure
 from robot_ident.motion import Array
 from robot_ident.recording.measurement import Measurement
 
+_MOST_STEPS = 25  # of the search for inner parameters: five of them at once take about 15
+
 
 @dataclass(frozen=True)
 class Estimator:
@@ -74,15 +76,28 @@ def _scan(problem: Problem, structure: Structure) -> Structure:
         if len(settings) < 2:
             continue
         trials = [_replaced(structure, index, setting) for setting in settings]
-        costs = [_cost(problem, trial) for trial in trials]
+        near = _near(problem, structure)
+        costs = [_cost(problem, trial, near) for trial in trials]
         structure = trials[int(np.argmin(costs))]
     return structure
 
 
-def _cost(problem: Problem, structure: Structure) -> float:
+def _near(problem: Problem, structure: Structure) -> Array | None:
+    """Return linear parameters [p] whose torque effects see while their inner ones are searched: it hardly changes
+    with these. None where no effect sees any, or the motion doesn't excite a column.
+    """
+    if not structure.uses_torque:
+        return None
+    try:
+        return problem.linear(structure)[0]
+    except InputError:
+        return None
+
+
+def _cost(problem: Problem, structure: Structure, near: Array | None) -> float:
     """Return the squared error at theta(s); inf where the motion doesn't excite a column."""
     try:
-        return float(np.sum(problem.residual(structure) ** 2))
+        return float(np.sum(problem.residual(structure, near) ** 2))
     except InputError:
         return float("inf")
 
@@ -101,25 +116,32 @@ def _refine(problem: Problem, structure: Structure) -> Structure:
     if not free.any():
         return structure
     settings = structure.settings.copy()
-    range_ = (upper - lower)[free]
+    scale = np.array([inner.logarithmic for effect in structure.effects for inner in effect.inner], dtype=bool)[free]
+    lowest, range_ = _scaled(lower[free], scale), _scaled(upper[free], scale) - _scaled(lower[free], scale)
 
     def at(x: Array) -> Structure:
-        moved = settings.copy()
-        moved[free] = lower[free] + range_ * x
+        moved, place = settings.copy(), lowest + range_ * x
+        moved[free] = np.clip(np.where(scale, np.exp(np.where(scale, place, 0.0)), place), lower[free], upper[free])
         return structure.with_settings(moved)
 
-    start = np.clip((settings[free] - lower[free]) / range_, 1e-6, 1 - 1e-6)
+    start = np.clip((_scaled(settings[free], scale) - lowest) / range_, 1e-6, 1 - 1e-6)
     unexplained: Array | None = None
+    near = _near(problem, structure)
 
     def rest(x: Array) -> Array:
         """Return the projected residual; where the motion no longer meets a column, as if nothing were explained."""
         nonlocal unexplained
         try:
-            return problem.residual(at(x))
+            return problem.residual(at(x), near)
         except InputError:
             if unexplained is None:
                 unexplained = problem.noise.whiten(problem.equations(structure, None).torque)
             return unexplained
 
-    found = least_squares(rest, start, bounds=(0.0, 1.0), diff_step=STEP, max_nfev=15, xtol=1e-5, ftol=1e-7)
+    found = least_squares(rest, start, bounds=(0.0, 1.0), diff_step=STEP, max_nfev=_MOST_STEPS, xtol=1e-5, ftol=1e-7)
     return at(found.x)
+
+
+def _scaled(values: Array, logarithmic: np.ndarray) -> Array:
+    """Return inner parameters as they are searched: scales by their logarithm."""
+    return np.asarray(np.where(logarithmic, np.log(np.where(logarithmic, values, 1.0)), values))

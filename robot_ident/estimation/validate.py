@@ -9,12 +9,13 @@ from typing import Any
 import numpy as np
 
 from robot_ident.errors import InputError
+from robot_ident.estimation.for_model import processing_of, with_payload_found
 from robot_ident.estimation.identify import fit
 from robot_ident.model.model import Fit, Model
 from robot_ident.motion import Array, Motion
 from robot_ident.recording.continuous import DEFAULT_LOW_PASS
 from robot_ident.recording.low_pass import ZeroPhaseLowPass
-from robot_ident.recording.measurement import Measurement, Processing
+from robot_ident.recording.measurement import Measurement
 from robot_ident.recording.process import process
 from robot_ident.recording.recording import Recording
 
@@ -49,7 +50,7 @@ def validate(model: Model, recording: Recording, *, low_pass: float | None = Non
 
     Raises InputError where the recording isn't of the model's robot or never moves.
     """
-    used = Processing(**dict(model.processing)) if model.processing else Processing()
+    recording, used = with_payload_found(model, recording), processing_of(model)
     cutoff = DEFAULT_LOW_PASS if low_pass is None else low_pass
     measured = process(
         recording, model.robot, replace(used, periodic=False, base_frequency=None, low_pass=cutoff, decimate=1)

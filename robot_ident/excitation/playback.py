@@ -102,8 +102,9 @@ class Playback:
             (t < self.transient, self._rise, 0.0),
             (t > self.steady_end, self._fall, self.steady_end),
         ):
-            part = ramp.motion(t[rows] - start)
-            q[rows], dq[rows], ddq[rows] = part.q, part.dq, part.ddq
+            if rows.any():
+                part = ramp.motion(t[rows] - start)
+                q[rows], dq[rows], ddq[rows] = part.q, part.dq, part.ddq
         return Motion(q, dq, ddq)
 
     def pieces(self) -> Sequence[Piece]:

@@ -51,7 +51,8 @@ class Model:
     the single periods of each recording, their scatter and drift. chi_square, dof: weighted squared error of the fit
     and its degrees of freedom, None where the noise is unknown. physical: how a physically consistent set was reached
     and the standard inertias that give it, None where none was asked for. gains: of drives, as the recordings told
-    them, None where the robot's files know them. days: how estimates of single days scatter.
+    them, None where the robot's files know them. days: how estimates of single days scatter. payloads: those that the
+    recordings carried and that were found with the arm; the model is that of the arm alone.
     """
 
     structure: Structure
@@ -72,6 +73,7 @@ class Model:
     recordings: tuple[Mapping[str, Any], ...] = ()
     gains: tuple[Mapping[str, Any], ...] | None = None
     days: Mapping[str, Any] | None = None
+    payloads: tuple[Mapping[str, Any], ...] = ()
 
     def __post_init__(self) -> None:
         """Freeze the arrays and check their shapes."""
@@ -111,6 +113,12 @@ class Model:
     def std(self) -> Array:
         """Standard deviation of every parameter [p]: the root of the covariance's diagonal (eq. 9)."""
         return np.sqrt(np.diag(self.covariance))
+
+    @property
+    def at_bound(self) -> tuple[bool, ...]:
+        """Which parameters [p + r] rest at a bound of theirs, where no standard deviation tells what the data allow."""
+        inner = [i.at_bound(effect.setting[i.name]) for effect in self.structure.effects for i in effect.inner]
+        return (*(False for _ in self.structure.parameters), *inner)
 
     @property
     def physical_inertias(self) -> Array | None:
@@ -167,13 +175,16 @@ class Model:
             {
                 "name": parameter.name,
                 "value": float(value),
-                "std": float(std),
+                "std": None if at_bound else float(std),
                 "unit": parameter.unit,
                 "joint": parameter.joint,
                 "effect": parameter.effect,
                 "meaning": parameter.meaning,
+                "at_bound": at_bound,
             }
-            for parameter, value, std in zip(self.parameters, self.values, self.std, strict=True)
+            for parameter, value, std, at_bound in zip(
+                self.parameters, self.values, self.std, self.at_bound, strict=True
+            )
         ]
         definition = self.robot.definition
         return {
@@ -197,6 +208,7 @@ class Model:
             "physical": None if self.physical is None else dict(self.physical),
             "gains": None if self.gains is None else [dict(one) for one in self.gains],
             "days": None if self.days is None else dict(self.days),
+            "payloads": [dict(one) for one in self.payloads],
             "recordings": [dict(one) for one in self.recordings],
             "processing": dict(self.processing),
             "provenance": dict(self.provenance),

@@ -29,11 +29,12 @@ class ParameterFile(Closed):
 
     name: str
     value: float
-    std: float = Field(ge=0)
+    std: float | None = Field(ge=0)
     unit: str
     joint: str | None
     effect: str
     meaning: str = ""
+    at_bound: bool = False
 
 
 class FitFile(Closed):
@@ -88,6 +89,33 @@ class GainFile(Closed):
     loaded: bool
 
 
+class BodyParameterFile(Closed):
+    """One of the ten inertial parameters of a payload in `model.yaml`, in the last joint's frame."""
+
+    name: str
+    value: float
+    std: NotNegative
+    told: bool
+
+
+class PayloadFile(Closed):
+    """A payload in `model.yaml` that was found together with the arm."""
+
+    name: str
+    recordings: list[str]
+    mass: float
+    mass_std: NotNegative
+    mass_interval: tuple[float, float]
+    centre: tuple[float, float, float]
+    centre_std: tuple[NotNegative, NotNegative, NotNegative]
+    centre_interval: list[tuple[float, float]]
+    inertia: Annotated[list[float], Field(min_length=6, max_length=6)]
+    inertia_std: Annotated[list[NotNegative], Field(min_length=6, max_length=6)]
+    parameters: list[BodyParameterFile]
+    covariance: list[list[float]]
+    notes: list[str] = []
+
+
 class DefinitionFile(Closed):
     """The robot in `model.yaml`, where it doesn't come with the package."""
 
@@ -114,6 +142,7 @@ class ModelFile(Closed):
     recordings: list[dict[str, Any]] = []
     gains: list[GainFile] | None = None
     days: dict[str, Any] | None = None
+    payloads: list[PayloadFile] = []
     processing: ProcessingFile = ProcessingFile()
     provenance: dict[str, Any] = {}
     notes: list[str] = []
@@ -175,6 +204,7 @@ def read_model(path: Path | str) -> Model:
         recordings=tuple(file.recordings),
         gains=None if file.gains is None else tuple(gain.model_dump() for gain in file.gains),
         days=file.days,
+        payloads=tuple(one.model_dump(mode="json") for one in file.payloads),
     )
 
 
@@ -190,7 +220,7 @@ def _check_covariance(covariance: Array, file: ModelFile, path: Path | str) -> N
     if np.abs(covariance / unit).max() > 1.0 + 1e-6:
         raise InputError(f"{path}: covariance holds a correlation above 1")
     for parameter, own in zip(file.parameters, scale, strict=True):
-        if abs(parameter.std - own) > 1e-6 * max(own, parameter.std):
+        if parameter.std is not None and abs(parameter.std - own) > 1e-6 * max(own, parameter.std):
             raise InputError(
                 f"{path}: {parameter.name}: std {parameter.std:.6g} is not the root of its variance, {own:.6g}"
             )

@@ -26,6 +26,7 @@ from rclpy.utilities import remove_ros_args
 
 from robot_ident.errors import InputError, RobotIdentError
 from robot_ident.nodes.parameters import Parameter, Value, declare, usage
+from robot_ident.playing.ticker import may_run_at
 
 OK, WARN, ERROR = DiagnosticStatus.OK, DiagnosticStatus.WARN, DiagnosticStatus.ERROR
 _SWITCH = 0.001  # s for which one thread may keep another from running; Python's own 5 ms are most of a tick at 150 Hz
@@ -55,6 +56,15 @@ def latched() -> QoSProfile:
 def overridable() -> QoSOverridingOptions:
     """Return the options by which users change a profile (`qos_overrides./joint_states.subscription.depth`)."""
     return QoSOverridingOptions.with_default_policies()
+
+
+THREAD_PRIORITY = Parameter(
+    "thread_priority",
+    50,
+    "real-time priority (SCHED_FIFO) of the thread that keeps time, where the machine allows it; 0: none",
+    0,
+    99,
+)
 
 
 class BaseNode(Node):
@@ -97,6 +107,19 @@ class BaseNode(Node):
     def every(self, seconds: float, callback: Callable[[], None]) -> None:
         """Call back every so many seconds of real time, whatever the node's clock says."""
         self.create_timer(seconds, callback, clock=self._steady)
+
+    def tick_priority(self) -> int:
+        """Return the priority of the thread that keeps real time; 0 in simulated time, or where none is allowed."""
+        if self.get_parameter("use_sim_time").value:
+            return 0
+        priority: int = self.value(THREAD_PRIORITY.name)
+        if may_run_at(priority):
+            return priority
+        self.get_logger().warning(
+            "no real-time priority is allowed here (CAP_SYS_NICE, or rtprio in /etc/security/limits.d): other programs"
+            " may delay what is sent"
+        )
+        return 0
 
     def now_ns(self) -> int:
         """Return the time of the node's clock [ns]: the machine's, or that of `/clock` under `use_sim_time`."""

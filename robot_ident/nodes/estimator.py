@@ -58,6 +58,11 @@ class Estimator(BaseNode):
         """Read robot, trajectory and model; subscribe."""
         super().__init__()
         self._robot = load_robot(self.value("robot"))
+        if self._robot.effort.sources:
+            raise InputError(
+                f"robot {self._robot.name}: the effort of {', '.join(self._robot.effort.sources)} does not stand in the"
+                " field effort beside the positions; record both topics, and robot_ident identify puts them together"
+            )
         excitation = Excitation.read(self.value("trajectory")) if self.value("trajectory") else None
         if excitation is not None:
             excitation.check_robot(self._robot)

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from robot_ident.nodes.common import THREAD_PRIORITY
 from robot_ident.nodes.managed import MANAGED
 from robot_ident.nodes.outputs import OUTPUTS
 from robot_ident.nodes.parameters import Parameter
@@ -94,4 +95,5 @@ TABLE: tuple[Parameter, ...] = (
         unit="s",
     ),
     Parameter("depth", 10, "commands that may wait to be sent", 1, 10_000),
+    THREAD_PRIORITY,
 )

@@ -24,6 +24,8 @@ from robot_ident.playing.player import DWELL, Phase, Player
 from robot_ident.playing.ticker import Stall, Ticker
 from robot_ident.playing.watch import Bounds, Watch
 
+_STOOD = 0.05  # s of real time between two ticks of simulated time, beyond which that time has stood still
+
 
 class Session:
     """Listens to the robot from the start on; from `activate` to `deactivate` it can play, in a thread of its own."""
@@ -37,6 +39,8 @@ class Session:
         self._subscriptions = self._subscribe()
         self._preparing: threading.Thread | None = None
         self._origin_ns: int | None = None
+        self._simulated: bool = node.get_parameter("use_sim_time").value
+        self._ticked = time.monotonic()
         self.player, self.ticker = self._make_player()
 
     def _subscribe(self) -> list[Subscription]:
@@ -75,7 +79,7 @@ class Session:
             lead=lead,
             dwell=DWELL + 5 * lead,
         )
-        simulated = self._node.get_parameter("use_sim_time").value
+        simulated = self._simulated
         ticker = Ticker(
             self._node.value("rate") or plan.rate,
             self._tick,
@@ -85,6 +89,7 @@ class Session:
             on_stall=self._on_stall,
             on_error=self._node.fail,
             clock=(lambda: self._node.now_ns() * 1e-9) if simulated else None,
+            priority=self._node.tick_priority(),
         )
         return player, ticker
 
@@ -140,8 +145,12 @@ class Session:
 
     def _tick(self, number: int) -> None:
         """Send one command; in the ticker's thread."""
-        t = number * self.ticker.interval
-        command = self.player.tick(t, time.monotonic())
+        t, now = number * self.ticker.interval, time.monotonic()
+        stood = now - self._ticked - self.ticker.interval
+        if self._simulated and stood > _STOOD:  # the clock did: one that is stopped, or waits for a loaded machine
+            self.watch.excuse(stood, now)
+        self._ticked = now
+        command = self.player.tick(t, now)
         self.output.send(self.player, command, t, lambda: self._stamp(number))
 
     def _stamp(self, number: int) -> int:

@@ -17,7 +17,6 @@ from robot_ident.nodes.outputs import TrajectoryOutput
 from robot_ident.nodes.parameters import Parameter
 
 _POLL = 0.0005  # s between looks at those who are waited for
-_PATIENCE = 2.0  # s of real time after which a silent stream is no longer waited for
 
 
 class SimulatedClock(BaseNode):
@@ -35,6 +34,14 @@ class SimulatedClock(BaseNode):
             "ahead", 0.02, "how far time may run ahead of the newest joint state and command", 0.001, 1.0, unit="s"
         ),
         Parameter(
+            "patience",
+            2.0,
+            "real time after which joint states or commands that have fallen silent are no longer waited for",
+            0.1,
+            3600.0,
+            unit="s",
+        ),
+        Parameter(
             "controller",
             "",
             "name of a joint_trajectory_controller that is commanded: NAME/joint_trajectory must keep up as well"
@@ -46,6 +53,7 @@ class SimulatedClock(BaseNode):
         """Start time at the machine's own."""
         super().__init__()
         self._newest: dict[str, tuple[int, float]] = {}
+        self._patience: float = self.value("patience")
         self._clock_topic = self.create_publisher(Clock, "/clock", reliable(10))
         for topic in ("joint_states", "joint_command"):
             self.create_subscription(
@@ -78,7 +86,7 @@ class SimulatedClock(BaseNode):
 
     def _behind(self, bound_ns: int) -> bool:
         """Return whether a stream that is alive has not come as far as `bound_ns`."""
-        oldest = time.monotonic() - _PATIENCE
+        oldest = time.monotonic() - self._patience
         return any(stamp < bound_ns and heard > oldest for stamp, heard in list(self._newest.values()))
 
     def close(self) -> None:

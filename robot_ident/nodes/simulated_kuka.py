@@ -13,7 +13,7 @@ from trajectory_msgs.msg import JointTrajectory
 
 from robot_ident.errors import InputError
 from robot_ident.motion import Array, Motion
-from robot_ident.nodes.common import BaseNode, overridable, reliable, run
+from robot_ident.nodes.common import THREAD_PRIORITY, BaseNode, overridable, reliable, run
 from robot_ident.nodes.joint_states import columns, joint_state, points_of, stamp_of
 from robot_ident.nodes.parameters import Parameter
 from robot_ident.playing.command_buffer import CommandBuffer
@@ -23,6 +23,8 @@ from robot_ident.simulation.interpolator import CommandInterpolator
 from robot_ident.simulation.servo import BANDWIDTH, SERVOS
 from robot_ident.simulation.simulated_robot import SimulatedRobot
 from robot_ident.simulation.trajectory_follower import TrajectoryFollower
+
+_LAG = 0.1  # s of commands that may wait; those of a stall are left out, or the robot would be late ever after
 
 
 class SimulatedKuka(BaseNode):
@@ -60,6 +62,7 @@ class SimulatedKuka(BaseNode):
             "patience", 0.1, "how long it moves on when commands stop, before it brakes and holds", 0.0, 10.0, unit="s"
         ),
         Parameter("depth", 1000, "joint states that a slow reader may leave waiting", 1, 1_000_000),
+        THREAD_PRIORITY,
     )
 
     def __init__(self) -> None:
@@ -109,6 +112,7 @@ class SimulatedKuka(BaseNode):
             on_stall=self._on_stall,
             on_error=self.fail,
             clock=(lambda: self.now_ns() * 1e-9) if self.get_parameter("use_sim_time").value else None,
+            priority=self.tick_priority(),
         )
         self.get_logger().info(f"{robot.name} with {', '.join(self._plant.effects) or 'no effects'}")
         self._ticker.start()
@@ -166,6 +170,8 @@ class SimulatedKuka(BaseNode):
         for command in self._buffer.due(stamp):
             self._epoch_ns = self._epoch_ns or command.t_ns
             self._interpolator.push((command.t_ns - self._epoch_ns) * 1e-9, command.q, command.dq)
+        if self._interpolator.behind > max(_LAG, 3e-9 * self._interval_ns):
+            self._interpolator.catch_up()
         return self._interpolator.advance(instants, half)
 
     def _on_stall(self, stall: Stall) -> None:
@@ -175,7 +181,10 @@ class SimulatedKuka(BaseNode):
             jump_ns = round(stall.seconds * 1e9)
             self._buffer.shift(jump_ns)
             self._epoch_ns += jump_ns if self._epoch_ns else 0
-        self.get_logger().warning(f"{stall}: the stamps of joint_states have a gap")
+        what = (
+            str(stall) if stall.clock_jump else f"{stall.seconds:.3f} s behind (a loaded machine, or a stopped process)"
+        )
+        self.get_logger().warning(f"{what}: the stamps of joint_states have a gap")
 
     def _on_reset(self, request: Trigger.Request, response: Trigger.Response) -> Trigger.Response:
         self._resets = 1

@@ -5,7 +5,7 @@ from __future__ import annotations
 import threading
 from collections import deque
 from collections.abc import Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 
@@ -118,6 +118,12 @@ class Watch:
         """Forget the states as well: they are older than they look (this process stood still)."""
         with self._lock:
             self._recent.clear()
+
+    def excuse(self, seconds: float, now: float) -> None:
+        """Don't count so many seconds of silence: time stood still, and nobody was expected to say anything."""
+        with self._lock:
+            for k, state in enumerate(self._recent):
+                self._recent[k] = replace(state, received=min(state.received + seconds, now))
 
     def not_ready(self, now: float) -> str:
         """Return why no motion can start from here, or an empty text."""

@@ -8,7 +8,7 @@ import numpy as np
 
 from robot_ident.model.base_parameters import reduce_to_base
 from robot_ident.motion import Array, Motion
-from robot_ident.recording.conditions import Conditions
+from robot_ident.recording.conditions import Conditions, KnownPayload
 from robot_ident.recording.measurement import Measurement
 from robot_ident.robot.robot import Robot
 
@@ -27,20 +27,28 @@ def arm_alone(measured: Measurement, conditions: Conditions, robot: Robot) -> Me
         extra += _beyond_base(robot, motion)
     extra += _of_payload(conditions, motion, robot)
     notes = conditions.notes(off=bool(robot.compares_with_newton_metres.any()))
-    single = measured.period_torque
-    return replace(
-        measured,
-        motion=motion,
-        torque=measured.torque - extra,
-        period_torque=None if single is None else single - extra,
-        notes=(*measured.notes, *notes),
-        conditions=conditions,
-    )
+    alone = _less(measured, extra)
+    return replace(alone, motion=motion, notes=(*measured.notes, *notes), conditions=conditions)
 
 
 def with_payload(measured: Measurement, robot: Robot) -> Measurement:
     """Return a measurement of `arm_alone` with the torque of its known payload in it, as it was measured."""
-    return replace(measured, torque=measured.torque + _of_payload(measured.conditions, measured.motion, robot))
+    return _less(measured, -_of_payload(measured.conditions, measured.motion, robot))
+
+
+def less_payload(measured: Measurement, payload: KnownPayload | None, robot: Robot) -> Measurement:
+    """Return a measurement of `arm_alone` with the torque of another payload taken off than what was taken off before,
+    None: with its payload in it.
+    """
+    conditions = replace(measured.conditions, payload=payload)
+    whole = with_payload(measured, robot)
+    return replace(_less(whole, _of_payload(conditions, measured.motion, robot)), conditions=conditions)
+
+
+def _less(measured: Measurement, torque: Array) -> Measurement:
+    """Return a measurement less a torque [N, n] Nm, in its mean and in every period."""
+    single = measured.period_torque
+    return replace(measured, torque=measured.torque - torque, period_torque=None if single is None else single - torque)
 
 
 def _of_payload(conditions: Conditions, motion: Motion, robot: Robot) -> Array:

@@ -18,34 +18,34 @@ LEAST_GAIN = 0.5  # of a filter that is inverted: beyond, noise would be more th
 
 @dataclass(frozen=True)
 class Chain:
-    """What lies between the torque and its record: an analogue low pass common to all joints, a delay [n] s of each."""
+    """What lies between the torque and its record, by joint: an analogue low pass [n] or None, a delay [n] s."""
 
-    anti_alias: AntiAlias | None
+    anti_alias: tuple[AntiAlias | None, ...]
     delay: Array
 
     @property
     def trivial(self) -> bool:
         """Whether the torque is recorded as it is."""
-        return self.anti_alias is None and not self.delay.any()
+        return not self.filtered and not self.delay.any()
+
+    @property
+    def filtered(self) -> bool:
+        """Whether any joint's torque passes a filter."""
+        return any(self.anti_alias)
 
     @property
     def bandwidth(self) -> float:
-        """Frequency [Hz] up to which the filter passes at least half: (1/g^2 - 1)^(1 / 2 order) cutoff; inf without."""
-        if self.anti_alias is None:
-            return float("inf")
-        kind = self.anti_alias
-        return float(kind.cutoff * (1.0 / LEAST_GAIN**2 - 1.0) ** (0.5 / kind.order))
+        """Frequency [Hz] up to which all filters pass at least half; inf without."""
+        return min((_bandwidth(kind) for kind in self.anti_alias if kind), default=float("inf"))
 
     def response(self, frequency: Array) -> Response:
         """Return H [K, n] at frequencies [K] Hz: Butterworth's poles, and exp(-i w delay)."""
-        s = 2j * np.pi * frequency
-        gain = np.ones(len(frequency), dtype=complex)
-        if self.anti_alias is not None:
-            order, cutoff = self.anti_alias.order, 2.0 * np.pi * self.anti_alias.cutoff
-            angles = np.pi * (2.0 * np.arange(1, order + 1) + order - 1) / (2.0 * order)
-            for pole in np.exp(1j * angles):
-                gain = gain / (s / cutoff - pole)
-        return np.asarray(gain[:, None] * np.exp(-s[:, None] * self.delay))
+        lag = np.exp(-2j * np.pi * frequency[:, None] * self.delay)
+        gains = {kind: _gain(kind, frequency) for kind in set(self.anti_alias) if kind}
+        for joint, kind in enumerate(self.anti_alias):
+            if kind:
+                lag[:, joint] *= gains[kind]
+        return np.asarray(lag)
 
     def undone(self, x: Array, rate: float) -> Array:
         """Return torque x [N, n] sampled at `rate` [Hz] without the chain, a low pass below its bandwidth to follow.
@@ -74,27 +74,43 @@ class Chain:
     def note(self) -> str:
         """A line for the user, empty where there is nothing to say."""
         parts = []
-        if self.anti_alias is not None:
-            kind = self.anti_alias
-            parts.append(
-                f"Butterworth filter of order {kind.order} at {kind.cutoff:g} Hz undone to {self.bandwidth:.3g} Hz"
-            )
+        kinds = [kind for kind in dict.fromkeys(self.anti_alias) if kind]
+        if kinds:
+            told = ", ".join(f"of order {kind.order} at {kind.cutoff:g} Hz" for kind in kinds)
+            word = "filter" if len(kinds) == 1 else "filters"
+            parts.append(f"Butterworth {word} {told} undone to {self.bandwidth:.3g} Hz")
         if self.delay.any():
             parts.append("delay of " + ", ".join(f"{1e3 * d:g}" for d in self.delay) + " ms undone")
         return "torque channel: " + ", ".join(parts) if parts else ""
 
 
 def chain_of(robot: Robot, anti_alias: tuple[float, float] | None, source: str, rate: float) -> Chain:
-    """Return the chain that a robot declares; `anti_alias` (order, Hz) replaces its filter, order 0 takes it away.
+    """Return the chain that a robot declares; `anti_alias` (order, Hz) replaces its filters, order 0 takes them away.
 
     Raises InputError where the cutoff is not below half of the sample rate.
     """
-    kind = robot.anti_alias
+    kinds = robot.anti_alias or (None,) * robot.n
     if anti_alias is not None:
-        kind = AntiAlias(int(anti_alias[0]), float(anti_alias[1])) if anti_alias[0] else None
+        kinds = (AntiAlias(int(anti_alias[0]), float(anti_alias[1])) if anti_alias[0] else None,) * robot.n
+    kind = max((kind for kind in kinds if kind), key=lambda k: k.cutoff, default=None)
     if kind is not None and kind.cutoff > 0.4999 * rate:
         raise InputError(
             f"{source}: the anti-alias filter's cutoff of {kind.cutoff:g} Hz is not below half the sample rate,"
             f" {0.5 * rate:g} Hz; give the filter that was in the chain (--anti-alias ORDER:HZ, or none)"
         )
-    return Chain(kind, np.asarray(robot.torque_delay, dtype=float))
+    return Chain(kinds, np.broadcast_to(np.asarray(robot.torque_delay, dtype=float), (robot.n,)))
+
+
+def _bandwidth(kind: AntiAlias) -> float:
+    """Return the frequency [Hz] up to which a filter passes at least half: (1/g^2 - 1)^(1 / 2 order) cutoff."""
+    return float(kind.cutoff * (1.0 / LEAST_GAIN**2 - 1.0) ** (0.5 / kind.order))
+
+
+def _gain(kind: AntiAlias, frequency: Array) -> Response:
+    """Return a Butterworth filter's H [K] at frequencies [K] Hz, by its poles."""
+    s = 2j * np.pi * frequency
+    gain = np.ones(len(frequency), dtype=complex)
+    angles = np.pi * (2.0 * np.arange(1, kind.order + 1) + kind.order - 1) / (2.0 * kind.order)
+    for pole in np.exp(1j * angles):
+        gain = gain / (s / (2.0 * np.pi * kind.cutoff) - pole)
+    return gain

@@ -53,7 +53,8 @@ class KnownPayload:
 class Conditions:
     """What a recording's sidecar states.
 
-    payload: in the hand and known, None where there is none or it is to be `estimated`. gravity: m/s^2 in the base's
+    payload: in the hand and known, None where there is none. estimated: it is not known, and `payload` what recordings
+    told of it, None as long as they have not; unknown payloads of one `body` are the same. gravity: m/s^2 in the base's
     frame, None: the robot's. temperature: deg C. day: of the recording, as written.
     """
 
@@ -64,12 +65,13 @@ class Conditions:
     temperature: float | None = None
     day: str = ""
     note: str = ""
+    body: str = ""
 
     def to_dict(self) -> dict[str, Any]:
         """Return the sidecar's contents."""
         data: dict[str, Any] = {"schema": SCHEMA}
         if self.estimated:
-            data["payload"] = "estimate"
+            data["payload"] = {"estimate": self.body} if self.body else "estimate"
         elif self.payload is not None:
             data["payload"] = {key: list(v) if isinstance(v, tuple) else v for key, v in asdict(self.payload).items()}
         for key in ("tool", "temperature", "day", "note"):
@@ -82,9 +84,11 @@ class Conditions:
 
     def notes(self, *, off: bool) -> tuple[str, ...]:
         """Return a line that says what is special, if anything is; off: a known payload's torque is taken off."""
+        named = f" {self.body}" if self.body else ""
+        found = f"payload{named} of {self.payload.mass:g} kg{' taken off' if off else ''}" if self.payload else ""
         words = [
-            f"payload of {self.payload.mass:g} kg{' taken off' if off else ''}" if self.payload else "",
-            "payload unknown" if self.estimated else "",
+            found,
+            f"payload{named} unknown" if self.estimated and not self.payload else "",
             f"tool {self.tool}" if self.tool else "",
             "" if self.gravity is None else f"gravity {', '.join(f'{g:g}' for g in self.gravity)} m/s^2",
             "" if self.temperature is None else f"{self.temperature:g} deg C",
@@ -98,7 +102,8 @@ class Conditions:
         return to_yaml(self.to_dict())
 
 
-_BODY, _WORD = ALTERNATIVE + "body", ALTERNATIVE + "word"  # so that a mistake in one is not told as one in both
+# so that a mistake in one is not told as one in all
+_BODY, _OPEN, _WORD = ALTERNATIVE + "body", ALTERNATIVE + "open", ALTERNATIVE + "word"
 
 
 class PayloadFile(Closed):
@@ -111,12 +116,23 @@ class PayloadFile(Closed):
     )
 
 
+class OpenPayloadFile(Closed):
+    """A payload in a sidecar that is not known, but is the same wherever it is called so."""
+
+    estimate: Annotated[str, Field(min_length=1)] = Field(description="its name")
+
+
 def _kind(value: Any) -> str:
+    if isinstance(value, OpenPayloadFile) or (isinstance(value, dict) and "estimate" in value):
+        return _OPEN
     return _BODY if isinstance(value, (dict, PayloadFile)) else _WORD
 
 
 PayloadField = Annotated[
-    Annotated[PayloadFile, Tag(_BODY)] | Annotated[Literal["estimate", "none"], Tag(_WORD)], Discriminator(_kind)
+    Annotated[PayloadFile, Tag(_BODY)]
+    | Annotated[OpenPayloadFile, Tag(_OPEN)]
+    | Annotated[Literal["estimate", "none"], Tag(_WORD)],
+    Discriminator(_kind),
 ]
 
 
@@ -152,14 +168,16 @@ def read_conditions(bag: Path | str) -> Conditions:
         raise InputError(
             f"{path}: gravity = {list(file.gravity)}: m/s^2 in the base's frame was expected, 9.81 of them towards down"
         )
+    named = file.payload.estimate if isinstance(file.payload, OpenPayloadFile) else ""
     return Conditions(
         payload,
-        file.payload == "estimate",
+        bool(named) or file.payload == "estimate",
         file.tool,
         file.gravity,
         file.temperature,
         "" if file.day is None else file.day.isoformat(),
         file.note,
+        named,
     )
 
 

@@ -5,11 +5,14 @@ from __future__ import annotations
 import numpy as np
 from numpy.typing import NDArray
 
-from robot_ident.motion import Array
+from robot_ident.motion import Array, Mask
 
 Lines = NDArray[np.complex128]  # [K + 1, n]; line 0 is the mean, line k the amplitude of exp(i k w t)
 
 _FALSE_LINE = 1e-6  # expected noise lines that pass as signal, per joint: one at 70 Hz would be 2 rad/s^2 of a KUKA
+_BAND = 25  # lines that are judged together where none of them stands out
+_FALSE_BAND = 1e-4  # chance that a joint's noise passes as one faint band or more
+_FEWEST = 3  # faint lines in a band that tell its power
 
 
 def lines_of_grid(x: Array) -> Lines:
@@ -62,3 +65,30 @@ def above_noise(c: Lines, variance: Array, samples: int) -> np.ndarray:
 def least_above_noise(count: int, variance: Array, samples: int) -> Array:
     """Return the amplitude [n] from which on one of `count` lines stands above white noise of `variance` [n]."""
     return np.asarray(np.sqrt(np.log(count / _FALSE_LINE) * 4.0 * np.maximum(variance, 1e-300) / samples))
+
+
+def share_of_motion(c: Lines, strong: Mask, variance: Array, samples: int) -> Array:
+    """Return which share [K + 1, n] of each measured line is motion rather than noise.
+
+    A line that stands above the noise (`strong`) counts whole. Of the others, each too faint to be told from white
+    noise of `variance` [n] per sample, a band may hold more power than noise: where its lines |c_k|^2 N / (4 variance)
+    have the mean 1 + r, the share r / (1 + r) of each is the best linear estimate of the motion (Wiener 1949), and as
+    much is left of the noise's variance. Bands are tested from the slow ones up, each at the same level, until one
+    fails: the first that is noise ends the motion, so that no band is found by searching many, least of all a fast one,
+    whose noise would be amplified by the square of its frequency.
+    """
+    from scipy.special import gammaincc
+
+    share = strong.astype(float)
+    power = np.abs(c) ** 2 * samples / (4.0 * np.maximum(variance, 1e-300))
+    for joint in range(c.shape[1]):
+        for first in range(1, (samples - 1) // 2 + 1, _BAND):
+            band = np.arange(first, min(first + _BAND, len(c)))
+            faint = band[~strong[band, joint]]
+            if len(faint) < _FEWEST:
+                continue
+            total = float(power[faint, joint].sum())
+            if gammaincc(len(faint), total) > _FALSE_BAND:
+                break
+            share[faint, joint] = 1.0 - len(faint) / total
+    return share

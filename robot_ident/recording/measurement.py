@@ -48,8 +48,9 @@ class Measurement:
     period_torque [M, N, n]: the periods one by one (gaps nan), or None. standstill [N, n]: rows at rest.
 
     noise: spectrum of the torque's noise, None where no periods tell it. quantisation [n] (Nm)^2: variance that
-    rounding leaves in a row of `torque` and no averaging removes. position_lines [K + 1, n]: the Fourier lines that
-    `motion` holds; averaged_position_variance [n] rad^2: of a row of the averaged position, white. left_out: numbers
+    rounding leaves in a row of `torque` and no averaging removes. position_lines [K + 1, n]: the Fourier lines of
+    the positions that stand above the noise, line_share [K + 1, n]: the share of each line that `motion` holds, of
+    fainter ones too; averaged_position_variance [n] rad^2: of a row of the averaged position, white. left_out: numbers
     of periods unlike the others, from 1. cycles: where periods are cycles with pauses between them, None elsewhere.
     stamps: what the stamps are worth, and sample_rate [Hz] of the recording. off_clock: how far the samples' instants
     scatter about their stamps, None where no periods tell. conditions: what the recording's sidecar states; start_ns:
@@ -77,6 +78,7 @@ class Measurement:
     noise: NoiseSpectrum | None = None
     quantisation: Array | None = None
     position_lines: Mask | None = None
+    line_share: Array | None = None
     averaged_position_variance: Array | None = None
     left_out: tuple[int, ...] = ()
     off_clock: OffClock | None = None

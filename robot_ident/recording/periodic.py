@@ -10,7 +10,7 @@ from robot_ident.motion import Array, Mask, Motion
 from robot_ident.recording.average import FINER, Average, average
 from robot_ident.recording.chain import Chain, chain_of
 from robot_ident.recording.clock import Clock
-from robot_ident.recording.lines import above_noise, evaluate, lines_of_grid
+from robot_ident.recording.lines import above_noise, evaluate, lines_of_grid, share_of_motion
 from robot_ident.recording.low_pass import PeriodicLowPass
 from robot_ident.recording.measurement import Measurement, Processing
 from robot_ident.recording.noise import NoiseSpectrum, noise_spectrum
@@ -21,6 +21,7 @@ STANDSTILL = 0.02  # rad/s: below it, stiction leaves the torque undetermined
 _SILENT = (
     1e-5  # of a joint's torque: no sensor has less noise; what is below is rounding, or a simulation without noise
 )
+_WHITE = 0.1  # share of rounding in the error of a position from which on that error is not white
 _REVERSAL = 2e-3  # share of the top speed within which the sign of a sampled velocity is not trusted
 
 
@@ -54,7 +55,7 @@ def of_mean(
     quiet = (mean.tau_variance < least) & (rounding < least)
     silent = [name for name, small in zip(robot.joints, quiet, strict=True) if small]
     mean, noise = replace(mean, tau_variance=np.maximum(mean.tau_variance, least)), noise.with_floor(least)
-    motion, variance, keep = _motion(mean, frequency, robot, recording)
+    motion, variance, strong, share = _motion(mean, frequency, robot, recording)
     cutoff = processing.low_pass
     chain.check_low_pass(cutoff or 0.0, recording.source)
     if mean.lines is not None:
@@ -65,7 +66,7 @@ def of_mean(
         dt=period / rate / len(mean.q),
         motion=motion,
         torque=mean.tau,
-        used=trusted(motion, robot, processing, _speed_noise(keep, variance, frequency, len(mean.q))),
+        used=trusted(motion, robot, processing, _speed_noise(share, variance, frequency, len(mean.q))),
         standstill=at_rest(motion, robot),
         torque_variance=mean.tau_variance,
         position_variance=mean.q_variance,
@@ -80,7 +81,8 @@ def of_mean(
         notes=(*_notes(mean, chain, noise, robot), *_silence(silent)),
         noise=noise,
         quantisation=rounding if rounding.any() else None,
-        position_lines=keep,
+        position_lines=strong,
+        line_share=share,
         averaged_position_variance=variance,
         left_out=mean.left_out,
         off_clock=mean.off_clock,
@@ -140,7 +142,7 @@ def _undone(mean: Average, chain: Chain, frequency: float, samples: int) -> tupl
         return replace(mean, tau_variance=noise.variance, dof=noise.variance_dof), noise
     rates = np.arange(grid // 2 + 1, dtype=float) * frequency
     lines = mean.lines
-    if chain.anti_alias is not None:
+    if chain.filtered:
         lines = min(int(chain.bandwidth / frequency + 1e-9), (samples - 1) // 2 if lines is None else lines)
     finer = grid if mean.lines is not None or lines is None else FINER * grid
     response = chain.response(rates)
@@ -187,24 +189,26 @@ def at_rest(motion: Motion, robot: Robot) -> Mask:
     return np.asarray(np.abs(motion.dq) < bound)
 
 
-def _motion(mean: Average, frequency: float, robot: Robot, recording: Recording) -> tuple[Motion, Array, Mask]:
-    """Return the motion from every line above the noise, the noise variance [n] of the averaged position, and which
-    lines those are [K + 1, n].
+def _motion(mean: Average, frequency: float, robot: Robot, recording: Recording) -> tuple[Motion, Array, Mask, Array]:
+    """Return the motion from what its lines hold beside noise, the noise variance [n] of the averaged position, which
+    lines stand above the noise [K + 1, n], and the share of each that the motion takes [K + 1, n].
     """
     samples = len(mean.q)
     lines = lines_of_grid(mean.q)
     step = np.where(robot.drives.encoder_step > 0, robot.drives.encoder_step, _quantum(recording.q))
-    variance = mean.q_variance / mean.averages + _rounding(step, mean.q_variance)
-    keep = above_noise(lines, variance, samples)
-    kept = np.where(keep, lines, 0.0)
-    q, dq, ddq = (evaluate(kept, samples, frequency, derivative) for derivative in (0, 1, 2))
-    return Motion(q, dq, ddq, dt=1.0 / (frequency * samples), periodic=True), variance, keep
+    rounding = _rounding(step, mean.q_variance)
+    variance = mean.q_variance / mean.averages + rounding
+    strong = above_noise(lines, variance, samples)
+    white = rounding < _WHITE * variance
+    share = np.where(white, share_of_motion(lines, strong, variance, samples), strong)
+    q, dq, ddq = (evaluate(share * lines, samples, frequency, derivative) for derivative in (0, 1, 2))
+    return Motion(q, dq, ddq, dt=1.0 / (frequency * samples), periodic=True), variance, strong, share
 
 
-def _speed_noise(keep: Mask, variance: Array, frequency: float, samples: int) -> Array:
-    """Return the noise [n] rad/s of the velocity that the kept lines give."""
-    rates = 2.0 * np.pi * frequency * np.arange(len(keep))[:, None]
-    noise: Array = np.sqrt(np.sum(keep * rates**2, axis=0) * variance * 2.0 / samples)
+def _speed_noise(share: Array, variance: Array, frequency: float, samples: int) -> Array:
+    """Return the error [n] rad/s of the velocity that shares of the measured lines give."""
+    rates = 2.0 * np.pi * frequency * np.arange(len(share))[:, None]
+    noise: Array = np.sqrt(np.sum(share * rates**2, axis=0) * variance * 2.0 / samples)
     return noise
 
 

@@ -12,6 +12,7 @@ _ARM = 20.0  # Hz: no arm accelerates faster on purpose
 _FLOOR = 0.2  # share of the lines above it whose power is taken for noise and aliases
 _COARSE = 2e-3  # of a joint's range: noise that no encoder has, so that it is motion folded back
 _LEAST = 64  # samples
+_NEIGHBOURS = 9  # lines that are averaged; with fewer up there, nearly all of the band is usable
 
 
 def fast_share(q: Array, dt: float) -> Array:
@@ -31,6 +32,8 @@ def fast_share(q: Array, dt: float) -> Array:
     power = np.abs(np.fft.rfft((rest - rest.mean(axis=0)) * window, axis=0)) ** 2
     power = _smoothed(power)
     top = (frequency >= _TOP / dt) & (frequency <= _ARM)
+    if top.sum() < _NEIGHBOURS:
+        return np.zeros(n)
     floor = np.quantile(power[top], _FLOOR, axis=0)
     above = (2.0 * np.pi * frequency[:, None]) ** 4 * np.maximum(power - 3.0 * floor, 0.0)
     above[frequency > _ARM] = 0.0
@@ -57,4 +60,4 @@ def _smoothed(power: Array) -> Array:
     """Return a spectrum [K, n] averaged over neighbours, so that single lines of noise don't count as motion."""
     from scipy.ndimage import uniform_filter1d
 
-    return np.asarray(uniform_filter1d(power, 9, axis=0, mode="nearest"))
+    return np.asarray(uniform_filter1d(power, _NEIGHBOURS, axis=0, mode="nearest"))

@@ -5,12 +5,11 @@ from __future__ import annotations
 from collections.abc import Callable, Sequence
 from pathlib import Path
 
-from robot_ident.bags import read_recording
+from robot_ident.bags import read_for
+from robot_ident.estimation.for_model import measured_for
 from robot_ident.excitation.excitation import Excitation
 from robot_ident.model.model import Model
 from robot_ident.provenance import fingerprint
-from robot_ident.recording.measurement import Processing
-from robot_ident.recording.process import process
 from robot_ident.recording.source import Source
 
 
@@ -18,12 +17,11 @@ def read_sources(
     bags: Sequence[str], model: Model, *, topic: str | None = None, heard: Callable[[str], None] = lambda what: None
 ) -> tuple[Source, ...]:
     """Return recordings as read and as measured for a model; InputError where one can't be used."""
-    processing = Processing(**dict(model.processing)) if model.processing else Processing()
     out = []
     for bag in bags:
         heard(f"reading {bag}")
-        recording = read_recording(bag, topic=topic or model.robot.effort.topic)
-        out.append(Source(str(bag), fingerprint(bag), recording, process(recording, model.robot, processing)))
+        recording = read_for(bag, model.robot, topic=topic)
+        out.append(Source(str(bag), fingerprint(bag), recording, measured_for(model, recording)))
     return tuple(out)
 
 

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Mapping
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 from typing import Literal
 
 import numpy as np
@@ -32,17 +32,35 @@ class Effort:
 
 
 @dataclass(frozen=True)
+class EffortSource:
+    """Where the effort of one joint stands: a topic (None: that of the positions) and a field of its messages.
+
+    field: effort, velocity or position of a JointState, by the joint's name; data[i] of a Float64MultiArray.
+    """
+
+    topic: str | None
+    field: str = "effort"
+
+    @property
+    def index(self) -> int | None:
+        """Place in the array of numbers, None where a name says which."""
+        return int(self.field[len("data[") : -1]) if self.field.startswith("data[") else None
+
+
+@dataclass(frozen=True)
 class Efforts:
     """What the joints of a robot report, and where.
 
     by_joint: those that differ from `common`. topic: of the JointState messages, None: found in the bag. coupling
-    [n, n]: torque at the joints = coupling @ torque of the drives, None where each drive moves one joint.
+    [n, n]: torque at the joints = coupling @ torque of the drives, None where each drive moves one joint. sources: of
+    joints whose effort stands elsewhere than in the field `effort` beside their position.
     """
 
     common: Effort = Effort()
     by_joint: Mapping[str, Effort] | None = None
     topic: str | None = None
     coupling: Array | None = None
+    sources: Mapping[str, EffortSource] = field(default_factory=dict)
 
     def of(self, joint: str) -> Effort:
         """Return what a joint reports."""

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import re
 from collections.abc import Mapping
 from dataclasses import replace
 from pathlib import Path
@@ -11,12 +12,23 @@ import numpy as np
 from pydantic import BeforeValidator, Field
 
 from robot_ident.configuration import Closed
-from robot_ident.errors import InputError
+from robot_ident.errors import InputError, did_you_mean
 from robot_ident.motion import frozen_array
-from robot_ident.robot.effort import Effort, Efforts, Side
+from robot_ident.robot.effort import Effort, Efforts, EffortSource, Side
 
 Positive = Annotated[float, Field(gt=0)]
+_FIELD = re.compile(r"effort|velocity|position|data(\[\d+\])?")
 _WORDS = ("quantity", "side", "sign", "gain", "gravity")
+
+
+def _known_field(value: Any) -> Any:
+    """Refuse a field that no message has which may hold an effort."""
+    if isinstance(value, str) and not _FIELD.fullmatch(value):
+        raise ValueError(
+            "known fields are effort, velocity and position of a JointState, data and data[i] of a Float64MultiArray"
+            + did_you_mean(value, ("effort", "velocity", "position", "data"))
+        )
+    return value
 
 
 class EffortFile(Closed):
@@ -34,13 +46,15 @@ class EffortFile(Closed):
     relative_gain: Positive | None = Field(
         None, description="current: gain over that of the other drives, where no torque_constant is known; unit A stays"
     )
+    topic: str | None = Field(None, description="topic of the messages that hold it; default: found in the bag")
+    field: Annotated[str | None, BeforeValidator(_known_field)] = Field(
+        None, description="effort, velocity or position of a JointState; data (in the order of joints) or data[i]"
+    )
 
 
 class EffortsFile(EffortFile):
-    """What all joints report as effort, and where it comes from."""
+    """What all joints report as effort, and how drives move them."""
 
-    topic: str | None = Field(None, description="topic of the JointState messages; default: found in the bag")
-    field: Literal["effort"] = Field("effort", description="field of the message that holds it")
     coupling: list[list[float]] | None = Field(
         None, description="rows [joint][drive]: torque at the joints per torque of the drives, in the order of joints"
     )
@@ -77,7 +91,27 @@ def efforts_of(common: EffortsFile, single: Mapping[str, EffortFile], joints: tu
             raise InputError(f"{path}: effort.coupling = {common.coupling}: the drives don't move all joints")
         if any(by_joint.get(name, base).side == "link" for name in joints):
             raise InputError(f"{path}: effort.coupling: a link-side sensor stands behind the coupling already")
-    return Efforts(base, by_joint, common.topic, coupling)
+    topic = common.topic if common.field in (None, "effort") else None
+    return Efforts(base, by_joint, topic, coupling, _sources(common, single, joints, path))
+
+
+def _sources(
+    common: EffortsFile, single: Mapping[str, EffortFile], joints: tuple[str, ...], path: Path
+) -> dict[str, EffortSource]:
+    """Return where effort stands of joints that don't have it beside their position.
+
+    Raises InputError where that would be the position itself, or numbers of no topic.
+    """
+    out = {}
+    for place, name in enumerate(joints):
+        file = single.get(name, common)
+        topic, field = file.topic or common.topic, file.field or common.field or "effort"
+        if field not in ("effort", "velocity") and topic is None:
+            raise InputError(f"{path}: effort of {name}: field {field} needs the topic that holds it: effort.topic")
+        source = EffortSource(topic, f"data[{place}]" if field == "data" else field)
+        if field != "effort" or file.topic not in (None, common.topic):
+            out[name] = source
+    return out
 
 
 def _filled(effort: Effort, file: EffortFile) -> Effort:

@@ -13,7 +13,7 @@ import numpy as np
 
 from robot_ident.errors import InputError, did_you_mean
 from robot_ident.motion import Array
-from robot_ident.robot.convex import convex_pieces
+from robot_ident.robot.meshes import mesh_shapes
 from robot_ident.robot.packages import find_resource
 from robot_ident.robot.urdf import lock, lock_geometry, parse_urdf, prepared, quiet
 
@@ -97,33 +97,45 @@ class Geometry:
 
     def _read(self, model: Any) -> Any:
         """Return Pinocchio's geometry with every mesh replaced by the convex pieces that hold it."""
-        import coal
         import pinocchio
 
         tree = ElementTree.fromstring(prepared(self.urdf))
-        for mesh in tree.iterfind("link/collision/geometry/mesh"):
-            name = mesh.get("filename", "")
-            found = find_resource(name, self.path.parent)
-            if found is None:
-                raise MeshMissing(f"{self.path}: mesh {name!r} was not found")
-            mesh.set("filename", str(found.resolve()))
+        shapes = self._meshes(tree)
         text = ElementTree.tostring(tree, encoding="unicode")
         try:
             with quiet():
                 geometry = pinocchio.buildGeomFromUrdfString(model, text, pinocchio.COLLISION)
         except (ValueError, RuntimeError) as error:
-            meshes = [mesh.get("filename", "") for mesh in tree.iterfind("link/collision/geometry/mesh")]
-            culprit = next((name for name in meshes if name in str(error)), "")
-            what = f"mesh {culprit}" if culprit else str(error).splitlines()[0]
+            what = str(error).splitlines()[0]
             raise InputError(f"{self.path}: collision geometry that can't be read ({what})") from error
         out = pinocchio.GeometryModel()
         for entry in geometry.geometryObjects:
-            shapes = _pieces(entry) if isinstance(entry.geometry, coal.BVHModelBase) else [entry.geometry]
-            for k, shape in enumerate(shapes):
+            for k, shape in enumerate(shapes.get(entry.name, (entry.geometry,))):
                 name = f"{entry.name}.{k}"
                 place = entry.parentJoint, entry.parentFrame, entry.placement
                 out.addGeometryObject(pinocchio.GeometryObject(name, *place, shape))
         return out
+
+    def _meshes(self, tree: ElementTree.Element) -> dict[str, tuple[Any, ...]]:
+        """Return the convex pieces of every mesh by the name that Pinocchio gives it, LINK_NUMBER.
+
+        In the tree each mesh gives way to a small ball at its place, so that it isn't read a second time.
+        """
+        shapes = {}
+        for link in tree.iterfind("link"):
+            for number, geometry in enumerate(link.iterfind("collision/geometry")):
+                mesh = geometry.find("mesh")
+                if mesh is None:
+                    continue
+                name = mesh.get("filename", "")
+                found = find_resource(name, self.path.parent)
+                if found is None:
+                    raise MeshMissing(f"{self.path}: mesh {name!r} was not found")
+                x, y, z = map(float, mesh.get("scale", "1 1 1").split())
+                shapes[f"{link.get('name')}_{number}"] = mesh_shapes(found.resolve(), (x, y, z))
+                geometry.remove(mesh)
+                ElementTree.SubElement(geometry, "sphere", radius="0.001")
+        return shapes
 
     def _paired(self, model: Any, geometry: Any, bodies: tuple[Body, ...]) -> Shapes:
         """Return the shapes with the pairs that are looked at: not those of one body or of two joined by a joint, not
@@ -174,25 +186,6 @@ class Geometry:
         lower = np.where(np.isfinite(self.lower), self.lower, -np.pi)
         upper = np.where(np.isfinite(self.upper), self.upper, np.pi)
         return np.asarray(np.random.default_rng(0).uniform(lower, upper, (count, len(lower))))
-
-
-def _pieces(entry: Any) -> list[Any]:
-    """Return the convex pieces of a mesh; InputError that names its file when it has none."""
-    import coal
-
-    mesh = entry.geometry
-    vertices = np.array([np.array(mesh.vertex(k)).ravel() for k in range(mesh.num_vertices)])
-    indices = np.array([[mesh.tri_indices(k)[corner] for corner in range(3)] for k in range(mesh.num_tris)], dtype=int)
-    try:
-        pieces = convex_pieces(vertices[indices])
-    except ValueError as error:
-        raise InputError(f"{entry.meshPath}: a mesh that bounds no volume ({error})") from error
-    out = []
-    for piece in pieces:
-        points = coal.StdVec_Vec3s()
-        points.extend(list(piece))
-        out.append(coal.Convex.convexHull(points, True, "Qt"))
-    return out
 
 
 def _body(entry: Any, model: Any) -> Body:

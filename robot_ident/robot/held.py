@@ -28,6 +28,9 @@ def hold(robot: Robot, moving: Sequence[str], angles: Mapping[str, float]) -> Ro
     data = {key: value for key, value in definition.yaml.items() if key != "base_parameters"}
     joints: Mapping[str, Any] = data.get("joints") or {}
     data["joints"] = {name: joints.get(name) or {} for name in robot.joints if name not in held}
+    for name, source in robot.effort.sources.items():
+        if source.index is not None and name not in held:
+            data["joints"][name] = _with_field(data["joints"][name], source.field)
     data["locked"] = {**(data.get("locked") or {}), **held}
     if data.get("springs"):
         data["springs"] = {name: one for name, one in data["springs"].items() if name not in held}
@@ -43,9 +46,19 @@ def hold(robot: Robot, moving: Sequence[str], angles: Mapping[str, float]) -> Ro
     return robot_of(Definition(data, definition.urdf), robot.source)
 
 
+def _with_field(joint: Mapping[str, Any], field: str) -> dict[str, Any]:
+    """Return a joint's record that says itself where in an array its effort stands, whatever joints there are."""
+    told = joint.get("effort") or {}
+    return {**joint, "effort": {**({"quantity": told} if isinstance(told, str) else told), "field": field}}
+
+
 def moving_joints(robot: Robot, text: str) -> tuple[str, ...]:
-    """Return the joints of a list `A,B` in the order of the chain; InputError names one that the robot lacks."""
+    """Return the joints of a list `A,B` in the order of the chain; InputError where it names none, or a stranger to the
+    robot.
+    """
     wanted = [word.strip() for word in text.split(",") if word.strip()]
+    if not wanted:
+        raise InputError(f"--joints {text!r}: names no joint; robot {robot.name} has {', '.join(robot.joints)}")
     for word in wanted:
         if word not in robot.joints:
             raise InputError(f"--joints: robot {robot.name} has no joint {word!r}{did_you_mean(word, robot.joints)}")

@@ -26,6 +26,13 @@ NotNegative = Annotated[float, Field(ge=0)]
 Vector = tuple[float, float, float]
 
 
+class AntiAliasFile(Closed):
+    """Analogue low pass of the torque channel."""
+
+    order: int = Field(8, ge=1, le=12, description="order of the Butterworth filter")
+    cutoff: Positive = Field(description="-3 dB frequency, Hz")
+
+
 class JointFile(Closed):
     """A joint in a robot YAML; what is left out comes from the URDF."""
 
@@ -42,6 +49,9 @@ class JointFile(Closed):
     )
     torque_delay: float | None = Field(
         None, ge=-0.5, le=0.5, description="time by which torque lags the position, s; default the robot's"
+    )
+    anti_alias: AntiAliasFile | None = Field(
+        None, description="low pass in this joint's torque channel; default the robot's"
     )
     effort: EffortField = Field(EffortFile(), description="what this joint reports, where it differs from the others")
     torque_variance: Positive | None = Field(None, description="noise variance of one torque sample, (Nm)^2")
@@ -114,13 +124,6 @@ class SpringFile(Closed):
 
     length: Positive = Field(description="distance of the fixed end from the axis, m")
     lever: Positive = Field(description="lever of the moving end, m")
-
-
-class AntiAliasFile(Closed):
-    """Analogue low pass of the torque channel."""
-
-    order: int = Field(8, ge=1, le=12, description="order of the Butterworth filter")
-    cutoff: Positive = Field(description="-3 dB frequency, Hz")
 
 
 class RobotFile(Closed):
@@ -270,7 +273,10 @@ def _build(file: RobotFile, text: str, path: Path, definition: Definition | None
         known_effects=_expand(file.effects, joints),
         base_parameters=dict(file.base_parameters),
         minimum_speed=_column(record.minimum_speed for record in records),
-        anti_alias=AntiAlias(file.anti_alias.order, file.anti_alias.cutoff) if file.anti_alias else None,
+        anti_alias=tuple(
+            AntiAlias(kind.order, kind.cutoff) if kind else None
+            for kind in (record.anti_alias or file.anti_alias for record in records)
+        ),
         effort=efforts_of(
             file.effort, {name: record.effort for name, record in zip(joints, records, strict=True)}, joints, path
         ),

@@ -83,9 +83,9 @@ class Robot:
     `geometry`: the bodies of its links, None where the URDF has none or they may touch. `known_effects` are part of
     every model of this robot, as `name@joint`. `base_parameters` gives names to base parameters: shown name -> standard
     parameter. `minimum_speed` [n] rad/s: slower samples aren't used to identify.
-    Measuring chain of the torque: `anti_alias` (the filter in it, None: none), `effort` (what each joint reports:
-    torque or current, where measured, sign), `torque_delay` [n] s by which torque lags position, `torque_curves` (A,
-    Nm) by joint for a constant.
+    Measuring chain of the torque: `anti_alias` [n] (the filter in each joint's, None: none; empty: no joint has one),
+    `effort` (what each joint reports: torque or current, where measured, sign), `torque_delay` [n] s by which torque
+    lags position, `torque_curves` (A, Nm) by joint for a constant.
     `definition` is what it was read from, None for a robot that comes with the package.
     """
 
@@ -105,7 +105,7 @@ class Robot:
     known_effects: tuple[str, ...] = ()
     base_parameters: Mapping[str, str] = field(default_factory=dict)
     minimum_speed: Array = field(default_factory=lambda: np.zeros(0))
-    anti_alias: AntiAlias | None = None
+    anti_alias: tuple[AntiAlias | None, ...] = ()
     effort: Efforts = field(default_factory=Efforts)
     torque_delay: Array = field(default_factory=lambda: np.zeros(1))
     torque_curves: Mapping[str, tuple[tuple[float, float], ...]] = field(default_factory=dict)

@@ -13,14 +13,18 @@ PAPER = AntiAlias(order=8, cutoff=40.0)
 """The filter of the paper's section V: a delay of 20 ms at low frequency."""
 
 
-def anti_alias_of(robot: Robot, rate: float) -> AntiAlias:
-    """Return the robot's filter, or the paper's; InputError when its cutoff isn't below half of `rate` [Hz]."""
-    kind = robot.anti_alias or PAPER
-    if kind.cutoff >= rate / 2:
-        raise InputError(
-            f"anti-alias filter: cutoff {kind.cutoff:g} Hz is not below half of the step rate, {rate:g} Hz"
-        )
-    return kind
+def anti_alias_of(robot: Robot, rate: float) -> tuple[AntiAlias | None, ...]:
+    """Return the filter [n] of each joint, or the paper's on all where the robot declares none.
+
+    InputError when a cutoff isn't below half of `rate` [Hz].
+    """
+    kinds = robot.anti_alias if any(robot.anti_alias) else (PAPER,) * robot.n
+    for kind in kinds:
+        if kind and kind.cutoff >= rate / 2:
+            raise InputError(
+                f"anti-alias filter: cutoff {kind.cutoff:g} Hz is not below half of the step rate, {rate:g} Hz"
+            )
+    return kinds
 
 
 def low_pass(kind: AntiAlias, values: Array, rate: float) -> Array:
@@ -45,12 +49,13 @@ def filtered(
     The noise is that of the samples without a filter, from the same generator, as the smooth signal through them that
     holds nothing above half of the sample rate (Shannon): inverting the filter gives the very same noise back.
     """
-    kind = anti_alias_of(robot, rate)
+    kinds = anti_alias_of(robot, rate)
     samples = len(torque) // per_sample
     noise = sensors.read_torque(np.zeros((samples, torque.shape[1])), rng)
     fine = torque + _through(noise, len(torque))
     settled = np.concatenate([torque[:1], fine])  # the filter has settled on the first torque, not on its noise
-    return low_pass(kind, settled, rate)[1::per_sample]
+    columns = [low_pass(k, x[:, None], rate) if k else x[:, None] for k, x in zip(kinds, settled.T, strict=True)]
+    return np.hstack(columns)[1::per_sample]
 
 
 def _through(x: Array, steps: int) -> Array:

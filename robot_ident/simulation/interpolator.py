@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections import deque
 from dataclasses import dataclass
 
 import numpy as np
@@ -12,10 +13,16 @@ from robot_ident.motion import Array, Motion, frozen_array
 STOP_TIME = 0.2
 """How long a stop takes [s] for joints whose acceleration isn't limited."""
 
+_ROUNDING = 1e-9  # s by which sums of periods may miss the stamps that they are to meet
+
+
+_POWERS = np.arange(6.0)[:, None]
+_FIRST, _SECOND = _POWERS, _POWERS * (_POWERS - 1.0)  # what a power's first and second derivative are multiplied by
+
 
 @dataclass(frozen=True)
 class Piece:
-    """Positions sum_k c_k (t - start)^k [n] from `start` to `end` [s]; c [K, n]."""
+    """Positions sum_k c_k (t - start)^k [n] from `start` to `end` [s]; c [K, n], K <= 6."""
 
     start: float
     end: float
@@ -23,11 +30,17 @@ class Piece:
 
     def states(self, t: Array) -> tuple[Array, Array, Array]:
         """Return q, dq, ddq [N, n] at times [N]."""
-        k = np.arange(len(self.c))
-        powers = np.asarray(t - self.start)[:, None] ** k
-        k = k[:, None]
-        rate, curve = (k * self.c)[1:], (k * (k - 1) * self.c)[2:]
-        return powers @ self.c, powers[:, :-1] @ rate, powers[:, :-2] @ curve
+        size = len(self.c)
+        powers = np.ones((len(t), size))
+        if size > 1:
+            powers[:, 1] = t - self.start
+        for k in range(2, size):
+            powers[:, k] = powers[:, k - 1] * powers[:, 1]
+        return (
+            powers @ self.c,
+            powers[:, : size - 1] @ (_FIRST[1:size] * self.c[1:]),
+            powers[:, : max(size - 2, 0)] @ (_SECOND[2:size] * self.c[2:]),
+        )
 
     def state(self, t: float) -> tuple[Array, Array, Array]:
         """Return q, dq, ddq [n] at a time."""
@@ -55,6 +68,23 @@ def braking(start: float, q: Array, v: Array, acceleration: Array) -> Piece:
     return Piece(start, start + span, np.stack([q, v, 0 * v, -v / span**2, v / (2 * span**3)]))
 
 
+def settling(start: float, q: Array, v: Array, acceleration: Array) -> Piece:
+    """Return the way from offset q and rate v [n] to nothing: the quintic that ends, and begins, unaccelerated.
+
+    With s = (t - start) / T: q (1 - 10 s^3 + 15 s^4 - 6 s^5) + v T (s - 6 s^3 + 8 s^4 - 3 s^5). The two parts
+    accelerate by at most 10 / sqrt(3) |q| / T^2 and 3.95 |v| / T; T is the least that keeps their sum within
+    `acceleration` [n].
+    """
+    limited = np.isfinite(acceleration) & (acceleration > 0)
+    a = np.where(limited, acceleration, 1.0)
+    slow, far = 3.95 * np.abs(v), 10.0 / np.sqrt(3.0) * np.abs(q)
+    times = np.where(limited, (slow + np.sqrt(slow**2 + 4.0 * far * a)) / (2.0 * a), STOP_TIME)
+    span = max(float(times[(q != 0) | (v != 0)].max(initial=0.0)), 1e-6)
+    rate = v / span**2
+    rows = [q, v, 0 * q, -10 * q / span**3 - 6 * rate, (15 * q / span**3 + 8 * rate) / span]
+    return Piece(start, start + span, np.stack([*rows, (-6 * q / span**3 - 3 * rate) / span**2]))
+
+
 class CommandInterpolator:
     """Plays commands one command period late, as cubics through their positions and velocities.
 
@@ -75,13 +105,21 @@ class CommandInterpolator:
         """Hold position q [n] and forget all commands."""
         self._spacing = self.period
         self._now = 0.0
-        self._last: float | None = None
-        self._pieces = [Piece(0.0, np.inf, frozen_array(q, len(self.acceleration))[None])]
+        self._last: float | None = None  # stamp of the last command
+        self._newest = Piece(0.0, np.inf, frozen_array(q, len(self.acceleration))[None])  # which leads to it
+        self._goal = self._newest.c[0], 0 * self._newest.c[0]
+        self._pieces = deque([self._newest])
+        self._offset: Piece | None = None  # from what was left out to the present
 
     @property
     def holding(self) -> bool:
         """Whether the reference stands still for want of commands."""
         return self._last is None
+
+    @property
+    def behind(self) -> float:
+        """How far the reference is behind the newest command [s]: one period, where commands come one by one."""
+        return 0.0 if self._last is None else max(self._last - self._now, 0.0)
 
     def push(self, t: float, q: ArrayLike, dq: ArrayLike) -> bool:
         """Take the command of stamp t [s]: positions q [n] and velocities dq [n].
@@ -91,55 +129,82 @@ class CommandInterpolator:
         goal = frozen_array(q, len(self.acceleration)), frozen_array(dq, len(self.acceleration))
         if not (np.isfinite(t) and np.isfinite(goal[0]).all() and np.isfinite(goal[1]).all()):
             raise ValueError("a command that is not finite")
-        self._forget()
-        if self._last is not None and t <= self._last:
+        last = self._last
+        if last is not None and t <= last:
             return False
-        if self._last is not None and t - self._last < 4 * self.period:
-            self._spacing = t - self._last
-        if self._last is None or self._now > self._last:
+        if last is not None and t - last < 4 * self.period:
+            self._spacing = t - last
+        if last is None or self._now > last + _ROUNDING:
             self._join(t, goal)
         else:
-            keep = [piece for piece in self._pieces if piece.end <= self._last]
-            start = self._state(self._last)[:2]
-            self._pieces = [*keep, *self._onward(hermite(self._last, t, start, goal))]
-        self._last = t
+            self._newest = hermite(last, t, self._goal, goal)
+            self._pieces.append(self._newest)
+        self._last, self._goal = t, goal
         return True
+
+    def catch_up(self) -> None:
+        """Leave out the commands that wait, but for the newest: what is played is one command late again.
+
+        The reference goes on from where it is: its distance from the present settles within `acceleration`.
+        """
+        if self._last is None or self._now >= self._last - self._spacing:
+            return
+        q, v, _ = self._at(np.array([self._now]))
+        self._now = self._last - self._spacing
+        self._forget()
+        there_q, there_v, _ = self._newest.states(np.array([self._now]))
+        self._offset = settling(self._now, q[0] - there_q[0], v[0] - there_v[0], self.acceleration)
 
     def advance(self, instants: int, spacing: float) -> Motion:
         """Return the reference [instants, n] at spacing, 2 spacing, ... [s] from now, and move on to the last."""
-        times = np.asarray(self._now + spacing * np.arange(1, instants + 1), dtype=float)
-        q, dq, ddq = np.empty((3, instants, len(self.acceleration)))
-        begin = -np.inf
-        for piece in self._pieces:
-            rows = (begin <= times) & (times < piece.end)
-            q[rows], dq[rows], ddq[rows] = piece.states(times[rows])
-            begin = piece.end
+        q, dq, ddq = self._at(self._now + spacing * np.arange(1.0, instants + 1.0))
         self._now += instants * spacing
         self._forget()
         return Motion(q, dq, ddq)
 
+    def _at(self, times: Array) -> tuple[Array, Array, Array]:
+        """Return the reference [N, n] at times [N] that rise, none before now."""
+        if self._last is not None and times[-1] > self._last + _ROUNDING and self._pieces[-1] is self._newest:
+            self._pieces.extend(self._onward(self._newest))
+        q, dq, ddq = np.empty((3, len(times), len(self.acceleration)))
+        row = 0
+        for piece in self._pieces:
+            until = int(np.searchsorted(times, piece.end + _ROUNDING, side="right"))
+            if until > row:
+                rows = slice(row, until)
+                q[rows], dq[rows], ddq[rows] = piece.states(times[rows])
+                row = until
+            if row == len(times):
+                break
+        if self._offset is not None:
+            settles = slice(0, int(np.searchsorted(times, self._offset.end)))
+            for part, more in zip((q, dq, ddq), self._offset.states(times[settles]), strict=True):
+                part[settles] += more
+        return q, dq, ddq
+
     def _join(self, t: float, goal: tuple[Array, Array]) -> None:
         """Begin anew, or catch up with a stream that was late: from where the reference is to the command at t."""
-        q, v, _ = self._state(self._now)
+        q, v, _ = self._at(np.array([self._now]))
         if self._last is None or not 0.5 * self._spacing <= t - self._now <= 2 * self._spacing:
             self._now = t - self._spacing
-        self._pieces = self._onward(hermite(self._now, t, (q, v), goal))
+        self._newest = hermite(self._now, t, (q[0], v[0]), goal)
+        self._pieces, self._offset = deque([self._newest]), None
 
     def _onward(self, piece: Piece) -> list[Piece]:
-        """Return a piece and what is played after it when no other command comes: on, braking, hold."""
+        """Return what is played after a piece when no other command comes: on, braking, hold."""
         t = piece.end
         q, v, a = piece.state(t)
         if not v.any():
-            return [piece, Piece(t, np.inf, q[None])]
+            return [Piece(t, np.inf, q[None])]
         on = Piece(t, t + self.patience, np.stack([q, v, np.clip(a, -self.acceleration, self.acceleration) / 2]))
         stop = braking(on.end, *on.state(on.end)[:2], self.acceleration)
-        return [piece, on, stop, Piece(stop.end, np.inf, stop.state(stop.end)[0][None])]
-
-    def _state(self, t: float) -> tuple[Array, Array, Array]:
-        return next(piece for piece in self._pieces if t < piece.end).state(t)
+        return [on, stop, Piece(stop.end, np.inf, stop.state(stop.end)[0][None])]
 
     def _forget(self) -> None:
         """Drop what has been played; the last command, too, once the reference holds."""
-        self._pieces = [piece for piece in self._pieces if piece.end > self._now]
-        if self._last is not None and self._now > self._last and len(self._pieces) == 1:
+        while len(self._pieces) > 1 and self._pieces[0].end <= self._now:
+            self._pieces.popleft()
+        if self._offset is not None and self._offset.end <= self._now:
+            self._offset = None
+        if self._last is not None and self._now > self._last and self._pieces[0].end == np.inf:
             self._last = None

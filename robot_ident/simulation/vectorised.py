@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import threading
 from collections.abc import Callable
 from functools import cached_property
 from typing import Any
@@ -13,6 +14,9 @@ from robot_ident.motion import Array
 
 AT_ONCE = 1024
 """Instants a pass: what an operation reads and writes then stays in the processor's cache."""
+
+FEW = 8
+"""Instants up to which CasADi's virtual machine is the faster one: for so few, numpy's time goes into its calls."""
 
 _Operation = Callable[..., Array]
 
@@ -77,8 +81,14 @@ class Vectorised:
     """
 
     def __init__(self, function: Any) -> None:
-        """Hold a function; NotImplementedError when it has an operation that isn't translated."""
+        """Hold a function; a call raises NotImplementedError where it has an operation that isn't translated."""
         self.function = function
+        self._mapped: dict[int, tuple[Any, Any]] = {}
+        self._lock = threading.Lock()
+
+    def __reduce__(self) -> tuple[Any, ...]:
+        """Pickle the function alone: what is made of it holds addresses."""
+        return Vectorised, (self.function,)
 
     @cached_property
     def _program(self) -> list[tuple[Any, ...]]:
@@ -104,11 +114,26 @@ class Vectorised:
         """Return the outputs [N, size] for inputs [N, size]."""
         f, samples = self.function, len(inputs[0])
         outputs = tuple(np.zeros((samples, f.size1_out(k))) for k in range(f.n_out()))
+        if 0 < samples <= FEW:
+            self._run_mapped([np.ascontiguousarray(x, dtype=float) for x in inputs], outputs)
+            return outputs
         with np.errstate(all="ignore"):  # branches that aren't taken may divide by zero
             for begin in range(0, samples, AT_ONCE):
                 part = slice(begin, begin + AT_ONCE)
                 self._run([np.ascontiguousarray(x[part].T) for x in inputs], [y[part] for y in outputs])
         return outputs
+
+    def _run_mapped(self, inputs: list[Array], outputs: tuple[Array, ...]) -> None:
+        """Let CasADi take the instants one by one, on numpy's memory; one thread at a time."""
+        with self._lock:
+            if len(inputs[0]) not in self._mapped:
+                self._mapped[len(inputs[0])] = self.function.map(len(inputs[0])).buffer()
+            buffer, evaluate = self._mapped[len(inputs[0])]
+            for k, values in enumerate(inputs):
+                buffer.set_arg(k, memoryview(values))
+            for k, values in enumerate(outputs):
+                buffer.set_res(k, memoryview(values))
+            evaluate()
 
     def _run(self, inputs: list[Array], outputs: list[Array]) -> None:
         work: list[Any] = [0.0] * self.function.sz_w()

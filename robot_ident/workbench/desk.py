@@ -8,7 +8,7 @@ from collections.abc import Sequence
 from dataclasses import replace
 from pathlib import Path
 
-from robot_ident.bags import read_recording
+from robot_ident.bags import read_for
 from robot_ident.errors import InputError
 from robot_ident.model.model_file import read_model
 from robot_ident.recording.process import process
@@ -102,7 +102,7 @@ class Desk:
         with self._reading:  # one after the other: each of them takes a processor
             if key not in self._seen:
                 found = read_model(self.allowed.checked(model)).robot if model else load_robot(self.robot_file(robot))
-                read = read_recording(path, topic=self.topic or found.effort.topic)
+                read = read_for(path, found, topic=self.topic)
                 self._seen[key] = Seen.of(process(replace(read, source=name), found))
             return self._seen[key]
 

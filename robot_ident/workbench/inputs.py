@@ -2,21 +2,25 @@
 
 from __future__ import annotations
 
+import json
 from dataclasses import replace
 from pathlib import Path
 from typing import Any
 
-from robot_ident.bags import read_recording
+from robot_ident.bags import read_for
 from robot_ident.diagnosis.progress import Tell
 from robot_ident.effects import load_effects, register
+from robot_ident.estimation.for_model import measured_for
 from robot_ident.model.model import Model
 from robot_ident.model.model_file import read_model
 from robot_ident.provenance import fingerprint
 from robot_ident.provenance import provenance as _provenance
-from robot_ident.recording.measurement import Measurement, Processing
+from robot_ident.recording.measurement import Measurement
 from robot_ident.recording.process import process
+from robot_ident.recording.recording import Recording
 from robot_ident.recording.source import Source
 from robot_ident.robot import Robot, load_robot
+from robot_ident.robot.load import definition_of
 from robot_ident.workbench.session import Session
 
 
@@ -26,7 +30,8 @@ class Inputs:
     def __init__(self, session: Session) -> None:
         """Make the user's own effects known."""
         self.session = session
-        self._read: list[Source] = []
+        self._read: list[tuple[Recording, str]] = []
+        self._measured: dict[str, list[Source]] = {}
         for path in session.choice.effects_from:
             register(load_effects(self.path(path)))
 
@@ -57,16 +62,39 @@ class Inputs:
         training, validation = self.sources(tell, model, robot)
         return [source.measured for source in training], [source.measured for source in validation]
 
+    def recordings(self, robot: Robot) -> list[Recording]:
+        """Return the recordings that models are fitted to, as they were read."""
+        return [recording for recording, _ in self._recordings(lambda share, words: None, robot)][: self._fitted]
+
     def sources(self, tell: Tell, model: Model | None, robot: Robot) -> tuple[list[Source], list[Source]]:
         """Read and process all recordings, as the model says; those of validation apart."""
+        key = _measured_by(model, robot)
+        if key not in self._measured:
+            made = []
+            for recording, digest in self._recordings(tell, robot):
+                measured = process(recording, robot) if model is None else measured_for(model, recording)
+                made.append(Source(recording.source, digest, recording, measured))
+            self._measured[key] = made
+        sources = self._measured[key]
+        return sources[: self._fitted], sources[self._fitted :]
+
+    @property
+    def _fitted(self) -> int:
+        return len(self.session.choice.recordings)
+
+    def _recordings(self, tell: Tell, robot: Robot) -> list[tuple[Recording, str]]:
+        """Read all recordings, those of validation last, with their sha256."""
         choice = self.session.choice
-        if not self._read:
-            processing = Processing() if model is None else Processing(**dict(model.processing))
-            names = [*choice.recordings, *choice.validation]
-            for count, name in enumerate(names):
-                tell(0.5 * count / len(names), f"reading {name}")
-                read = read_recording(self.path(name), topic=choice.topic or robot.effort.topic)
-                recording = replace(read, source=name)
-                measured = process(recording, robot, processing)
-                self._read.append(Source(name, fingerprint(self.path(name)), recording, measured))
-        return self._read[: len(choice.recordings)], self._read[len(choice.recordings) :]
+        names = [*choice.recordings, *choice.validation]
+        for count in range(len(self._read), len(names)):
+            name = names[count]
+            tell(0.5 * count / len(names), f"reading {name}")
+            read = read_for(self.path(name), robot, topic=choice.topic)
+            self._read.append((replace(read, source=name), fingerprint(self.path(name))))
+        return self._read
+
+
+def _measured_by(model: Model | None, robot: Robot) -> str:
+    """Return what tells measurements for one model of a session from those for another: gains and payloads."""
+    joints = definition_of(robot if model is None else model.robot).yaml.get("joints")
+    return json.dumps([joints, [] if model is None else model.payloads], sort_keys=True, default=str)

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from functools import cached_property, lru_cache
 from pathlib import Path
 from typing import Any
@@ -82,9 +82,11 @@ class View:
 
     @cached_property
     def rows(self) -> tuple[Rows, ...]:
-        """The rows of every recording."""
+        """The rows of every recording; measured torque as this step has it, where it found gains or payloads anew."""
         path = self.session.folder / "rows.npz"
-        return _rows(str(path), path.stat().st_mtime_ns)
+        own = _cached(self.session.step_folder(self.number) / "series.npz")
+        every = enumerate(_rows(str(path), path.stat().st_mtime_ns))
+        return tuple(replace(one, measured=own.get(f"{k}.measured", one.measured)) for k, one in every)
 
     @cached_property
     def loads(self) -> list[Array]:

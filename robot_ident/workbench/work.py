@@ -22,7 +22,8 @@ from robot_ident.diagnosis.progress import Tell, after
 from robot_ident.diagnosis.residual_lines import residual_lines
 from robot_ident.effects import make_effect
 from robot_ident.errors import InputError
-from robot_ident.estimation.extend import extend
+from robot_ident.estimation.gains import with_known_gains
+from robot_ident.estimation.gains_anew import extended, measured_anew
 from robot_ident.estimation.identify import estimate
 from robot_ident.files import whole, write_text
 from robot_ident.model.model import Model
@@ -30,6 +31,7 @@ from robot_ident.model.model_file import read_model, write_model
 from robot_ident.model.structure import Structure
 from robot_ident.motion import Array
 from robot_ident.recording.measurement import Measurement
+from robot_ident.robot import Robot
 from robot_ident.workbench import documents
 from robot_ident.workbench.commands import model_name
 from robot_ident.workbench.inputs import Inputs
@@ -51,16 +53,9 @@ class Work:
         if (self.session.step_folder(0) / "step.yaml").is_file():
             return
         model, robot = self.inputs.brought()
-        training, validation = self.inputs.measurements(tell, model, robot)
         if model is None:
-            tell(0.6, "identifying the model")
-            if robot.ampere_joints:
-                raise InputError(
-                    f"the drive gains of {', '.join(robot.ampere_joints)} are not known: identify on the command line,"
-                    " which estimates them, and open that model here"
-                )
-            model = estimate(training, Structure.build(robot))
-            model = replace(model, provenance=self.inputs.provenance())
+            model = self._identified(tell, robot)
+        training, validation = self.inputs.measurements(tell, model, model.robot)
         every = (*training, *validation)
         write_arrays(self.session.folder / "rows.npz", rows_to_arrays([_rows(measured, model) for measured in every]))
         lines = [residual_lines(beside(model, measured), measured) for measured in every]
@@ -68,6 +63,15 @@ class Work:
         about = {"recordings": [documents.about(m, k >= len(training)) for k, m in enumerate(every)]}
         documents.write_json(self.session.folder / "recordings.json", about)
         self._write_step(0, StepFile(made=now()), model, tell)
+
+    def _identified(self, tell: Tell, robot: Robot) -> Model:
+        """Return the first model, with gains of drives that the robot's files don't give, as `identify` finds it."""
+        training, _ = self.inputs.measurements(tell, None, robot)
+        tell(0.6, "identifying the model")
+        structure = Structure.build(robot)
+        known, structure, gains = with_known_gains(self.inputs.recordings(robot), training, structure, None)
+        model = estimate(known, structure, gains=gains)
+        return replace(model, provenance=self.inputs.provenance())
 
     def diagnose(self, tell: Tell, number: int) -> None:
         """Find what a step's model lacks, and what each candidate would do."""
@@ -93,7 +97,7 @@ class Work:
         training, _, model = self._given(tell, number)
         effect = make_effect(label, model.robot)
         tell(0.3, f"fitting the model with {label}")
-        better = extend(model, training, [effect])[-1]
+        better = extended(model, training, lambda: self.inputs.recordings(model.robot), [effect])[-1]
         self._write_step(new, StepFile(parent=number, added=label, made=now()), better, tell)
         self.session.go(new)
 
@@ -130,6 +134,8 @@ class Work:
             found = beside(model, measured)
             arrays |= _along(k, found, measured)
             arrays[f"{k}.load"] = found.load
+            if measured_anew(model):
+                arrays[f"{k}.measured"] = found.measured
         with whole(self.session.step_folder(number)) as folder:
             folder.mkdir()
             write_model(model, folder / "model.yaml")

@@ -60,6 +60,8 @@ def test_some_joints_from_design_to_model(run: Run, tmp_path: Path) -> None:
     ("words", "told"),
     [
         (("--hold", "joint_1=0.4"), "--hold goes with --joints"),
+        (("--joints", ""), "--joints '': names no joint; robot kuka_ir361 has joint_1, joint_2, joint_3"),
+        (("--joints", " ,"), "names no joint"),
         (("--joints", "joint_2", "--hold", "joint_2=0.4"), "--joints moves it"),
         (("--joints", "joint_2", "--hold", "joint_1"), "JOINT=ANGLE was expected"),
         (("--joints", "joint_2", "--hold", "joint_1=9"), "outside of its limits"),

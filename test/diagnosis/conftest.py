@@ -22,6 +22,7 @@ from robot_ident.recording.measurement import Measurement
 from robot_ident.robot import Robot, load_robot
 from robot_ident.simulation.periodic import Play
 from robot_ident.simulation.physics import plant_physics
+from robot_ident.simulation.servo import Servo
 
 MOTIONS = [  # q0 [rad], a, b [rad/s] by joint, base frequency 0.1 Hz
     (
@@ -120,6 +121,14 @@ def bench() -> Bench:
     robot = load_robot()
     motions = [FourierSeries(0.1, np.array(q0), np.array(a), np.array(b)) for q0, a, b in MOTIONS]
     return Bench(robot, Structure.build(robot), motions)
+
+
+@pytest.fixture(scope="session")
+def sticking(bench: Bench) -> list[Measurement]:
+    """A robot whose drives know nothing of friction: joints stick as they reverse, and break away with a jerk."""
+    servo = Servo.make(bench.robot, "pd")
+    plays = [Play.of(bench.robot, plant_physics(bench.robot, ()), motion, servo=servo) for motion in bench.motions[:2]]
+    return [process(play.record(12, noise=1 / 16, seed=5 + k), bench.robot) for k, play in enumerate(plays)]
 
 
 @dataclass(frozen=True)

@@ -13,6 +13,7 @@ from robot_ident.diagnosis.evidence import gather
 from robot_ident.diagnosis.hidden_path import gain_beside_hidden_path
 from robot_ident.diagnosis.scan import base_gram
 from robot_ident.diagnosis.stage import GAIN, OWN
+from robot_ident.diagnosis.white_lines import whitened
 from robot_ident.model.structure import Structure
 from robot_ident.motion import Motion
 from robot_ident.recording import Recording, process
@@ -48,13 +49,12 @@ def reversing(bench: Any) -> list[Measurement]:
     return [giving_way(m, bench.robot, 3e-4, rng) for m in bench.measure(())]
 
 
-def test_kinks_of_the_path_gain_but_not_beside_what_they_may_make(bench: Any, reversing: list[Measurement]) -> None:
-    evidence = gather(reversing, bench.structure)
+def test_kinks_of_the_path_gain_but_not_beside_what_they_may_make(bench: Any, sticking: list[Measurement]) -> None:
+    evidence = whitened(gather(sticking, bench.structure))
     folds = Folds.of(base_gram(evidence))
     scores = [score(candidate, evidence, folds) for candidate in enumerate_candidates(evidence)]
     best = max(scores, key=lambda s: s.gain)
     assert best.gain > GAIN
-    assert best.label.endswith("@joint_1")
     assert gain_beside_hidden_path(best, evidence) < OWN * best.gain
 
 

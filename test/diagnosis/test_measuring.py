@@ -91,6 +91,19 @@ def test_the_mass_of_a_load_is_found_and_which_recording_had_it(said: Any) -> No
     assert "recording 2" in named.parameters[0].name
 
 
+@pytest.mark.parametrize("wrong", [(1,), (0, 2)])
+def test_a_gain_of_one_recording_alone_is_no_load(bench: Any, spoiled: Any, wrong: tuple[int, ...]) -> None:
+    """Of three recordings one has another gain than the others: it is named, with its joint."""
+    right, other = spoiled("effort_gain@joint_2:gain=1.0"), spoiled(GAIN)
+    recordings = [(other if k in wrong else right)[k] for k in range(3)]
+    found = diagnose([process(r, bench.robot) for r in recordings], bench.structure)
+    assert [s.label for s in found.missing] == ["effort_gain@joint_2"]
+    (named,) = found.missing
+    assert named.parameters[0].name == "gain of joint_2 in recording 2"
+    assert named.parameters[0].value == pytest.approx(1.25 if wrong == (1,) else 0.8, rel=0.03)
+    assert any("effort_gain@joint_2 in recording 2 alone" in note for note in found.notes)
+
+
 def changed(robot: Robot, fix: str) -> Robot:
     """Return the robot with the line of YAML that a fix names."""
     known = definition_of(robot)
@@ -104,7 +117,7 @@ def changed(robot: Robot, fix: str) -> Robot:
     return robot_of(Definition(content, known.urdf), robot.source)
 
 
-@pytest.mark.parametrize("text", [GAIN, SIGN, FILTER])
+@pytest.mark.parametrize("text", [GAIN, SIGN, FILTER, LAG])
 def test_the_line_puts_it_right(bench: Any, spoiled: Any, said: Any, text: str) -> None:
     """Written into the robot YAML as it stands, what was far from the noise comes near it, and no friction is named."""
     (named,) = said(text).missing

@@ -107,3 +107,11 @@ def test_a_fit_that_does_not_whiten_is_counted_as_well(bench: Any) -> None:
         r = e - (q @ np.einsum("tjk,tj->k", q, e))
         statistics.append([test.statistic for test in noise_tests(first, [r], share)])
     assert np.mean(statistics) == pytest.approx(1.0, abs=0.02)
+
+
+def test_what_is_no_number_never_passes_for_fit(bench: Any) -> None:
+    evidence = gather(bench.measure((), noise=1.0), bench.structure)
+    spoilt = [rows.copy() for rows in evidence.residual]
+    spoilt[1][7, 2] = np.nan
+    with pytest.raises(FloatingPointError):
+        noise_tests(evidence, spoilt, Share.of_fit(evidence, evidence.phi))

@@ -9,10 +9,12 @@ from typing import Any
 
 import numpy as np
 import pytest
+import yaml
 
 from robot_ident.bags import write_recording
 from robot_ident.cli.main import main
 from robot_ident.estimation.contradiction import Contradiction, contradiction
+from robot_ident.estimation.coupling import coupling_contradiction
 from robot_ident.estimation.declaration import judge_all
 from robot_ident.motion import Motion
 from robot_ident.recording import Processing, Recording, process
@@ -64,6 +66,26 @@ def test_all_signs_turned_and_one(arm: Any, recording: Any) -> None:
     told = found(replace(recording, tau=recording.tau * [1.0, -1.0, 1.0]), arm.robot)
     assert told is not None
     assert (told.entry, told.change) == ("joints.joint_2.effort.sign", "joint_2: {effort: {sign: -1}}")
+
+
+def test_a_wrong_coupling_is_told_as_one(arm: Any, recording: Any) -> None:
+    """Drive 2 moves joint 3 as well: declared with the wrong sign or not at all, not where a drive's sign is wrong."""
+    true = np.array([[1.0, 0.0, 0.0], [0.0, 1.0, 0.0], [0.0, -0.8, 1.0]])
+    reported = replace(recording, tau=np.linalg.solve(true, recording.tau.T).T)
+
+    def told(reported: Recording, coupling: np.ndarray) -> Contradiction | None:
+        robot = replace(arm.robot, effort=Efforts(coupling=coupling))
+        return coupling_contradiction([process(reported, robot)], robot)
+
+    assert told(reported, true) is None
+    assert told(replace(reported, tau=reported.tau * [1.0, -1.0, 1.5]), true) is None, "a sign, or a gain"
+    for wrong in (np.abs(true), np.eye(3)):
+        one = told(reported, wrong)
+        assert one is not None
+        assert one.entry == "effort.coupling"
+        rows = yaml.safe_load(one.change)["effort"]["coupling"]
+        np.testing.assert_allclose(rows, true, atol=0.1)
+    assert coupling_contradiction([process(recording, arm.robot)], arm.robot) is None, "none is declared"
 
 
 def test_joints_of_their_own_are_changed_where_they_stand(arm: Any, recording: Any) -> None:

@@ -13,6 +13,7 @@ from robot_ident.bags import write_recording
 from robot_ident.cli.main import main
 from robot_ident.diagnosis.diagnose import diagnose
 from robot_ident.errors import InputError
+from robot_ident.estimation.gains_anew import extended_with_gains, tells_gains
 from robot_ident.estimation.identify import identify
 from robot_ident.model.model import Model
 from robot_ident.model.model_file import read_model, write_model
@@ -113,6 +114,27 @@ def test_a_model_file_keeps_gains_and_takes_currents(
         residual = (measured.torque - again.predict(measured.motion))[measured.used.all(axis=1)]
         usual = np.array([fit.rms for fit in model.residual.values()])
         np.testing.assert_allclose(np.sqrt(np.mean(residual**2, axis=0)), usual, rtol=0.3)
+
+
+def test_gains_are_found_anew_with_what_was_missing(
+    robots: tuple[Robot, Robot], recordings: tuple[Recording, Recording]
+) -> None:
+    """A hose that the model lacks: its share of the torque went into gain and friction, and comes out of them again."""
+    hose = np.array([15.0 / (101.0 * GAINS[0]), 0.0, 0.0, 0.0, 0.0, 0.0])  # A/rad
+    recordings = tuple(replace(r, tau=r.tau + hose * (r.q - 0.3)) for r in recordings)  # type: ignore[assignment]
+    lacking = identify(recordings, robots[1])
+    measured = [process(r, lacking.robot, Processing(**dict(lacking.processing))) for r in recordings]
+    assert tells_gains(lacking, measured)
+    assert not tells_gains(lacking, measured[:1])
+    made = extended_with_gains(lacking, recordings, ["cable@shoulder_pan_joint"])
+    assert made.structure.labels[-1] == "cable@shoulder_pan_joint"
+    assert made.provenance["added"] == ["cable@shoulder_pan_joint"]
+    before, after = ({one["joint"]: one for one in m.gains or ()}["shoulder_pan_joint"] for m in (lacking, made))
+    assert abs(before["value"] - GAINS[0]) > 10 * after["std"], "or nothing would show here"
+    assert abs(after["value"] - GAINS[0]) < 4 * after["std"]
+    stiffness = [p.name for p in made.parameters].index("cable.stiffness@shoulder_pan_joint")
+    assert abs(made.values[stiffness] - 15.0) < 4 * made.std[stiffness]
+    assert made.std[stiffness] / 15.0 > 0.9 * after["std"] / GAINS[0], "the gain's uncertainty is the stiffness's"
 
 
 def test_without_a_payload_everything_carries_the_ampere(bare: Model) -> None:

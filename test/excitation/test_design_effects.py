@@ -16,8 +16,11 @@ from robot_ident.model.structure import Structure
 from robot_ident.motion import Array
 from robot_ident.robot import Robot
 
-LIKENESS = {"presliding": 0.8, "backlash": 0.95}
+LIKENESS = {"presliding": 0.8, "backlash": 0.85}
 """Correlation of a stand-in with the exact column along a usual motion; every other effect's is one."""
+
+RINGS = ("backlash",)
+"""Effects of whose stand-in the power within half a second is compared: how blows ring is no function of the state."""
 
 HIDDEN = ("temperature_drift", *(name for name, effect in CATALOGUE.items() if effect.measuring))
 """What no periodic motion shows, and faults of measuring, which are no part of a model."""
@@ -44,6 +47,14 @@ def designed_and_exact(kuka: Robot, name: str) -> tuple[Array, Array]:
     return smooth[:, :, place:].reshape(3 * points, -1), exact[:, :, place:].reshape(3 * points, -1)
 
 
+def power(column: Array) -> Array:
+    """Return the rms [N] over joints and half a second of a column [N n] at 300 Hz."""
+    from scipy.ndimage import uniform_filter1d
+
+    squares = np.sum(column.reshape(-1, 3) ** 2, axis=1)
+    return np.sqrt(np.maximum(uniform_filter1d(squares, 150, mode="wrap"), 0.0))
+
+
 @pytest.mark.parametrize("name", [n for n in CATALOGUE if n not in (*HIDDEN, "viscous", "coulomb")])
 def test_every_effect_of_the_catalogue_can_be_designed_for(kuka: Robot, name: str) -> None:
     at = kuka
@@ -54,6 +65,8 @@ def test_every_effect_of_the_catalogue_can_be_designed_for(kuka: Robot, name: st
         return
     smooth, exact = designed_and_exact(at, name)
     for mine, true in zip(smooth.T, exact.T, strict=True):
+        if name in RINGS:
+            mine, true = power(mine), power(true)
         size = np.linalg.norm(true)
         assert size > 0.0
         assert mine @ true / (size * np.linalg.norm(mine)) > LIKENESS.get(name, 0.9999)

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import re
 from collections.abc import Callable
+from dataclasses import replace
 from pathlib import Path
 from typing import Any
 
@@ -11,6 +12,7 @@ import numpy as np
 import pytest
 import yaml
 
+from robot_ident.cli.identify import parameter_table
 from robot_ident.errors import InputError
 from robot_ident.estimation.identify import identify
 from robot_ident.estimation.solve import ESTIMATORS
@@ -80,3 +82,23 @@ def test_a_file_that_breaks_off_is_refused(written: Path, tmp_path: Path, share:
     with pytest.raises(InputError, match="cut.yaml") as caught:
         read_model(path)
     assert "\n" not in str(caught.value)
+
+
+def test_a_parameter_at_its_bound_has_no_sigma(arm: Any, tmp_path: Path) -> None:
+    """Whatever is refined ends at a bound where data call for more: its covariance tells nothing then."""
+    model = identify([arm.record(3, periods=4)], arm.robot, effects=["stribeck@joint_1"])
+    told = {}
+    for vs, d in ((0.1, 1.0), (0.8, 2.0), (0.0005, 0.5)):
+        structure = model.structure.with_settings([vs, d])
+        values = np.concatenate([model.linear, [vs, d]])
+        moved = replace(model, structure=structure, values=values)
+        rows = {p["name"]: p for p in moved.to_dict()["parameters"]}
+        told[vs] = [rows[f"stribeck.{name}@joint_1"] for name in ("vs", "d")]
+        path = tmp_path / f"{vs}.yaml"
+        write_model(moved, path)
+        assert read_model(path).at_bound == moved.at_bound
+    assert [p["at_bound"] for p in told[0.1]] == [False, False]
+    assert all(p["std"] is not None for p in told[0.1])
+    for vs in (0.8, 0.0005):
+        assert [(p["std"], p["at_bound"]) for p in told[vs]] == [(None, True), (None, True)]
+    assert "at its bound" in parameter_table(moved)

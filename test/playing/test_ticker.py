@@ -2,12 +2,13 @@
 
 from __future__ import annotations
 
+import os
 import threading
 import time
 
 import pytest
 
-from robot_ident.playing.ticker import Stall, Ticker
+from robot_ident.playing.ticker import Stall, Ticker, may_run_at
 
 
 def run(ticker: Ticker, done: threading.Event) -> None:
@@ -33,6 +34,23 @@ def test_ticks_are_numbered_and_absolute() -> None:
     assert numbers[-1] == len(numbers) - 1 + ticker.timing.missed
     early = [t - times[0] - k / 200.0 for t, k in zip(times, numbers, strict=True)]
     assert min(early) > -0.5 / 200.0, "a tick came before its time"
+
+
+def test_ticks_alone_run_before_all_else_where_that_is_allowed() -> None:
+    assert may_run_at(0)
+    before = os.sched_getscheduler(0)
+    if not may_run_at(7):
+        pytest.skip("no real-time priority is allowed on this machine")
+    found: list[tuple[int, int]] = []
+    done = threading.Event()
+
+    def tick(number: int) -> None:
+        found.append((os.sched_getscheduler(0), os.sched_getparam(0).sched_priority))
+        done.set()
+
+    run(Ticker(200.0, tick, priority=7), done)
+    assert found[0] == (os.SCHED_FIFO, 7)
+    assert os.sched_getscheduler(0) == before, "neither asking nor ticking changes the thread that asks"
 
 
 def test_a_slow_tick_is_skipped_or_made_up_for() -> None:

@@ -43,6 +43,16 @@ def test_not_ready() -> None:
     assert "for 1.00 s" in w.not_ready(now + 1.0)
 
 
+def test_time_that_stood_still_is_no_silence() -> None:
+    w = watch()
+    now = feed(w, 30)
+    w.excuse(2.9, now + 3.0)
+    assert w.problem(now + 3.0, np.array([[0.1, -0.2]])) == ""
+    assert "for 0.40 s" in w.problem(now + 3.3, np.array([[0.1, -0.2]]))
+    w.excuse(10.0, now + 3.5)
+    assert "for 0.30 s" in w.problem(now + 3.8, np.array([[0.1, -0.2]])), "nothing is heard in the future"
+
+
 def test_joints_are_matched_by_name_and_other_devices_passed_over() -> None:
     w = watch()
     w.update(("gripper",), [5.0], [0.0], 1, 0.0)

@@ -13,7 +13,8 @@ from robot_ident.errors import InputError
 from robot_ident.estimation.identify import identify
 from robot_ident.recording import Processing, Recording, process
 from robot_ident.recording.chain import Chain
-from robot_ident.robot.robot import AntiAlias
+from robot_ident.robot.load import definition_of, robot_of
+from robot_ident.robot.robot import AntiAlias, Definition
 
 PAPER = AntiAlias(8, 40.0)
 FINE = 20  # steps of the analogue filter's simulation a sample
@@ -44,13 +45,28 @@ def test_response_is_butterworths() -> None:
     for order in (1, 4, 7, 8):
         analogue = signal.butter(order, 2 * np.pi * 40.0, analog=True)
         expected = signal.freqs(*analogue, 2 * np.pi * frequency)[1]
-        chain = Chain(AntiAlias(order, 40.0), np.zeros(2))
+        chain = Chain((AntiAlias(order, 40.0),) * 2, np.zeros(2))
         np.testing.assert_allclose(chain.response(frequency)[:, 1], expected, atol=1e-12)
         assert abs(chain.response(np.array([chain.bandwidth]))[0, 0]) == pytest.approx(0.5)
 
 
+def test_joints_have_filters_of_their_own(arm: Any) -> None:
+    """One joint's filter is undone there, and leaves the others' torque as it is; the slowest one bounds the band."""
+    chain = Chain((None, AntiAlias(2, 8.0), AntiAlias(8, 40.0)), np.array([0.0, 0.0, 0.01]))
+    frequency = np.array([1.0, 4.0, 8.0])
+    response = chain.response(frequency)
+    np.testing.assert_array_equal(response[:, 0], 1.0)
+    assert np.abs(response[2, 1]) == pytest.approx(np.sqrt(0.5))
+    assert np.angle(response[0, 2]) < -2.0 * np.pi * 0.01
+    assert chain.bandwidth == pytest.approx(8.0 * 3.0**0.25)
+    known = definition_of(arm.robot)
+    joints = {**known.yaml["joints"], "joint_2": {**known.yaml["joints"]["joint_2"], "anti_alias": {"cutoff": 8.0}}}
+    robot = robot_of(Definition({**known.yaml, "joints": joints, "anti_alias": {"cutoff": 40.0}}, known.urdf), "arm")
+    assert robot.anti_alias == (AntiAlias(8, 40.0), AntiAlias(8, 8.0), AntiAlias(8, 40.0))
+
+
 def test_parameters_through_the_filter_are_those_without_it(arm: Any) -> None:
-    robot = replace(arm.robot, anti_alias=PAPER)
+    robot = replace(arm.robot, anti_alias=(PAPER,) * 3)
     plain = identify([recorded(arm, 1, filtered=False)], arm.robot)
     undone = identify([recorded(arm, 1, filtered=True)], robot)
     assert np.abs((undone.values - plain.values) / plain.std).max() < 0.3
@@ -74,7 +90,7 @@ def test_the_filter_forgotten_is_a_delay_that_shows(arm: Any) -> None:
 
 
 def test_option_replaces_what_the_robot_declares(arm: Any) -> None:
-    robot = replace(arm.robot, anti_alias=PAPER)
+    robot = replace(arm.robot, anti_alias=(PAPER,) * 3)
     plain = recorded(arm, 3, filtered=False, periods=4)
     off = identify([plain], robot, processing=Processing(anti_alias=(0, 0)))
     np.testing.assert_array_equal(off.values, identify([plain], arm.robot).values)
@@ -84,7 +100,7 @@ def test_filter_on_one_pass(arm: Any) -> None:
     once = Processing(periodic=False, low_pass=10.0)
     plain = identify([recorded(arm, 4, filtered=False, periods=2)], arm.robot, processing=once)
     undone = identify(
-        [recorded(arm, 4, filtered=True, periods=2)], replace(arm.robot, anti_alias=PAPER), processing=once
+        [recorded(arm, 4, filtered=True, periods=2)], replace(arm.robot, anti_alias=(PAPER,) * 3), processing=once
     )
     assert np.abs((undone.values - plain.values) / plain.std).max() < 0.3
 

@@ -98,6 +98,10 @@ def test_the_sidecar_is_read_with_its_bag(robot: Robot, series: FourierSeries, t
         sidecar(bag).write_text(told.text(), encoding="utf-8")
         assert sidecar(bag).name == f"{bag.name}.conditions.yaml"
         assert read_recording(bag).conditions == told
+        for unknown in (Conditions(estimated=True), Conditions(estimated=True, body="box")):
+            sidecar(bag).write_text(unknown.text(), encoding="utf-8")
+            assert read_recording(bag).conditions == unknown
+            sidecar(bag).unlink()
 
 
 @pytest.mark.parametrize(
@@ -105,6 +109,8 @@ def test_the_sidecar_is_read_with_its_bag(robot: Robot, series: FourierSeries, t
     [
         ("payload: {mass: -1}", "payload"),
         ("payload: {mass: 1, inertia: [1, 0, 1, 0, 0, 5]}", "no body has these moments"),
+        ("payload: {estimate: ''}", "payload.estimate"),
+        ("payload: {estimate: box, mass: 5}", "unknown key 'payload.mass'"),
         ("payload: heavy", "yaml: payload = 'heavy': Input should be 'estimate' or 'none'"),
         ("payload: {mass: 5 kg}", "yaml: payload.mass = '5 kg': Input should be a valid number"),
         ("payload: {mas: 5}", "'payload.mass' is missing; unknown key 'payload.mas'"),

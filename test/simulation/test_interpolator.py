@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 
 from robot_ident.motion import Array
-from robot_ident.simulation.interpolator import CommandInterpolator, braking, hermite
+from robot_ident.simulation.interpolator import CommandInterpolator, braking, hermite, settling
 
 PERIOD, HALF = 1 / 150, 1 / 3000
 LIMIT = np.array([3.0, 6.0])
@@ -102,6 +102,47 @@ def test_old_and_broken_commands_are_left_out() -> None:
     assert not interpolator.push(0.9, [0.0, 0.0], [0.1, 0.0])
     with pytest.raises(ValueError, match="not finite"):
         interpolator.push(2.0, [0.0, np.nan], [0.0, 0.0])
+
+
+def test_commands_of_a_time_stood_still_are_left_out_smoothly() -> None:
+    interpolator = CommandInterpolator(LIMIT, PERIOD)
+    rows = [play(interpolator, [(k * PERIOD, k * PERIOD) for k in range(60)], 60 * PERIOD)]
+    for k in range(60, 211):  # all at once, after a second in which nothing was played
+        interpolator.push(100.0 + k * PERIOD, *wave(k * PERIOD))
+    assert interpolator.behind == pytest.approx(151 * PERIOD)
+    interpolator.catch_up()
+    assert interpolator.behind == pytest.approx(PERIOD)
+    for k in range(210, 710):
+        interpolator.push(100.0 + k * PERIOD, *wave(k * PERIOD))
+        m = interpolator.advance(20, HALF)
+        rows.append(np.column_stack([(k - 1) * PERIOD + np.arange(1, 21) * HALF, m.q, m.dq, m.ddq]))
+    all_rows = np.concatenate(rows)
+    assert_smooth(all_rows, 12.0)
+    q, dq = wave(all_rows[-2000:, 0])
+    np.testing.assert_allclose(all_rows[-2000:, 1:3], q, atol=1e-8)
+    np.testing.assert_allclose(all_rows[-2000:, 3:5], dq, atol=1e-5)
+
+
+def test_a_backlog_that_is_played_is_played_in_order() -> None:
+    interpolator = CommandInterpolator(LIMIT, PERIOD)
+    for k in range(200):
+        interpolator.push(k * PERIOD, *wave(k * PERIOD))
+    m = interpolator.advance(199 * 20, HALF)
+    np.testing.assert_allclose(m.q, wave(-PERIOD + HALF * np.arange(1, 199 * 20 + 1))[0].clip(0), atol=1e-3)
+
+
+@pytest.mark.parametrize("speed", [-2.0, 0.0, 0.3])
+def test_an_offset_settles_within_the_acceleration(speed: float) -> None:
+    q, v = np.array([0.4, -0.1]), np.array([speed, 0.5])
+    piece = settling(1.0, q, v, LIMIT)
+    t = np.linspace(piece.start, piece.end, 2001)
+    offset, rate, acceleration = piece.states(t)
+    np.testing.assert_allclose(np.array([offset[0], rate[0], 0 * q]), [q, v, acceleration[0]], atol=1e-12)
+    np.testing.assert_allclose(np.array([offset[-1], rate[-1], acceleration[-1]]), np.zeros((3, 2)), atol=1e-9)
+    np.testing.assert_allclose(np.gradient(offset, t, axis=0)[1:-1], rate[1:-1], atol=1e-5)
+    share = np.abs(acceleration).max(axis=0) / LIMIT
+    assert share.max() <= 1.0
+    assert share.max() > 0.5, "not slower than need be"
 
 
 def test_pieces_meet_their_ends() -> None:

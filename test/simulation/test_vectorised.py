@@ -2,11 +2,13 @@
 
 from __future__ import annotations
 
+import pickle
+
 import casadi as ca
 import numpy as np
 import pytest
 
-from robot_ident.simulation.vectorised import AT_ONCE, Vectorised
+from robot_ident.simulation.vectorised import AT_ONCE, FEW, Vectorised
 
 X, Y = ca.SX.sym("x"), ca.SX.sym("y")
 EXPRESSIONS = {
@@ -27,9 +29,14 @@ def test_operations(name: str) -> None:
     values[:5, 0] = [0.0, 1.0, -1.0, 0.5, -0.0]
     (made,) = Vectorised(function)(values)
     np.testing.assert_allclose(made, np.array(function(values.T)).T, rtol=1e-13, atol=1e-13)
+    few = Vectorised(function)
+    for count in (1, FEW, FEW, 1):
+        np.testing.assert_allclose(few(values[:count])[0], made[:count], rtol=1e-13, atol=1e-13)
+    (again,) = pickle.loads(pickle.dumps(few))(values[:1])
+    np.testing.assert_array_equal(again, few(values[:1])[0])
 
 
 def test_an_operation_without_translation_is_refused() -> None:
     function = ca.Function("f", [X], [ca.erf(X)])
     with pytest.raises(NotImplementedError, match="not translated"):
-        Vectorised(function)(np.zeros((3, 1)))
+        Vectorised(function)(np.zeros((FEW + 1, 1)))

@@ -68,13 +68,8 @@ def _finding(
 
 
 def _fix(names: Sequence[str], place: int | None, order: int, cutoff: float) -> str:
-    if place is None:
-        return f"anti_alias: {{order: {order}, cutoff: {cutoff:.3g}}}  # in the robot YAML"
-    lag = (1.0 if order == 1 else np.sqrt(2.0)) / (2.0 * np.pi * cutoff)
-    return (
-        f"joints: {{{names[place]}: {{torque_delay: {lag:.3g}}}}}  # in the robot YAML: the lag of the low pass at low"
-        " frequency; better is to have the driver not filter it"
-    )
+    kind = f"anti_alias: {{order: {order}, cutoff: {cutoff:.3g}}}"
+    return f"{kind if place is None else f'joints: {{{names[place]}: {{{kind}}}}}'}  # in the robot YAML"
 
 
 def _between(losses: dict[tuple[float, int], float], cutoff: float, order: int) -> float:

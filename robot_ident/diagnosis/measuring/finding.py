@@ -22,7 +22,8 @@ class Finding:
     """A fault with the best values of its parameters.
 
     gain: fall of the squared error of all data, held_out: of data left out of the fit, both in units of chi-square.
-    columns: those of a model of what is measured with the fault in it. fix: the line to change, and where.
+    columns: those of a model of what is measured with the fault in it. fix: the line to change, and where. single:
+    the number of the recording, from 1, that alone has it, so that none left out can tell of it; None: all have.
     """
 
     effect: Effect
@@ -32,6 +33,7 @@ class Finding:
     columns: Columns
     fix: str
     more: int = 1  # parameters
+    single: int | None = None
 
     @property
     def label(self) -> str:

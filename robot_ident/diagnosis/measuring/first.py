@@ -20,7 +20,7 @@ from robot_ident.diagnosis.lack_of_fit import lack_of_fit
 from robot_ident.diagnosis.measuring.filtered import filters
 from robot_ident.diagnosis.measuring.finding import Finding, with_columns
 from robot_ident.diagnosis.measuring.further import link_lengths, payloads
-from robot_ident.diagnosis.measuring.gain import gains, undecidable_gains
+from robot_ident.diagnosis.measuring.gain import gains, single_gains, undecidable_gains
 from robot_ident.diagnosis.refine import sharpened
 from robot_ident.diagnosis.scan import base_gram
 from robot_ident.recording.measurement import Measurement
@@ -49,7 +49,8 @@ def measuring_fault(
     """
     base = folds.base
     passes, delayed = filters(evidence, base)
-    found = [*gains(evidence, base), *passes, *link_lengths(evidence, folds), *payloads(evidence, base)]
+    found = [*gains(evidence, base), *passes, *link_lengths(evidence, folds)]
+    found += [*payloads(evidence, base), *single_gains(evidence, base)]
     excess = float(folds.loss.sum()) - sum(float(t.dof.sum()) for t in evidence.trajectories)
     found.sort(key=lambda f: -f.held_out)
     best = found[0] if found else None
@@ -65,7 +66,7 @@ def measuring_fault(
 
 def _excess(found: Finding, evidence: Evidence, held_out: float) -> float:
     """Return the squared error beyond the noise: of all data where no trajectory left out can tell of the fault."""
-    if found.effect.name != "payload":
+    if found.single is None:
         return max(held_out, 0.0)
     dof = sum(float(t.dof.sum()) for t in evidence.trajectories)
     return max(sum(float(np.sum(r**2)) for r in evidence.residual) - dof, 0.0)
@@ -79,7 +80,7 @@ def _best_effect(found: Finding, scores: Sequence[Score], evidence: Evidence, fo
     """Return the most that an effect gains, inner parameters refined; of all data where the fault's gain is."""
     if not scores:
         return 0.0
-    if found.effect.name == "payload":
+    if found.single is not None:
         return max(s.gain for s in scores)
     if scores[0].held_out < 0.5 * found.held_out:
         return scores[0].held_out
@@ -96,6 +97,7 @@ def _fault(
     rest = lack_of_fit(replace(after, memory={}), base_gram(after))
     own = _excess(best, evidence, excess)
     equals = [f.label for f in found[1:] if best.held_out - f.held_out < _lead(best) and f.label != best.label]
+    alone = f" in recording {best.single} alone" if best.single is not None else ""
     before_seen, after_seen = _validated(best, evidence, after, validation)
     suspect = Suspect(
         effect=best.effect,
@@ -113,8 +115,8 @@ def _fault(
     return Fault(
         suspect,
         {name: float(np.sqrt(fit.excess)) for name, fit in zip(names, rest, strict=True)},
-        f"{best.label} is a fault of what is measured: correct it, identify anew and diagnose again; until then no"
-        " effect is named, since what it leaves looks like many",
+        f"{best.label}{alone} is a fault of what is measured: correct it, identify anew and diagnose again; until then"
+        " no effect is named, since what it leaves looks like many",
     )
 
 
@@ -125,7 +127,7 @@ def _validated(
     they have the fault.
     """
     noise = [m.averaged_variance for m in validation]
-    if not noise or best.effect.name == "payload" or not all(np.all(np.isfinite(v) & (v > 0)) for v in noise):
+    if not noise or best.single is not None or not all(np.all(np.isfinite(v) & (v > 0)) for v in noise):
         return None, None
     seen = replace(gather(validation, evidence.structure), values=evidence.values, memory={})
     with_fault = replace(seen, phi=best.columns(seen), values=after.values)

@@ -62,7 +62,7 @@ def payloads(evidence: Evidence, base: BaseGram) -> list[Finding]:
         )
         told = (Estimate(f"mass change in recording {place + 1}", weight, std, "kg"),) if np.isfinite(std) else ()
         effect = CATALOGUE["payload"](robot, None)
-        out.append(Finding(effect, gain, gain - 10.0, told, columns, fix, 10))
+        out.append(Finding(effect, gain, gain - 10.0, told, columns, fix, 10, place + 1))
     return out
 
 

@@ -6,7 +6,7 @@ far g is from 1. Joints' rows that share no parameters leave the profile flat: t
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
 from functools import partial
 
 import numpy as np
@@ -17,6 +17,7 @@ from robot_ident.diagnosis.measuring.finding import Finding, curvature_std, fitt
 from robot_ident.diagnosis.scan import BaseFit, BaseGram
 from robot_ident.effects.catalogue import CATALOGUE
 from robot_ident.motion import Array
+from robot_ident.recording.measurement import Measurement
 
 GRID = (-2.0, -1.0, -0.5, 0.25, 0.5, 0.7, 0.85, 0.93, 1.08, 1.18, 1.4, 1.8, 2.5, 4.0)
 """Gains that are tried before the best is refined."""
@@ -49,6 +50,31 @@ def gains(evidence: Evidence, base: BaseGram) -> list[Finding]:
     return out
 
 
+def single_gains(evidence: Evidence, base: BaseGram) -> list[Finding]:
+    """Return for every recording and joint the gain by which the effort of that recording alone differs."""
+    joints, everything = evidence.structure.robot.joints, range(len(base.power))
+    sources = list({id(t.measured): t.measured for t in evidence.trajectories}.values())
+    if len(sources) < 2:
+        return []
+    before, out = fitted_loss(base, everything), []
+    for place, source in enumerate(sources):
+        rows = [k for k, t in enumerate(evidence.trajectories) if t.measured is source]
+        for joint, name in enumerate(joints):
+
+            def loss(gain: float, rows: Sequence[int] = rows, joint: int = joint) -> float:
+                return fitted_loss(_in_part(base, rows, joint, gain), everything)
+
+            gain = _nearby(loss, min(GRID, key=loss))
+            fall = before - loss(gain)
+            effect = CATALOGUE["effort_gain"](evidence.structure.robot, joint)
+            std = curvature_std(loss, gain, 1e-3 * abs(gain))
+            told = Estimate(f"gain of {name} in recording {place + 1}", gain, std, "times too large")
+            columns = partial(_columns, joint=joint, gain=gain, source=source)
+            fix = f"{source.source}: its effort of {name} is {gain:.4g} times that of the other recordings: record anew"
+            out.append(Finding(effect, fall, fall - 1.0, (told,), columns, fix, 1, place + 1))
+    return out
+
+
 def undecidable_gains(evidence: Evidence, base: BaseGram) -> list[str]:
     """Return the joints whose gain these recordings don't tell to 5 %: their own parameters absorb it."""
     everything = range(len(base.power))
@@ -59,11 +85,13 @@ def undecidable_gains(evidence: Evidence, base: BaseGram) -> list[str]:
     return out
 
 
-def _columns(evidence: Evidence, *, joint: int, gain: float) -> tuple[Array, ...]:
+def _columns(evidence: Evidence, *, joint: int, gain: float, source: Measurement | None = None) -> tuple[Array, ...]:
+    """Return the columns with a joint's rows multiplied, in one recording alone where a source is given."""
     out = []
-    for phi in evidence.phi:
+    for t, phi in zip(evidence.trajectories, evidence.phi, strict=True):
         changed = phi.copy()
-        changed[:, joint] *= gain
+        if source is None or t.measured is source:
+            changed[:, joint] *= gain
         out.append(changed)
     return tuple(out)
 
@@ -88,6 +116,14 @@ def _row(base: BaseGram, joint: int, gain: float) -> Array:
     return factors
 
 
+def _in_part(base: BaseGram, rows: Sequence[int], joint: int, gain: float) -> BaseGram:
+    """Return the Gram matrices of a model with a joint's rows of some trajectories multiplied."""
+    own, torque = base.own.copy(), base.torque.copy()
+    own[rows, joint] *= gain**2
+    torque[rows, joint] *= gain
+    return BaseGram(own, torque, base.power)
+
+
 def _loss(base: BaseGram, joint: int, train: Sequence[int], gain: float) -> float:
     return fitted_loss(multiplied(base, _row(base, joint, gain)), train)
 
@@ -105,10 +141,14 @@ def _best(base: BaseGram, joint: int, train: Sequence[int]) -> float:
 
 def _near(base: BaseGram, joint: int, train: Sequence[int], start: float) -> float:
     """Return the gain of least error within a factor 1.6 of a start; its sign stays."""
+    return _nearby(partial(_loss, base, joint, train), start)
+
+
+def _nearby(loss: Callable[[float], float], start: float) -> float:
     from scipy.optimize import minimize_scalar
 
-    def loss(x: float) -> float:
-        return _loss(base, joint, train, start * float(np.exp(x)))
+    def along(x: float) -> float:
+        return loss(start * float(np.exp(x)))
 
-    found = minimize_scalar(loss, bounds=(-0.5, 0.5), method="bounded", options={"xatol": 1e-4, "maxiter": 25})
+    found = minimize_scalar(along, bounds=(-0.5, 0.5), method="bounded", options={"xatol": 1e-4, "maxiter": 25})
     return start * float(np.exp(found.x))

@@ -29,10 +29,12 @@ class Parameters(Section):
         before, after = self.found.ends[0], self.found.ends[-1]
         was = _values(before.model) if before is not after else {}
         unsure = [p.name for p, value, std in _rows(after.model) if std > 0.0 and abs(value) < _UNSURE * std]
+        resting = {p.name for p, at_bound in zip(after.model.parameters, after.model.at_bound, strict=True) if at_bound}
         header = ["parameter", "value", "sigma", "unit", "sigma / value", "meaning"]
         rows = []
         for p, value, std in _rows(after.model):
-            row = [p.name, f"{value:.4g}", f"{std:.2g}" if std else NOTHING, p.unit, _share(value, std), p.meaning]
+            share = "at its bound" if p.name in resting else _share(value, std)
+            row = [p.name, f"{value:.4g}", f"{std:.2g}" if std else NOTHING, p.unit, share, p.meaning]
             if was:
                 row[1:1] = [with_sigma(*was[p.name]) if p.name in was else NOTHING]
             rows.append(row)
@@ -55,7 +57,9 @@ class Parameters(Section):
 
 
 def _rows(model: Model) -> list[tuple[Any, float, float]]:
-    return [(p, float(v), float(s)) for p, v, s in zip(model.parameters, model.values, model.std, strict=True)]
+    """Return parameters with value and standard deviation, 0 where there is none."""
+    told = zip(model.parameters, model.values, model.std, model.at_bound, strict=True)
+    return [(p, float(v), 0.0 if at_bound else float(s)) for p, v, s, at_bound in told]
 
 
 def _values(model: Model) -> dict[str, tuple[float, float]]:

@@ -1,0 +1,210 @@
+"""Unknown payloads found together with the arm, where some recordings were made without them.
+
+tau_k = Phi_k theta + Y_last,k pi_b of recording k that carried body b, tau_k = Phi_k theta of one without: the arm's
+theta are shared, the ten parameters pi_b by all recordings of that body. Its torque is taken off where its least
+squares value stands, so that every estimator of the arm has it; what its uncertainty makes of the arm's parameters is
+added to their covariance.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass, replace
+from typing import Any
+
+import numpy as np
+
+from robot_ident.errors import InputError
+from robot_ident.estimation.apart import apart
+from robot_ident.estimation.body import VAGUE, Body, body_of
+from robot_ident.estimation.payload import rows_of_payload, solve_beside
+from robot_ident.estimation.problem import Problem, Solution, with_inner
+from robot_ident.estimation.solve import solve
+from robot_ident.model.structure import Structure
+from robot_ident.motion import Array
+from robot_ident.recording.arm_alone import less_payload
+from robot_ident.recording.conditions import KnownPayload
+from robot_ident.recording.measurement import Measurement
+from robot_ident.robot.robot import Robot
+
+_ROUNDS = 8
+_STILL = 0.02  # standard deviations that a payload's parameter may yet move by
+_UNSETTLED = 0.5  # standard deviations: a search for inner parameters that stops by its own tolerance moves it by less
+
+
+@dataclass(frozen=True)
+class Carried:
+    """A payload that was found with the arm: its name ("" where it has none), and the recordings that carried it."""
+
+    name: str
+    recordings: tuple[str, ...]
+    body: Body
+
+    @property
+    def notes(self) -> tuple[str, ...]:
+        """What a user should know."""
+        head = f"payload {self.name}".rstrip()
+        return (f"{head} of {', '.join(self.recordings)}: {self.body.in_words}", *(f"{head}: {n}" for n in self.said))
+
+    @property
+    def said(self) -> tuple[str, ...]:
+        """What is doubtful about it."""
+        nothing = self.body.mass < 3.0 * self.body.mass_std
+        return (*(("it weighs no more than its uncertainty",) if nothing else ()), *self.body.notes)
+
+    def to_dict(self) -> dict[str, Any]:
+        """Return it for `model.yaml`."""
+        return {
+            "name": self.name,
+            "recordings": list(self.recordings),
+            **self.body.to_dict(),
+            "covariance": self.body.covariance.tolist(),
+            "notes": list(self.said),
+        }
+
+
+@dataclass(frozen=True)
+class Solved:
+    """The arm's solution and the measurements that it is of, payloads taken off; the payloads that were found."""
+
+    measurements: tuple[Measurement, ...]
+    solution: Solution
+    payloads: tuple[Carried, ...] = ()
+
+
+def solve_carrying(measurements: Sequence[Measurement], structure: Structure, estimator: str) -> Solved:
+    """Return the arm's parameters, found together with the payloads that the measurements' conditions leave open.
+
+    Raises InputError where every recording carried an unknown one: it can't be told from the last link then; where the
+    motion tells no payload's mass; and where drive gains are unknown, for it would be told from them no more.
+    """
+    names = tuple(dict.fromkeys(m.conditions.body for m in measurements if m.conditions.estimated))
+    if not names:
+        return Solved(tuple(measurements), solve(apart(measurements, structure.effects), structure, estimator))
+    refuse_untold(measurements, structure.robot)
+    values = np.zeros((len(names), 10))
+    whole = _less(measurements, names, values, structure.robot)
+    step = _step(apart(whole, structure.effects), structure, names, None)
+    for _ in range(_ROUNDS):
+        _refuse_weightless(step.covariance, measurements, names)
+        values = values + step.change.reshape(values.shape)
+        less = _less(whole, names, values, structure.robot)
+        taken = apart(less, structure.effects)
+        found = solve(taken, structure, estimator)
+        step = _step(taken, structure, names, found)
+        if np.all(np.abs(step.change) < _STILL * np.sqrt(np.diag(step.covariance))):
+            break
+    else:
+        _refuse_unsettled(step, measurements)
+    return Solved(less, _spread(found, step), _carried(measurements, names, values, step.covariance, structure.robot))
+
+
+def _refuse_unsettled(step: _Step, measurements: Sequence[Measurement]) -> None:
+    """Raise InputError where payloads still move by what matters after all rounds."""
+    if np.any(np.abs(step.change) > _UNSETTLED * np.sqrt(np.diag(step.covariance))):
+        raise InputError(
+            f"{', '.join(m.source for m in measurements)}: payload and inner parameters of the effects don't settle"
+            " together; identify the arm without these effects, or without the recordings of an unknown payload"
+        )
+
+
+def refuse_untold(measurements: Sequence[Measurement], robot: Robot) -> None:
+    """Raise InputError where unknown payloads can't be told from the arm, or from the gains of its drives."""
+    unknown = [m.source for m in measurements if m.conditions.estimated]
+    if not unknown:
+        return
+    if robot.ampere_joints:
+        raise InputError(
+            f"{', '.join(unknown)}: an unknown payload is not told from the unknown drive gains of"
+            f" {', '.join(robot.ampere_joints)}; identify these with a known payload, then this one by --only payload"
+        )
+    if len(unknown) == len(measurements):
+        raise InputError(
+            f"{', '.join(unknown)}: an unknown payload is not told from the last link: give a recording without one"
+            " beside it, or the arm's model: robot_ident identify BAG --only payload --model model.yaml"
+        )
+
+
+@dataclass(frozen=True)
+class _Step:
+    """What the payloads' parameters [10 m] change by, their covariance [10 m, 10 m], and d theta / d pi [k, 10 m] of
+    the arm's parameters at `place` [k] among all.
+    """
+
+    change: Array
+    covariance: Array
+    slope: Array
+    place: np.ndarray
+
+
+def _step(
+    measurements: Sequence[Measurement], structure: Structure, names: Sequence[str], found: Solution | None
+) -> _Step:
+    """Return one step of Gauss and Newton for arm and payloads together, from the arm's solution if there is one."""
+    problem = Problem(measurements, structure)
+    p = len(structure.parameters)
+    if found is None:
+        equations = problem.equations(structure, None)
+        jacobian, place, right = equations.phi, np.arange(p), equations.torque
+    else:
+        linear = found.values[:p]
+        equations = problem.equations(found.structure, linear)
+        problem = problem.beside(linear, equations) or problem
+        jacobian, place = with_inner(problem, found.structure, linear, equations)
+        right = equations.torque - equations.phi @ linear
+    carriers = [[k for k, m in enumerate(measurements) if _body(m) == name] for name in names]
+    columns = [rows_of_payload(measurements, equations, structure.robot, blocks) for blocks in carriers]
+    loads = np.hstack(columns)
+    arm = jacobian.shape[1]
+    whole = np.hstack([jacobian, loads])
+    solved, covariance = solve_beside(problem, equations, whole, right, ((), np.zeros((0, 0))), len(names))
+    labels = [(*structure.parameters, *structure.inner)[k].name for k in place]
+    slope = -problem.factored(jacobian, labels).solve(problem.right(loads))
+    return _Step(solved[arm:], covariance[arm:, arm:], slope, place)
+
+
+def _body(measured: Measurement) -> str | None:
+    return measured.conditions.body if measured.conditions.estimated else None
+
+
+def _less(
+    measurements: Sequence[Measurement], names: Sequence[str], values: Array, robot: Robot
+) -> tuple[Measurement, ...]:
+    """Return the measurements less the torque of payloads of ten parameters each, values [m, 10]."""
+    known: dict[str | None, KnownPayload] = {}
+    for name, ten in zip(names, values, strict=True):
+        if ten.any():
+            known[name] = body_of(ten, np.zeros((10, 10)), robot).known
+    return tuple(less_payload(m, known.get(_body(m)), robot) if m.conditions.estimated else m for m in measurements)
+
+
+def _refuse_weightless(covariance: Array, measurements: Sequence[Measurement], names: Sequence[str]) -> None:
+    """Raise InputError where the data don't tell a payload's mass, and with it no centre."""
+    for k, name in enumerate(names):
+        if np.sqrt(covariance[10 * k, 10 * k]) > 0.25 * VAGUE[0]:
+            sources = ", ".join(m.source for m in measurements if _body(m) == name)
+            raise InputError(
+                f"{sources}: the motion does not tell the payload's mass; design one that does: robot_ident design"
+                " --only payload -o payload.yaml"
+            )
+
+
+def _spread(found: Solution, step: _Step) -> Solution:
+    """Return the arm's solution with what the payloads' uncertainty makes of it: D C D', D = d theta / d pi."""
+    covariance = np.array(found.covariance)
+    covariance[np.ix_(step.place, step.place)] += step.slope @ step.covariance @ step.slope.T
+    told = step.covariance.shape[0] - float(
+        np.sum(np.diag(step.covariance) / np.tile(VAGUE, len(step.covariance) // 10) ** 2)
+    )
+    return replace(found, covariance=covariance, dof=found.dof - told)
+
+
+def _carried(
+    measurements: Sequence[Measurement], names: Sequence[str], values: Array, covariance: Array, robot: Robot
+) -> tuple[Carried, ...]:
+    out = []
+    for k, name in enumerate(names):
+        own = slice(10 * k, 10 * k + 10)
+        sources = tuple(m.source for m in measurements if _body(m) == name)
+        out.append(Carried(name, sources, body_of(values[k], covariance[own, own], robot)))
+    return tuple(out)

@@ -1,0 +1,84 @@
+"""A model with further effects whose drives' gains are found anew: what is missing from a model, gains make up for."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Mapping, Sequence
+from dataclasses import replace
+from typing import Any
+
+from robot_ident.effects import Effect
+from robot_ident.estimation.extend import extend
+from robot_ident.estimation.gains import with_known_gains
+from robot_ident.estimation.identify import estimate
+from robot_ident.model.model import Model
+from robot_ident.model.structure import Structure
+from robot_ident.recording.measurement import Measurement, Processing
+from robot_ident.recording.process import process
+from robot_ident.recording.recording import Recording
+from robot_ident.robot.load import definition_of, robot_of
+from robot_ident.robot.robot import Definition, Robot
+
+
+def tells_gains(model: Model, measurements: Sequence[Measurement]) -> bool:
+    """Return whether a model's gains were estimated and these recordings can tell them: with and without a payload."""
+    payloads = {measured.conditions.payload for measured in measurements}
+    unknown = any(measured.conditions.estimated for measured in measurements)
+    return bool(_estimated(model)) and len(payloads) > 1 and not unknown
+
+
+def extended(
+    model: Model,
+    measurements: Sequence[Measurement],
+    recordings: Callable[[], Sequence[Recording]],
+    effects: Sequence[Effect],
+) -> list[Model]:
+    """Return a model refitted as it is, then with one effect more each time; drive gains and payloads that the same
+    recordings told are found anew with each, since what was missing they had made up for.
+
+    measurements: of the `recordings`, which are asked for where gains are found. Raises InputError as `estimate` does.
+    """
+    if not tells_gains(model, measurements):
+        return extend(model, measurements, effects)
+    read, labels = recordings(), [effect.label for effect in effects]
+    return [extended_with_gains(model, read, labels[:count]) for count in range(len(labels) + 1)]
+
+
+def measured_anew(model: Model) -> bool:
+    """Return whether a model makes other measurements of recordings than the one that it came from: by gains of drives,
+    or payloads, that were found with it.
+    """
+    return bool(_estimated(model) or model.payloads)
+
+
+def extended_with_gains(model: Model, recordings: Sequence[Recording], labels: Sequence[str]) -> Model:
+    """Return a model refitted with effects `labels` beside its own, its drives' gains found anew from the recordings.
+
+    Raises InputError where the recordings don't tell the gains, or don't excite a parameter.
+    """
+    robot = _robot_without(model.robot, _estimated(model))
+    usual = Structure.build(robot).labels
+    held = [label for label in model.structure.labels if label not in usual]
+    processing = Processing(**dict(model.processing))
+    measurements = [process(recording, robot, processing) for recording in recordings]
+    structure = Structure.build(robot, [*held, *labels])
+    known, structure, gains = with_known_gains(recordings, measurements, structure, processing)
+    fitted = estimate(known, structure, estimator=model.estimator, processing=processing, gains=gains)
+    added = [*model.provenance.get("added", []), *labels]
+    return replace(fitted, provenance={**model.provenance, "added": added})
+
+
+def _estimated(model: Model) -> tuple[str, ...]:
+    """Return the joints whose gain in Nm/A or N/A was estimated with the model."""
+    return tuple(str(one["joint"]) for one in model.gains or () if one["unit"] != "A/A")
+
+
+def _robot_without(robot: Robot, joints: Sequence[str]) -> Robot:
+    """Return a robot whose files don't know the torque constants of some joints."""
+    definition = definition_of(robot)
+    data: dict[str, Any] = dict(definition.yaml)
+    records: Mapping[str, Any] = data.get("joints") or {}
+    data["joints"] = {
+        name: {key: value for key, value in (entry or {}).items() if key != "torque_constant" or name not in joints}
+        for name, entry in records.items()
+    }
+    return robot_of(Definition(data, definition.urdf), robot.source)

@@ -1,0 +1,55 @@
+"""The simulated robot falls behind: what was commanded meanwhile is left out, and it is where it is sent again."""
+
+from __future__ import annotations
+
+import signal
+from collections.abc import Callable
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import pytest
+from processes import write_trajectory
+
+pytest.importorskip("rclpy")
+
+DELAY, PERIOD = 0.2, 1 / 150  # s
+
+
+def test_a_robot_that_stood_still_is_not_late_ever_after(
+    start: Callable[..., Any], client: Any, until: Callable[..., Any], tmp_path: Path
+) -> None:
+    """Stopped for 2.8 s of simulated time in which the commands go on."""
+    from sensor_msgs.msg import JointState
+
+    heard: dict[str, list[tuple[float, list[float]]]] = {"joint_states": [], "joint_command": []}
+
+    def hear(topic: str) -> Callable[[Any], None]:
+        return lambda m: heard[topic].append((m.header.stamp.sec + 1e-9 * m.header.stamp.nanosec, list(m.position)))
+
+    for topic in heard:
+        client.create_subscription(JointState, topic, hear(topic), 5000)
+    states, commands = heard["joint_states"], heard["joint_command"]
+    simulated = {"use_sim_time": True}
+    start("simulated_clock", speed=2.0, patience=0.1)
+    robot = start("simulated_kuka", delay=DELAY, noise=0.0, **simulated)
+    patient = {"state_timeout": 10.0, "tracking_error": "[10.0]", "effort_limit": 0.0}
+    motion = {"trajectory": write_trajectory(tmp_path / "slow.yaml", 0.3), "periods": 200, "autostart": True}
+    publisher = start("trajectory_publisher", **motion, **patient, **simulated)
+    publisher.says("playing")
+    before = len(commands)
+    assert until(lambda: len(commands) > before + 300)
+    robot.send(signal.SIGSTOP)
+    stopped = len(commands)
+    assert until(lambda: len(commands) > stopped + 420)
+    robot.send(signal.SIGCONT)
+    robot.says("s behind")
+    settled = commands[-1][0] + 4.0
+    assert until(lambda: min(states[-1][0], commands[-1][0]) > settled + 1.0), robot.text
+    assert "stopping" not in publisher.text and publisher.end()[0] == 0 and robot.end()[0] == 0
+
+    t, q = (np.array(part) for part in zip(*[row for row in states if settled < row[0] < settled + 1.0], strict=True))
+    sent, goal = (np.array(part) for part in zip(*commands, strict=True))
+    asked = np.column_stack([np.interp(t - DELAY - PERIOD, sent, column) for column in goal.T])
+    assert np.ptp(asked, axis=0).max() > 0.3, "it moves"
+    assert np.abs(q - asked).max() < 0.02
