@@ -26,7 +26,7 @@ from rclpy.utilities import remove_ros_args
 
 from robot_ident.errors import InputError, RobotIdentError
 from robot_ident.nodes.parameters import Parameter, Value, declare, usage
-from robot_ident.playing.ticker import may_run_at
+from robot_ident.playing.ticker import follow_at
 
 OK, WARN, ERROR = DiagnosticStatus.OK, DiagnosticStatus.WARN, DiagnosticStatus.ERROR
 _SWITCH = 0.001  # s for which one thread may keep another from running; Python's own 5 ms are most of a tick at 150 Hz
@@ -109,11 +109,13 @@ class BaseNode(Node):
         self.create_timer(seconds, callback, clock=self._steady)
 
     def tick_priority(self) -> int:
-        """Return the priority of the thread that keeps real time; 0 in simulated time, or where none is allowed."""
-        if self.get_parameter("use_sim_time").value:
-            return 0
+        """Return the priority of the thread that keeps real time, and let this one follow it; 0 in simulated time, or
+        where none is allowed.
+        """
         priority: int = self.value(THREAD_PRIORITY.name)
-        if may_run_at(priority):
+        if priority == 0 or self.get_parameter("use_sim_time").value:
+            return 0
+        if follow_at(priority):
             return priority
         self.get_logger().warning(
             "no real-time priority is allowed here (CAP_SYS_NICE, or rtprio in /etc/security/limits.d): other programs"

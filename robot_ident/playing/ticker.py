@@ -40,16 +40,18 @@ class Stall:
         )
 
 
-def may_run_at(priority: int) -> bool:
-    """Return whether this process may run threads at a real-time priority; tried on the thread that asks."""
-    if priority == 0 or not hasattr(os, "sched_setscheduler"):
-        return priority == 0
-    before, parameters = os.sched_getscheduler(0), os.sched_getparam(0)
+def follow_at(priority: int) -> bool:
+    """Let the thread that asks run right after a ticker of a real-time priority; return whether that is allowed.
+
+    Threads of one Python wait for each other: one that other programs hold up holds up the ticker, too. Threads that it
+    starts have no such priority.
+    """
+    if not hasattr(os, "sched_setscheduler"):
+        return False
     try:
-        os.sched_setscheduler(0, os.SCHED_FIFO, os.sched_param(priority))
+        os.sched_setscheduler(0, os.SCHED_FIFO | os.SCHED_RESET_ON_FORK, os.sched_param(max(1, priority - 1)))
     except PermissionError:
         return False
-    os.sched_setscheduler(0, before, parameters)
     return True
 
 
@@ -77,7 +79,7 @@ class Ticker:
     ) -> None:
         """Prepare a grid of `rate` [Hz]; `clock` [s] replaces the machine's monotonic clock.
 
-        priority: one that `may_run_at` allows.
+        priority: one that `follow_at` allows.
         """
         self.interval = 1.0 / rate
         self._tick = tick

@@ -8,7 +8,7 @@ import time
 
 import pytest
 
-from robot_ident.playing.ticker import Stall, Ticker, may_run_at
+from robot_ident.playing.ticker import Stall, Ticker, follow_at
 
 
 def run(ticker: Ticker, done: threading.Event) -> None:
@@ -37,20 +37,41 @@ def test_ticks_are_numbered_and_absolute() -> None:
 
 
 def test_ticks_alone_run_before_all_else_where_that_is_allowed() -> None:
-    assert may_run_at(0)
-    before = os.sched_getscheduler(0)
-    if not may_run_at(7):
-        pytest.skip("no real-time priority is allowed on this machine")
-    found: list[tuple[int, int]] = []
+    found: dict[str, tuple[int, int]] = {}
     done = threading.Event()
+    tickers: list[Ticker] = []
+
+    def look(name: str) -> None:
+        found[name] = os.sched_getscheduler(0) & ~os.SCHED_RESET_ON_FORK, os.sched_getparam(0).sched_priority
 
     def tick(number: int) -> None:
-        found.append((os.sched_getscheduler(0), os.sched_getparam(0).sched_priority))
+        look("ticker")
         done.set()
 
-    run(Ticker(200.0, tick, priority=7), done)
-    assert found[0] == (os.SCHED_FIFO, 7)
-    assert os.sched_getscheduler(0) == before, "neither asking nor ticking changes the thread that asks"
+    def follower() -> None:
+        if not follow_at(7):
+            done.set()
+            return
+        look("follower")
+        tickers.append(Ticker(200.0, tick, priority=7))
+        tickers[0].start()
+        other = threading.Thread(target=look, args=("other",))
+        other.start()
+        other.join()
+
+    thread = threading.Thread(target=follower)
+    thread.start()
+    thread.join()
+    assert done.wait(20.0)
+    for ticker in tickers:
+        ticker.stop()
+    if not found:
+        pytest.skip("no real-time priority is allowed on this machine")
+    assert found == {
+        "follower": (os.SCHED_FIFO, 6),
+        "ticker": (os.SCHED_FIFO, 7),
+        "other": (os.SCHED_OTHER, 0),
+    }
 
 
 def test_a_slow_tick_is_skipped_or_made_up_for() -> None:
