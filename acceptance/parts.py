@@ -17,6 +17,7 @@ MINUTES = {
     "robots": 20,
     "recorder": 4,
     "faults": 10,
+    "ends": 10,
     "soak": 30,
     "fuzz": 30,
     "demo": 90,

@@ -78,7 +78,7 @@ def generate_launch_description() -> LaunchDescription:
                 parameters={"robot": robot},
                 condition=IfCondition(LaunchConfiguration("simulation")),
             ),
-            node("recorder", parameters={"output": argument("bag", str)}),
+            node("recorder", parameters={"robot": robot, "output": argument("bag", str)}),
             node(
                 "estimator",
                 parameters={

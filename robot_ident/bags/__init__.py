@@ -14,12 +14,14 @@ from robot_ident.bags.qos import Qos, qos_text
 from robot_ident.bags.read import RawMessage, read_messages, read_recording
 from robot_ident.bags.recover import Recovery, recover
 from robot_ident.bags.robot_description import read_robot_description
-from robot_ident.bags.storage import JOINT_STATE, Topic
+from robot_ident.bags.states_topic import topic_of_joints
+from robot_ident.bags.storage import JOINT_STATE, NUMBERS, Topic
 from robot_ident.bags.write import write_recording
 from robot_ident.bags.writer import BagWriter
 
 __all__ = [
     "JOINT_STATE",
+    "NUMBERS",
     "BagGrowth",
     "BagInfo",
     "BagWriter",
@@ -35,6 +37,7 @@ __all__ = [
     "read_recording",
     "read_robot_description",
     "recover",
+    "topic_of_joints",
     "write_prediction",
     "write_recording",
 ]

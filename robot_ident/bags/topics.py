@@ -48,7 +48,7 @@ def peek(storage: Storage, index: int) -> tuple[tuple[str, ...], bool]:
     return tuple(names), efforts
 
 
-def choose_topic(storage: Storage, source: Path, topic: str | None) -> int:
+def choose_topic(storage: Storage, source: Path | str, topic: str | None) -> int:
     """Return the index of the topic that was asked for, or of the only one that can hold the robot's states.
 
     Without a name it is `joint_states` in whatever namespace; where several are called so, or none is, the one that
@@ -56,13 +56,7 @@ def choose_topic(storage: Storage, source: Path, topic: str | None) -> int:
     """
     if topic is not None:
         return named_topic(storage, source, topic)
-    last = [known.name.rsplit("/", 1)[-1] for known in storage.topics]
-    states = [index for index in joint_states(storage) if "command" not in last[index]]
-    called = [index for index in states if last[index] == STATES]
-    if len(called) == 1:
-        return called[0]
-    offered = called or states
-    with_efforts = offered if len(offered) > MOST_PEEKED else [i for i in offered if peek(storage, i)[1]]
+    with_efforts = candidates(storage)
     if len(with_efforts) == 1:
         return with_efforts[0]
     if len(with_efforts) > 1:
@@ -71,6 +65,19 @@ def choose_topic(storage: Storage, source: Path, topic: str | None) -> int:
     if not sum(storage.counts):
         raise InputError(f"{source}: the bag is empty{_because(storage)}; {listing(storage)}")
     raise InputError(f"{source}: has no {JOINT_STATE} with efforts{_because(storage)}; {listing(storage)}")
+
+
+def candidates(storage: Storage) -> list[int]:
+    """Return the indices of the topics that may hold the robot's states: the only one called `joint_states`, else those
+    so called, or of any name where none is, that report efforts.
+    """
+    last = [known.name.rsplit("/", 1)[-1] for known in storage.topics]
+    states = [index for index in joint_states(storage) if "command" not in last[index]]
+    called = [index for index in states if last[index] == STATES]
+    if len(called) == 1:
+        return called
+    offered = called or states
+    return offered if len(offered) > MOST_PEEKED else [index for index in offered if peek(storage, index)[1]]
 
 
 def faster(storage: Storage, chosen: int) -> tuple[str, ...]:
@@ -89,7 +96,7 @@ def faster(storage: Storage, chosen: int) -> tuple[str, ...]:
     return tuple(out)
 
 
-def named_topic(storage: Storage, source: Path, topic: str, kind: str = JOINT_STATE) -> int:
+def named_topic(storage: Storage, source: Path | str, topic: str, kind: str = JOINT_STATE) -> int:
     """Return the index of a topic by its name, or its last words; InputError where none of this kind has messages."""
     wanted = topic.strip("/")
     named = [index for index, known in enumerate(storage.topics) if known.name.strip("/") == wanted]

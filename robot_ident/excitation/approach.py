@@ -23,19 +23,35 @@ _STRIDE = 0.25  # longest branch of a tree, as a share of the position limits
 _SHORTCUTS = 40
 
 
-def approach(q_now: Array, q_goal: Array, robot: Robot, *, share: float = SHARE, seed: int = 0) -> PointToPoint:
+class NotWanted(InputError):
+    """An approach was given up: it is not wanted any more."""
+
+
+def approach(
+    q_now: Array,
+    q_goal: Array,
+    robot: Robot,
+    *,
+    share: float = SHARE,
+    seed: int = 0,
+    certifier: Certifier | None = None,
+    wanted: Callable[[], bool] = lambda: True,
+) -> PointToPoint:
     """Return a certified motion from rest at q_now [n] to rest at q_goal [n], round what is forbidden.
 
     It uses a share of the velocity and acceleration limits and stops at every point. Raises InputError when one of
-    the ends is outside the limits (named with its value), or when no way is found.
+    the ends is outside the limits (named with its value), or when no way is found. certifier: the robot's, where one is
+    at hand. wanted: asked before each move that is tried; NotWanted once it says no.
     """
     require_limits(robot)
+    certifier = certifier or Certifier(robot)
     ends = np.asarray(q_now, dtype=float), np.asarray(q_goal, dtype=float)
     for words, q in zip(("the robot stands", "the goal is"), ends, strict=True):
-        check_pose(robot, q, words)
-    certifier = Certifier(robot)
+        check_pose(robot, q, words, certifier.poses)
 
     def allowed(start: Array, goal: Array) -> bool:
+        if not wanted():
+            raise NotWanted("the approach was given up")
         return certifier.keeps(moves(robot, np.array([start, goal]), law="smooth", share=share), torque=False)
 
     way = [ends[0], ends[1]]
@@ -44,7 +60,7 @@ def approach(q_now: Array, q_goal: Array, robot: Robot, *, share: float = SHARE,
     return moves(robot, np.array(way), law="smooth", share=share)
 
 
-def check_pose(robot: Robot, q: Array, words: str) -> None:
+def check_pose(robot: Robot, q: Array, words: str, poses: PoseLimits) -> None:
     """Raise InputError, beginning with `words`, when a pose [n] is not a number of the robot's joints or outside its
     limits.
     """
@@ -58,7 +74,6 @@ def check_pose(robot: Robot, q: Array, words: str) -> None:
             raise InputError(
                 f"{words} outside the limits: {name} at {q[joint]:.4g} {unit}, its limit is {limit:.4g} {unit}"
             )
-    poses = PoseLimits(robot)
     for limit, margin in enumerate(poses.margins(q[None, :])[0]):
         if margin <= 0.0:
             where = "outside the workspace" if limit < len(robot.workspace) else "in self-collision"

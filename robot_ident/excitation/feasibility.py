@@ -8,8 +8,8 @@ from itertools import combinations
 import numpy as np
 
 from robot_ident.errors import InputError
-from robot_ident.excitation.self_collision import link_pairs
-from robot_ident.motion import Array
+from robot_ident.excitation.self_collision import LinkPairs, link_pairs
+from robot_ident.motion import Array, Motion
 from robot_ident.robot.robot import Robot
 
 _TOGETHER = "limits that can't be met together: the position limits and"
@@ -33,6 +33,26 @@ def require_limits(robot: Robot) -> None:
     if words:
         first = next(name for name, joints in lacking.items() if joints)
         raise InputError(f"{robot.source}: {'; '.join(words)}: give {first}: under joints in a robot YAML")
+    for joint, lower, upper in zip(robot.joints, limits.lower, limits.upper, strict=True):
+        if not lower < upper:
+            raise InputError(
+                f"{robot.source}: joint {joint!r}: its lower position limit {lower:g} is not below its upper {upper:g}"
+            )
+
+
+def overloaded(robot: Robot, count: int = 400) -> str:
+    """Return in words at which joints the arm's own weight exceeds the torque limit at every one of many allowed poses,
+    |g(q)| > tau_max; nothing where a pose can be held.
+    """
+    q = allowed_poses(robot, count, spread=0.98)
+    zero = np.zeros_like(q)
+    least = np.abs(robot.rigid.inverse_dynamics(Motion(q, zero, zero))).min(axis=0)
+    words = [
+        f"{joint} takes {torque:.3g} {robot.torque_unit(k)} at least against gravity, its limit is {limit:g}"
+        for k, (joint, torque, limit) in enumerate(zip(robot.joints, least, robot.limits.torque, strict=True))
+        if torque > limit
+    ]
+    return "; ".join(words)
 
 
 def rule_margins(robot: Robot, q: Array) -> Array:
@@ -44,9 +64,11 @@ def rule_margins(robot: Robot, q: Array) -> Array:
 class PoseLimits:
     """What a pose within the position limits has to keep: the rules of the workspace and the clearance of the links."""
 
-    def __init__(self, robot: Robot) -> None:
-        """Take a robot; InputError where its collision geometry can't be read."""
-        self._robot, self._links = robot, link_pairs(robot)[0]
+    def __init__(self, robot: Robot, links: LinkPairs | None = None) -> None:
+        """Take a robot, and its pairs of links where they are at hand; InputError where its collision geometry can't be
+        read.
+        """
+        self._robot, self._links = robot, links or link_pairs(robot)[0]
         self._clearance = robot.geometry.clearance if robot.geometry is not None else 0.0
         if self._links is not None and not self._links.count:
             self._links = None

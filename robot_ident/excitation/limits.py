@@ -10,6 +10,7 @@ import numpy as np
 
 from robot_ident.errors import InputError
 from robot_ident.excitation.excitation import Excitation
+from robot_ident.excitation.feasibility import PoseLimits
 from robot_ident.excitation.fourier import Extremes
 from robot_ident.excitation.margins import Margin, Margins
 from robot_ident.excitation.reference import Certifiable, Piece
@@ -34,6 +35,23 @@ class Certifier:
         """Build the kinematics of the frames that the robot's rules name."""
         self._robot = robot
         self._kinematics = {rule.frame: FrameKinematics(robot, rule.frame) for rule in robot.workspace}
+
+    def prepare(self) -> Certifier:
+        """Make now whatever `keeps` needs without torques and `poses` need, and return self.
+
+        Only one thread of a process may make CasADi expressions at a time: CasADi (3.8) lets go of Python's lock while
+        it works, and keeps one table of constants for all; two threads at it end in a segmentation fault. Functions
+        that are there may be evaluated by any thread. So a certifier for another thread is made and prepared before
+        that thread runs; it is for that thread alone.
+        """
+        if self._links[0] is not None:
+            self._links[0].prepare()
+        return self
+
+    @cached_property
+    def poses(self) -> PoseLimits:
+        """What a pose of the robot has to keep."""
+        return PoseLimits(self._robot, self._links[0])
 
     def margins(self, motion: Excitation | Certifiable) -> Margins:
         """Return the margins of a motion; InputError when it is of another robot."""

@@ -44,6 +44,11 @@ class LinkPairs:
         self._data, self._found = shapes.model.createData(), shapes.geometry.createData()
         self._first, self._second = (np.array([pair[k] for pair in shapes.pairs], dtype=int) for k in (0, 1))
 
+    def prepare(self) -> None:
+        """Make now what is made when it is first needed."""
+        if self.count:
+            _ = self._capsules, self._placements
+
     @property
     def count(self) -> int:
         """Number of pairs."""

@@ -70,18 +70,18 @@ class Stop:
         return [Piece(0.0, self.duration, self.reference, extremes, np.array(jerk), tuple(self.durations))]
 
 
-def stop_from(state: Motion, robot: Robot) -> Stop:
+def stop_from(state: Motion, robot: Robot, certifier: Certifier | None = None) -> Stop:
     """Return a stop from a state of motion (its first sample) within the acceleration limits.
 
     The smoothest law that is certified is taken: speed as a cubic that begins with the present speed and acceleration
     and ends with none of either, all joints together, as short as the limits allow; where that leaves position or
     workspace limits, every joint brakes with its whole acceleration, which is the shortest way and is returned in any
-    case.
+    case. certifier: the robot's, where one is at hand.
     """
     q, v, a = state.q[0], state.dq[0], state.ddq[0]
     limit = robot.limits.acceleration
     limit = np.where(np.isfinite(limit), limit, np.maximum(10.0 * np.abs(v), 1e-3))  # to rest in a tenth of a second
-    certifier = Certifier(robot)
+    certifier = certifier or Certifier(robot)
     a = np.clip(a, -0.999 * limit, 0.999 * limit)
     shortest = max(float(np.max(1.5 * np.abs(v) / limit)), _SHORTEST)
     for duration in shortest * _SMOOTH:

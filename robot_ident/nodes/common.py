@@ -22,11 +22,13 @@ from rclpy.node import Node
 from rclpy.qos import DurabilityPolicy, HistoryPolicy, QoSProfile, ReliabilityPolicy
 from rclpy.qos_overriding_options import QoSOverridingOptions
 from rclpy.signals import SignalHandlerOptions
+from rclpy.timer import Timer
+from rclpy.topic_endpoint_info import TopicEndpointInfo
 from rclpy.utilities import remove_ros_args
 
 from robot_ident.errors import InputError, RobotIdentError
 from robot_ident.nodes.parameters import Parameter, Value, declare, usage
-from robot_ident.playing.ticker import follow_at
+from robot_ident.playing.ticker import follow_at, follow_no_more
 
 OK, WARN, ERROR = DiagnosticStatus.OK, DiagnosticStatus.WARN, DiagnosticStatus.ERROR
 _SWITCH = 0.001  # s for which one thread may keep another from running; Python's own 5 ms are most of a tick at 150 Hz
@@ -50,6 +52,19 @@ def latched() -> QoSProfile:
         durability=DurabilityPolicy.TRANSIENT_LOCAL,
         history=HistoryPolicy.KEEP_LAST,
         depth=1,
+    )
+
+
+def offered(offers: Sequence[TopicEndpointInfo], depth: int) -> QoSProfile:
+    """Return the profile that hears all who publish on a topic: as reliable, and as early, as each of them can."""
+    every = [offer.qos_profile for offer in offers]
+    best_effort = any(one.reliability == ReliabilityPolicy.BEST_EFFORT for one in every)
+    kept = all(one.durability == DurabilityPolicy.TRANSIENT_LOCAL for one in every)
+    return QoSProfile(
+        reliability=ReliabilityPolicy.BEST_EFFORT if best_effort else ReliabilityPolicy.RELIABLE,
+        durability=DurabilityPolicy.TRANSIENT_LOCAL if kept else DurabilityPolicy.VOLATILE,
+        history=HistoryPolicy.KEEP_LAST,
+        depth=depth,
     )
 
 
@@ -104,9 +119,9 @@ class BaseNode(Node):
             )
         return values * len(joints) if len(values) == 1 else values
 
-    def every(self, seconds: float, callback: Callable[[], None]) -> None:
+    def every(self, seconds: float, callback: Callable[[], None]) -> Timer:
         """Call back every so many seconds of real time, whatever the node's clock says."""
-        self.create_timer(seconds, callback, clock=self._steady)
+        return self.create_timer(seconds, callback, clock=self._steady)
 
     def tick_priority(self) -> int:
         """Return the priority of the thread that keeps real time, and let this one follow it; 0 in simulated time, or
@@ -206,9 +221,28 @@ class Signals:
         self.closing = True
 
 
+class Abandoned(threading.Thread):
+    """A thread whose work is of no use once the node ends, and that can't be interrupted: nobody waits for it."""
+
+    def __init__(self, target: Callable[..., None], args: Sequence[Any], name: str) -> None:
+        """Prepare to call target(*args)."""
+        super().__init__(target=target, args=args, name=name, daemon=True)
+
+
 def run(make: type[BaseNode], argv: Sequence[str] | None = None) -> int:
-    """Run a node until it ends; return the exit code: 0, or that of an error of ours, told in one line."""
-    argv = list(sys.argv if argv is None else argv)
+    """Run a node until it ends; return the exit code: 0, or that of an error of ours, told in one line.
+
+    Where an `Abandoned` thread still works the process ends here: Python would take its libraries apart meanwhile.
+    """
+    code = _run(make, list(sys.argv if argv is None else argv))
+    if any(isinstance(thread, Abandoned) for thread in threading.enumerate()):
+        sys.stdout.flush()
+        sys.stderr.flush()
+        os._exit(code)
+    return code
+
+
+def _run(make: type[BaseNode], argv: list[str]) -> int:
     try:
         with _ros_refusals():
             rest = remove_ros_args(argv)[1:]
@@ -250,6 +284,7 @@ def _live(make: type[BaseNode], argv: list[str], signals: Signals) -> None:
             if node is not None:
                 node.close()
         finally:  # also where the last words can't be written: the disk is full
+            follow_no_more()
             if node is not None:
                 executor.remove_node(node)
                 node.destroy_node()

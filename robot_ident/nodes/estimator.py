@@ -2,9 +2,8 @@
 
 from __future__ import annotations
 
-import threading
 import time
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
 from dataclasses import replace
 from datetime import datetime, timezone
 from pathlib import Path
@@ -14,7 +13,6 @@ import numpy as np
 from rcl_interfaces.msg import SetParametersResult
 from rclpy.callback_groups import ReentrantCallbackGroup
 from rclpy.parameter import Parameter as RosParameter
-from rclpy.serialization import deserialize_message
 from rclpy.task import Future
 from sensor_msgs.msg import JointState
 from std_msgs.msg import Float64MultiArray, String
@@ -27,16 +25,18 @@ from robot_ident.excitation.excitation import Excitation
 from robot_ident.model.model import Model
 from robot_ident.model.model_file import read_model, write_model
 from robot_ident.motion import Array, Motion
-from robot_ident.nodes.collector import Collector
-from robot_ident.nodes.common import ERROR, OK, WARN, BaseNode, latched, overridable, reliable, run
+from robot_ident.nodes.common import ERROR, OK, WARN, Abandoned, BaseNode, latched, reliable, run
 from robot_ident.nodes.estimator_parameters import TABLE
-from robot_ident.nodes.joint_states import columns, joint_state, labelled, stamp_of
+from robot_ident.nodes.intake import Intake
+from robot_ident.nodes.joint_states import joint_state, labelled
 from robot_ident.nodes.parameters import Parameter
 from robot_ident.playing.local_motion import LocalMotion, LocalState
+from robot_ident.playing.pairing import Paired
 from robot_ident.playing.periods import PeriodCounter
 from robot_ident.recording.effort import joint_torque
 from robot_ident.recording.measurement import Processing
-from robot_ident.robot import load_robot
+from robot_ident.recording.recording import Recording
+from robot_ident.robot import Robot, load_robot
 
 _SPREAD = 0.05  # s between batches of predictions
 _USUAL_PERIODS = 16
@@ -58,17 +58,11 @@ class Estimator(BaseNode):
         """Read robot, trajectory and model; subscribe."""
         super().__init__()
         self._robot = load_robot(self.value("robot"))
-        if self._robot.effort.sources:
-            raise InputError(
-                f"robot {self._robot.name}: the effort of {', '.join(self._robot.effort.sources)} does not stand in the"
-                " field effort beside the positions; record both topics, and robot_ident identify puts them together"
-            )
         excitation = Excitation.read(self.value("trajectory")) if self.value("trajectory") else None
         if excitation is not None:
             excitation.check_robot(self._robot)
         self._base_frequency = self.value("base_frequency") or (excitation.base_frequency if excitation else None)
         self._periods = PeriodCounter(1.0 / self._base_frequency) if self._base_frequency else None
-        self._collector = Collector(self._memory(), "joint_states")
         self._local = LocalMotion(self._window(excitation))
         if Path(self.value("output")).is_file():
             raise InputError(f"parameter output: {self.value('output')} exists already; give another name")
@@ -76,15 +70,13 @@ class Estimator(BaseNode):
         self._model = self._estimate = self._read(self.value("model"))
         self._tentative = False  # whether the model is of some of the periods only
         self._watch = RunningVerdict(self._robot.joints, self._watch_window())
-        self._states: list[LocalState] = []
         self._spacing: float | None = None  # s between the states
-        self._last = 0.0  # s, when the latest joint state came
         self._used = 0  # messages received when the latest identification began
         self._fresh = False  # whether joint states came since the last silence
         self._busy: Future | None = None
         self._due = False  # whether the periods have ended and their identification hasn't begun
         self._seen_periods = 0
-        self._worker: threading.Thread | None = None
+        self._worker: Abandoned | None = None
         self._renewed = False  # whether the model is another one than the watch has seen
         self._verdict: tuple[bytes, str] = (OK, "collecting")
         self._predicted = self.create_publisher(JointState, "~/predicted", reliable(1000))
@@ -92,14 +84,7 @@ class Estimator(BaseNode):
         self._covariance = self.create_publisher(Float64MultiArray, "~/covariance", latched())
         self._said = self.create_publisher(String, "~/verdict", latched())
         self._last_said = ""
-        self.create_subscription(
-            JointState,
-            "joint_states",
-            self._receive,
-            reliable(self.value("depth")),
-            raw=True,
-            qos_overriding_options=overridable(),
-        )
+        self._intake = Intake(self, self._robot, self._memory(), self.value("depth"), self._receive)
         # in a group of its own: while one waits for an identification, joint states are taken in
         self.create_service(Trigger, "~/identify", self._on_identify, callback_group=ReentrantCallbackGroup())
         self.add_on_set_parameters_callback(self._on_model)
@@ -153,27 +138,13 @@ class Estimator(BaseNode):
 
     # --- joint states
 
-    def _receive(self, data: bytes, info: dict[str, Any]) -> None:
-        message = deserialize_message(data, JointState)
-        received = info["received_timestamp"] or time.time_ns()
-        stamp = stamp_of(message) or received
-        self._collector.add(stamp, received, data)
-        self._last = time.monotonic()
-        values = columns(message, self._robot.joints)
-        if values is None:
-            return
-        q, _, tau = values
+    def _receive(self, stamp: int, q: Array) -> None:
         if not np.isfinite(q).all():
             self._local.reset()
             return
         if self._periods is not None:
             self._count(self._periods, stamp * 1e-9, q)
         self._fresh = True
-        if self._model is not None and tau is not None:
-            torque = joint_torque(tau[None], q[None], self._model.robot)[0]
-            state = self._local.add(stamp, q, torque)
-            if state is not None:
-                self._states.append(state)
 
     def _count(self, counter: PeriodCounter, t: float, q: Array) -> None:
         """Identify at the end of the periods, and before it after each."""
@@ -188,8 +159,8 @@ class Estimator(BaseNode):
         """Identify what is there once the joint states have fallen silent (a replay is over)."""
         if self._due and self._busy is None:
             self._begin()
-        new = self._collector.received - self._used
-        if new > 0 and self._fresh and time.monotonic() - self._last > self.value("silence"):
+        new = self._intake.received - self._used
+        if new > 0 and self._fresh and time.monotonic() - self._intake.last > self.value("silence"):
             self._fresh = False
             self._automatic()
 
@@ -206,7 +177,7 @@ class Estimator(BaseNode):
         """Identify in a thread of its own; return what its answer will be: (success, text)."""
         done: Future = Future(executor=self.executor)
         if not provisional:
-            self._used, self._due = self._collector.received, False
+            self._used, self._due = self._intake.received, False
         self._busy = done
         options = {
             "effects": self.texts("effects"),
@@ -217,18 +188,16 @@ class Estimator(BaseNode):
                 low_pass=self.value("low_pass") or None,
             ),
         }
-        messages = self._collector.snapshot()
-        self._worker = threading.Thread(
-            target=self._work, args=(done, messages, options, provisional), name="identify", daemon=True
-        )
+        recorded = self._intake.snapshot()
+        self._worker = Abandoned(self._work, (done, recorded, options, provisional), "identify")
         self._worker.start()
         return done
 
     def _work(
-        self, done: Future, messages: list[tuple[int, int, bytes]], options: dict[str, Any], provisional: bool
+        self, done: Future, recorded: Callable[[], Recording], options: dict[str, Any], provisional: bool
     ) -> None:
         try:
-            answer = self._identify(messages, options, provisional)
+            answer = self._identify(recorded(), options, provisional)
         except RobotIdentError as error:
             answer = (False, str(error))
             if not provisional:
@@ -241,17 +210,16 @@ class Estimator(BaseNode):
             self._busy = None
         done.set_result(answer)
 
-    def _identify(
-        self, messages: list[tuple[int, int, bytes]], options: dict[str, Any], provisional: bool
-    ) -> tuple[bool, str]:
+    def _identify(self, recording: Recording, options: dict[str, Any], provisional: bool) -> tuple[bool, str]:
         begun = time.monotonic()
-        recording = self._collector.recording(messages, self._robot.joints)
         model = identify([recording], self._robot, **options)
+        if self.ended:
+            return False, "the node ends"
         provenance = {
             "date": datetime.now(timezone.utc).isoformat(timespec="seconds"),
             "recordings": [
                 {
-                    "topic": self.resolve_topic_name("joint_states"),
+                    "topic": self.resolve_topic_name(self._intake.states),
                     "samples": recording.samples,
                     "start_ns": recording.start_ns,
                 }
@@ -281,10 +249,12 @@ class Estimator(BaseNode):
 
     def _predict(self) -> None:
         """Publish predicted and residual torque of the states that came since the last time."""
-        model, states = self._model, self._states
-        if model is None or not states:
+        paired, model = self._intake.take(), self._model
+        if model is None or not paired:
             return
-        self._states = []
+        states = self._states_of(paired, model.robot)
+        if not states:
+            return
         q, dq, ddq = (np.concatenate([getattr(s.motion, name) for s in states]) for name in ("q", "dq", "ddq"))
         if len(states) > 1:
             self._spacing = float(np.median(np.diff([s.stamp_ns for s in states]))) * 1e-9
@@ -294,6 +264,13 @@ class Estimator(BaseNode):
         for state, predicted in zip(states, torques, strict=True):
             self._predicted.publish(joint_state(self._robot.joints, state.stamp_ns, tau=predicted))
             self._residual.publish(joint_state(self._robot.joints, state.stamp_ns, tau=state.tau - predicted))
+
+    def _states_of(self, paired: Sequence[Paired], robot: Robot) -> list[LocalState]:
+        """Return the motion and the torque at the joints in the middle of each window that is full by now."""
+        torque = joint_torque(np.array([one.tau for one in paired]), np.array([one.q for one in paired]), robot)
+        rows = zip(paired, torque, strict=True)
+        moved = [self._local.add(one.stamp_ns, one.q, tau) for one, tau in rows if np.isfinite(one.q).all()]
+        return [state for state in moved if state is not None]
 
     def _observe(self, states: list[LocalState], dq: Array, predicted: Array) -> None:
         """Hand the residual to the running verdict."""
@@ -320,7 +297,7 @@ class Estimator(BaseNode):
             text = "identifying"
         elif changed and level == OK:
             level, text = WARN, "the robot has changed: " + "; ".join(change.in_words for change in changed)
-        values: dict[str, object] = {"samples": len(self._collector), "received": self._collector.received}
+        values: dict[str, object] = {"samples": len(self._intake), "received": self._intake.received}
         if self._periods is not None:
             values["steady periods"] = f"{self._periods.periods:.2f}"
         model = self._estimate
@@ -332,15 +309,18 @@ class Estimator(BaseNode):
             values |= {f"residual {joint}": f"{fit.rms:.4g}" for joint, fit in model.residual.items()}
             values["condition number"] = f"{model.condition_number:.4g}"
             values |= live
-        elif level == OK and not self._last:
-            level, text = WARN, "no joint_states yet"
+        elif level == OK and not self._intake.last:
+            level, text = WARN, f"no {self._intake.states} yet"
+        lacking = self._intake.problem(self.value("silence"))
+        if lacking:
+            level, text = max(level, WARN), f"{text}; {lacking}"
         self.tell(level, text, values)
         if text != self._last_said:
             self._last_said = text
             self._said.publish(String(data=text))
 
     def close(self) -> None:
-        """Leave an identification that is under way to itself: its thread ends with the process."""
+        """Leave an identification that is under way to itself."""
         self.end()
         if self._worker is not None:
             self._worker.join(0.3)

@@ -83,7 +83,12 @@ TABLE: tuple[Parameter, ...] = (
         live=True,
     ),
     Parameter(
-        "effort_limit", 1.25, "stop beyond so many times the robot's torque limit; 0: never", 0.0, 100.0, live=True
+        "effort_limit",
+        1.25,
+        "stop beyond so many times the robot's torque limit, or the current limit of a drive of unknown Nm/A; 0: never",
+        0.0,
+        100.0,
+        live=True,
     ),
     Parameter("exclusive", True, "stop when another node publishes on joint_command as well", live=True),
     Parameter(

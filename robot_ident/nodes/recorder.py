@@ -11,17 +11,19 @@ from dataclasses import dataclass, field
 from pathlib import Path
 from typing import Any, ClassVar
 
-from rclpy.qos import DurabilityPolicy, HistoryPolicy, QoSProfile, ReliabilityPolicy
+from rclpy.qos import DurabilityPolicy, QoSProfile, ReliabilityPolicy
 from rclpy.subscription import Subscription
 from sensor_msgs.msg import JointState
 from std_srvs.srv import Trigger
 
 from robot_ident.bags import BagWriter, Qos, Topic, qos_text
 from robot_ident.errors import InputError, RobotIdentError
-from robot_ident.nodes.common import ERROR, OK, WARN, BaseNode, overridable, reliable, run
+from robot_ident.nodes.common import ERROR, OK, WARN, BaseNode, offered, overridable, reliable, run
 from robot_ident.nodes.definitions import definition_of
+from robot_ident.nodes.effort_topics import sources_of, topics_of
 from robot_ident.nodes.parameters import Parameter
 from robot_ident.playing.stamps import SequenceWatch, StampWatch, header_stamp
+from robot_ident.robot import load_robot
 
 _DRAIN = 2.0  # s that the end of a recording waits for messages that have come and aren't written yet
 _IDLE = 20  # looks of 5 ms without a message after which none waits any more
@@ -75,6 +77,7 @@ class Recorder(BaseNode):
         Parameter(
             "topics", [""], "further topics to record: NAME, or NAME:TYPE as in tf:tf2_msgs/msg/TFMessage ('' for none)"
         ),
+        Parameter("robot", "", "robot YAML whose topics of efforts (effort.topic) are recorded as well ('' for none)"),
         Parameter("autostart", True, "start recording at once; otherwise by ~/start"),
         Parameter(
             "chunked",
@@ -120,6 +123,7 @@ class Recorder(BaseNode):
         self._kinds |= {
             name: kind for name, _, kind in (entry.partition(":") for entry in self.texts("topics")) if kind
         }
+        self._seek_efforts()
         if self.value("autostart"):
             self._start()
         for name in ("joint_states", "joint_command"):
@@ -133,6 +137,12 @@ class Recorder(BaseNode):
         self._syncing.start()
 
     # --- topics
+
+    def _seek_efforts(self) -> None:
+        """Record the topics as well on which the robot's YAML says that efforts stand."""
+        if self.value("robot"):
+            robot = load_robot(self.value("robot"))
+            self._sought += [name for name in topics_of(sources_of(robot, self)) if name not in self._sought]
 
     def _look(self) -> None:
         """Subscribe to further topics once they are there, with the quality of service that they offer."""
@@ -148,16 +158,7 @@ class Recorder(BaseNode):
             except InputError as error:
                 self.get_logger().error(f"topic {name} can't be recorded: {error}")
                 continue
-            every = [offer.qos_profile for offer in offers]
-            best_effort = any(q.reliability == ReliabilityPolicy.BEST_EFFORT for q in every)
-            latched = all(q.durability == DurabilityPolicy.TRANSIENT_LOCAL for q in every)
-            profile = QoSProfile(
-                reliability=ReliabilityPolicy.BEST_EFFORT if best_effort else ReliabilityPolicy.RELIABLE,
-                durability=DurabilityPolicy.TRANSIENT_LOCAL if latched else DurabilityPolicy.VOLATILE,
-                history=HistoryPolicy.KEEP_LAST,
-                depth=self.value("depth"),
-            )
-            self._subscribe(name, message, kind, profile)
+            self._subscribe(name, message, kind, offered(offers, self.value("depth")))
 
     def _subscribe(self, name: str, message: type, kind: str, profile: QoSProfile) -> None:
         full = self.resolve_topic_name(name)
@@ -289,7 +290,9 @@ class Recorder(BaseNode):
         message = "recording" if not lost else f"recording; {lost} messages were lost on the way"
         if left < 50_000_000:
             message = f"recording; only {left // 1_000_000} MB are left on the disk"
-        level = ERROR if left < 50_000_000 else WARN if lost or gaps else OK
+        elif self._sought:
+            message += f"; nobody publishes on {', '.join(map(self.resolve_topic_name, self._sought))} yet"
+        level = ERROR if left < 50_000_000 else WARN if lost or gaps or self._sought else OK
         self.tell(level, message, values)
 
     def _drain(self) -> None:
@@ -304,7 +307,7 @@ class Recorder(BaseNode):
         """Close the bag properly."""
         self._drain()
         self.end()
-        self._syncing.join(2.0)
+        self._syncing.join()
         text = self._stop()
         if text:
             self.get_logger().info(text)

@@ -12,18 +12,24 @@ from sensor_msgs.msg import JointState
 from std_msgs.msg import Float64
 
 from robot_ident.errors import InputError, RobotIdentError
+from robot_ident.excitation.approach import NotWanted
+from robot_ident.excitation.limits import Certifier
 from robot_ident.excitation.playback import approach, stop_from
 from robot_ident.excitation.reference import Reference
-from robot_ident.motion import Motion
+from robot_ident.motion import Array, Motion
 from robot_ident.nodes.action_output import ActionOutput
 from robot_ident.nodes.common import BaseNode, overridable, reliable
+from robot_ident.nodes.effort_topics import EffortMessage, EffortTopics, sources_of
 from robot_ident.nodes.joint_states import stamp_of
 from robot_ident.nodes.outputs import Output, SampleOutput, TrajectoryOutput
+from robot_ident.playing.effort_load import EffortLoad
 from robot_ident.playing.plan import Plan
 from robot_ident.playing.player import DWELL, Phase, Player
 from robot_ident.playing.ticker import Stall, Ticker
 from robot_ident.playing.watch import Bounds, Watch
 
+_DEPTH = 100  # joint states that may wait to be looked at
+_SILENT = 1.0  # s after which a topic of efforts counts as silent
 _STOOD = 0.05  # s of real time between two ticks of simulated time, beyond which that time has stood still
 
 
@@ -34,7 +40,15 @@ class Session:
         """Subscribe and make the way to the robot; refuse(text) is told why a start came to nothing."""
         self._node, self.plan, self._refuse = node, plan, refuse
         self._joints = plan.robot.joints
-        self.watch = Watch(self._joints, self._bounds())
+        # one for each thread that plans, and neither is left anything to make
+        self._for_approach, self._for_stops = (Certifier(plan.robot).prepare() for _ in range(2))
+        self._load = EffortLoad(plan.robot)
+        sources = sources_of(plan.robot, node)
+        self._beside = {joint: one.field for joint, one in sources.items() if one.topic is None}
+        self.watch = Watch(
+            self._joints, self._bounds(), convert=self._load.of, units=self._load.units, elsewhere=tuple(sources)
+        )
+        self._efforts = EffortTopics(node, plan.robot, sources, self._on_effort, _DEPTH)
         self.output = self._make_output()
         self._subscriptions = self._subscribe()
         self._preparing: threading.Thread | None = None
@@ -45,7 +59,7 @@ class Session:
 
     def _subscribe(self) -> list[Subscription]:
         node, scaling = self._node, self._node.value("speed_scaling_topic")
-        sources = [(JointState, "joint_states", self._on_state, 100)]
+        sources = [(JointState, "joint_states", self._on_state, _DEPTH)]
         if scaling:
             sources.append((Float64, scaling, self._on_speed_scaling, 10))
         return [
@@ -53,8 +67,17 @@ class Session:
             for kind, topic, callback, depth in sources
         ]
 
+    def _plan_approach(self, q: Array) -> Reference:
+        return approach(
+            q,
+            self.plan.motion.start_pose,
+            self.plan.robot,
+            certifier=self._for_approach,
+            wanted=lambda: self.player.phase is Phase.PREPARING,
+        )
+
     def _plan_stop(self, motion: Motion) -> Reference:
-        return stop_from(motion, self.plan.robot)
+        return stop_from(motion, self.plan.robot, self._for_stops)
 
     def _make_output(self) -> Output:
         """Return the way to the robot that was asked for."""
@@ -71,7 +94,7 @@ class Session:
         plan, lead = self.plan, self.output.lead
         player = Player(
             plan.motion,
-            lambda q: approach(q, plan.motion.start_pose, plan.robot),
+            self._plan_approach,
             self._plan_stop,
             self.watch,
             rehearsals=plan.rehearsals,
@@ -107,11 +130,11 @@ class Session:
         self.player, self.ticker = self._make_player()
 
     def end(self) -> None:
-        """Join the threads."""
+        """Join the threads: nothing of the node may be destroyed under one that uses it."""
         self.player.cancel()
         self.ticker.stop()
         if self._preparing is not None:
-            self._preparing.join(1.0)
+            self._preparing.join()
 
     @property
     def moving(self) -> bool:
@@ -120,6 +143,7 @@ class Session:
 
     def close(self) -> None:
         """Give back what was taken of the node."""
+        self._efforts.close()
         self.output.close()
         for subscription in self._subscriptions:
             self._node.destroy_subscription(subscription)
@@ -132,12 +156,27 @@ class Session:
         node, robot = self._node, self.plan.robot
         share = node.value("effort_limit") or np.inf
         tracking = np.array(node.per_joint("tracking_error", robot.joints))
-        return Bounds(node.value("state_timeout"), tracking, share * robot.limits.torque)
+        return Bounds(node.value("state_timeout"), tracking, share * self._load.bounds)
 
     # --- the robot
 
+    @property
+    def unwatched(self) -> tuple[str, ...]:
+        """What isn't watched of efforts, a line each."""
+        if not self._node.value("effort_limit"):
+            return ("efforts are not watched (effort_limit 0), and rehearsals judge tracking alone",)
+        return self._load.unwatched
+
     def _on_state(self, message: JointState) -> None:
-        self.watch.update(message.name, message.position, message.effort, stamp_of(message), time.monotonic())
+        now, names = time.monotonic(), list(message.name)
+        for joint, field in self._beside.items():
+            values = getattr(message, field)
+            if joint in names and len(values) == len(names):
+                self.watch.update_efforts({joint: values[names.index(joint)]}, now)
+        self.watch.update(names, message.position, message.effort, stamp_of(message), now)
+
+    def _on_effort(self, message: EffortMessage) -> None:
+        self.watch.update_efforts(message.values, time.monotonic())
 
     def _on_speed_scaling(self, message: Float64) -> None:
         if not any(abs(message.data - full) <= 1e-3 * full for full in (1.0, 100.0)):
@@ -172,6 +211,8 @@ class Session:
 
     def start(self) -> str:
         """Begin to wait for the robot; return why that can't be, or an empty text."""
+        if self._preparing is not None and self.player.phase is not Phase.PREPARING:
+            self._preparing.join()  # of a start that was given up
         problem = self.player.start()
         if not problem:
             self._preparing = threading.Thread(target=self._prepare, name="prepare", daemon=True)
@@ -194,13 +235,25 @@ class Session:
                 return None
         try:
             if player.phase is Phase.PREPARING:
+                self._tell_unheard()
                 player.prepare()
+        except NotWanted:
+            return None
         except RobotIdentError as error:
             self._give_up(str(error))
         except BaseException as error:
             self._node.fail(error)
             raise
         return None
+
+    def _tell_unheard(self) -> None:
+        """Say whose effort has a bound but is not reported."""
+        unheard, why = self.watch.unheard, self._efforts.silent(_SILENT)
+        if unheard:
+            self._node.get_logger().warning(
+                f"no effort of {', '.join(unheard)} is reported: it is not watched, and rehearsals judge tracking alone"
+                f" there{f' ({why})' if why else ''}"
+            )
 
     def _give_up(self, text: str) -> None:
         self.player.reason, self.player.fault = text, True

@@ -92,7 +92,7 @@ class SimulatedClock(BaseNode):
     def close(self) -> None:
         """Join the thread."""
         self.end()
-        self._thread.join(1.0)
+        self._thread.join()
 
 
 def main(argv: Sequence[str] | None = None) -> int:

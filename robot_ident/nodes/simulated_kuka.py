@@ -14,8 +14,9 @@ from trajectory_msgs.msg import JointTrajectory
 from robot_ident.errors import InputError
 from robot_ident.motion import Array, Motion
 from robot_ident.nodes.common import THREAD_PRIORITY, BaseNode, overridable, reliable, run
-from robot_ident.nodes.joint_states import columns, joint_state, points_of, stamp_of
+from robot_ident.nodes.joint_states import columns, points_of, stamp_of
 from robot_ident.nodes.parameters import Parameter
+from robot_ident.nodes.reported import ReportedStates
 from robot_ident.playing.command_buffer import CommandBuffer
 from robot_ident.playing.ticker import Stall, Ticker
 from robot_ident.robot import load_robot
@@ -91,9 +92,7 @@ class SimulatedKuka(BaseNode):
         self._resets = 1
         self._origin_ns: int | None = None
         self._epoch_ns = 0
-        self._states = self.create_publisher(
-            JointState, "joint_states", reliable(self.value("depth")), qos_overriding_options=overridable()
-        )
+        self._states = ReportedStates(self, robot, self.value("depth"))
         if self._follower is None:
             self.create_subscription(
                 JointState, "joint_command", self._on_command, reliable(1000), qos_overriding_options=overridable()
@@ -152,7 +151,7 @@ class SimulatedKuka(BaseNode):
                 self._follower.reset(self._start)
         self._plant.advance(self._reference(stamp))
         reading = self._plant.measure(self._rng)
-        self._states.publish(joint_state(self._joints, stamp, reading.q, reading.dq, reading.tau))
+        self._states.publish(stamp, reading.q, reading.dq, reading.tau)
 
     def _reference(self, stamp: int) -> Motion:
         """Return the reference of the sample that ends at `stamp` [ns], at every half step of the dynamics."""

@@ -72,6 +72,8 @@ class TrajectoryPublisher(ManagedNode):
         for text in plan.unchecked:
             self.get_logger().warning(f"not checked: {text}")
         self._session = Session(self, plan, self._refuse)
+        for text in self._session.unwatched:
+            self.get_logger().warning(text)
 
     def activate(self) -> None:
         """Allow to start; `autostart` does so."""

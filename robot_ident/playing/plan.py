@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from dataclasses import dataclass
+from itertools import pairwise
 from pathlib import Path
 
 from robot_ident.errors import InputError
@@ -37,9 +38,14 @@ def load_plan(
 ) -> Plan:
     """Return the plan that plays `periods` periods of an excitation, or a validation motion, at a share of its speed.
 
-    rehearsals: shares of the designed speed at which one period is played first. InputError when a limit of the robot
-    isn't kept.
+    rehearsals: shares of the designed speed at which one period is played first, none slower than the one before it (0:
+    none). InputError when they fall, or a limit of the robot isn't kept.
     """
+    if any(later < earlier for earlier, later in pairwise(share for share in rehearsals if share > 0.0)):
+        raise InputError(
+            f"rehearsal = {list(rehearsals)}: slow ones come first, each as fast as the one before it or faster:"
+            f" {sorted(rehearsals)}"
+        )
     loaded = load_motion(path)
     loaded.check_robot(robot)
     once = Playback(loaded, robot, 1) if isinstance(loaded, Excitation) else loaded

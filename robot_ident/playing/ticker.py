@@ -55,6 +55,12 @@ def follow_at(priority: int) -> bool:
     return True
 
 
+def follow_no_more() -> None:
+    """Give back what `follow_at` gave: the end of a process is in no hurry, and is to let its other threads finish."""
+    if hasattr(os, "sched_setscheduler") and os.sched_getscheduler(0) & ~os.SCHED_RESET_ON_FORK == os.SCHED_FIFO:
+        os.sched_setscheduler(0, os.SCHED_OTHER | os.SCHED_RESET_ON_FORK, os.sched_param(0))
+
+
 class Ticker:
     """Tick k is due at t0 + k / rate: no error adds up, whatever a tick costs.
 
@@ -110,11 +116,11 @@ class Ticker:
         """Start the thread; its first tick is due at once."""
         self._thread.start()
 
-    def stop(self, timeout: float = 1.0) -> None:
-        """End the thread and wait for it; a tick may call this for its own ticker."""
+    def stop(self) -> None:
+        """End the thread and wait for it, however long its last tick takes; a tick may call this for its own ticker."""
         self._ended.set()
         if self._thread.is_alive() and threading.current_thread() is not self._thread:
-            self._thread.join(timeout)
+            self._thread.join()
 
     def _run(self) -> None:
         try:

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import threading
 from collections import deque
-from collections.abc import Sequence
+from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, replace
 
 import numpy as np
@@ -12,12 +12,15 @@ import numpy as np
 from robot_ident.motion import Array
 
 _REST_SPAN = 0.2  # s over which the speed of a robot is judged from its positions alone
+_MUTE = 1.0  # s without an effort that comes by messages of its own, of which some drivers send few
 _REST_SPEED = 0.02  # rad/s: stands still, as in a validation
 
 
 @dataclass(frozen=True)
 class Bounds:
-    """A motion is stopped without a new state for `timeout` [s], `tracking` [n] rad off, beyond `effort` [n] Nm."""
+    """A motion is stopped without a new state for `timeout` [s], `tracking` [n] rad off, beyond `effort` [n]: Nm, or A
+    of a drive of unknown gain.
+    """
 
     timeout: float
     tracking: Array
@@ -26,7 +29,7 @@ class Bounds:
 
 @dataclass(frozen=True)
 class State:
-    """What the robot reported: q [n] rad, tau [n] Nm (nan where none), its stamp [ns] and when it came [s]."""
+    """What the robot reported: q [n] rad, tau [n] in its bounds' unit (nan: none), its stamp [ns], when it came [s]."""
 
     q: Array
     tau: Array
@@ -41,10 +44,27 @@ class Watch:
     its predecessor is no news. A NaN is remembered until `clear`.
     """
 
-    def __init__(self, joints: Sequence[str], bounds: Bounds) -> None:
-        """Watch these joints; `bounds` may be replaced at any time."""
+    def __init__(
+        self,
+        joints: Sequence[str],
+        bounds: Bounds,
+        *,
+        convert: Callable[[Array, Array], Array] = lambda reported, q: reported,
+        units: Sequence[str] = (),
+        elsewhere: Sequence[str] = (),
+    ) -> None:
+        """Watch these joints; `bounds` may be replaced at any time.
+
+        convert(reported [n], q [n] rad) gives efforts in the unit of their bounds, `units` for messages. elsewhere:
+        joints whose effort comes by `update_efforts`.
+        """
         self.joints = tuple(joints)
         self.bounds = bounds
+        self._convert = convert
+        self._units = tuple(units) or ("",) * len(self.joints)
+        self._elsewhere = {joint: self.joints.index(joint) for joint in elsewhere}
+        self._reported: Array = np.full(len(self.joints), np.nan)
+        self._told: Array = np.full(len(self.joints), np.inf)  # s, when each of them came
         self.worst_tracking: Array = np.zeros(len(self.joints))
         self.worst_effort: Array = np.zeros(len(self.joints))
         self._lock = threading.Lock()
@@ -61,11 +81,16 @@ class Watch:
         if pick is None:
             return
         q = np.asarray(position, dtype=float)[pick]
-        tau = np.asarray(effort, dtype=float)[pick] if len(effort) == len(names) else np.full(len(pick), np.nan)
+        complete = len(effort) == len(names)
+        reported = np.asarray(effort, dtype=float)[pick] if complete else np.full(len(pick), np.nan)
+        places = list(self._elsewhere.values())
         with self._lock:
-            if not np.isfinite(q).all() or (len(effort) == len(names) and np.isnan(tau).any()):
-                what, values = ("position", q) if not np.isfinite(q).all() else ("effort", tau)
-                joint = int(np.argmin(np.isfinite(values)))
+            reported[places] = self._reported[places]
+            lacking = np.isnan(reported) & complete
+            lacking[places] = False
+            if not np.isfinite(q).all() or lacking.any():
+                what, values = ("position", q) if not np.isfinite(q).all() else ("effort", reported)
+                joint = int(np.argmin(np.isfinite(q) if what == "position" else ~lacking))
                 self._fault = f"the {what} of {self.joints[joint]} is {values[joint]}"
                 return
             if self._recent and stamp_ns and stamp_ns <= self._recent[-1].stamp_ns:
@@ -76,9 +101,25 @@ class Watch:
                 )
                 return
             self._hint = ""
+            tau = reported if np.isnan(reported).all() else self._convert(reported, q)
             self._recent.append(State(q, tau, stamp_ns, now))
             while len(self._recent) > 2 and now - self._recent[1].received >= _REST_SPAN:
                 self._recent.popleft()
+
+    def update_efforts(self, values: Mapping[str, float], now: float) -> None:
+        """Take in efforts, as reported, that come by messages of their own, at `now` [s]."""
+        with self._lock:
+            for joint, value in values.items():
+                place = self._elsewhere[joint]
+                self._reported[place], self._told[place] = value, now
+
+    @property
+    def unheard(self) -> tuple[str, ...]:
+        """The joints that have a bound of their effort but report none."""
+        state = self.state
+        tau = np.full(len(self.joints), np.nan) if state is None else state.tau
+        there = np.isfinite(tau) | ~np.isfinite(self.bounds.effort)
+        return tuple(joint for joint, heard in zip(self.joints, there, strict=True) if not heard)
 
     def _pick(self, names: tuple[str, ...], positions: int) -> list[int] | None:
         if names != self._order[0]:
@@ -118,16 +159,19 @@ class Watch:
         """Forget the states as well: they are older than they look (this process stood still)."""
         with self._lock:
             self._recent.clear()
+            self._told[:] = np.inf
 
     def excuse(self, seconds: float, now: float) -> None:
         """Don't count so many seconds of silence: time stood still, and nobody was expected to say anything."""
         with self._lock:
+            heard = np.isfinite(self._told)
+            self._told[heard] = np.minimum(self._told[heard] + seconds, now)
             for k, state in enumerate(self._recent):
                 self._recent[k] = replace(state, received=min(state.received + seconds, now))
 
     def not_ready(self, now: float) -> str:
         """Return why no motion can start from here, or an empty text."""
-        silence = self._silence(now)
+        silence = self._silence(now) or self._mute(now)
         if silence:
             return silence
         with self._lock:
@@ -160,10 +204,18 @@ class Watch:
         self.worst_effort = np.fmax(self.worst_effort, np.abs(state.tau))
         if np.any(np.abs(state.tau) > self.bounds.effort):
             joint = int(np.nanargmax(np.abs(state.tau) - self.bounds.effort))
-            return (
-                f"the effort of {self.joints[joint]} is {state.tau[joint]:.1f} (bound {self.bounds.effort[joint]:.1f})"
-            )
-        return ""
+            unit = f" {self._units[joint]}" if self._units[joint] else ""
+            bound = f"(bound {self.bounds.effort[joint]:.1f}{unit})"
+            return f"the effort of {self.joints[joint]} is {state.tau[joint]:.1f}{unit} {bound}"
+        return self._mute(now)
+
+    def _mute(self, now: float) -> str:
+        """Return which joint's effort came by messages of its own and comes no more, where it has a bound."""
+        age = np.where(np.isfinite(self.bounds.effort), now - self._told, -np.inf)
+        joint = int(np.argmax(age))
+        if age[joint] <= max(self.bounds.timeout, _MUTE):
+            return ""
+        return f"no effort of {self.joints[joint]} for {age[joint]:.2f} s"
 
     def astray(self, now: float, commanded: Array) -> str:
         """Return why it isn't known that the robot is where it was sent, or an empty text.

@@ -52,6 +52,26 @@ def gantry(tmp_path_factory: pytest.TempPathFactory) -> Robot:
     return load_robot(folder / "gantry.yaml")
 
 
+@pytest.fixture(scope="session")
+def ur10(robots_folder: Path, tmp_path_factory: pytest.TempPathFactory) -> Robot:
+    """Return a UR10 with the meshes of its links and all limits."""
+    path: Path = tmp_path_factory.mktemp("ur10") / "ur10.yaml"
+    path.write_text(UR10_YAML, encoding="utf-8")
+    return load_robot(path)
+
+
+UR10_YAML = """schema: robot_ident/robot/1
+name: ur10
+urdf: package://example-robot-data/robots/ur_description/urdf/ur10_robot.urdf
+joints:
+  shoulder_pan_joint: {acceleration: 5, position: [-3, 3], torque_variance: 25}
+  shoulder_lift_joint: {acceleration: 5, position: [-3, 3], torque_variance: 25}
+  elbow_joint: {acceleration: 5, position: [-3, 3], torque_variance: 9}
+  wrist_1_joint: {acceleration: 8, position: [-3, 3], torque_variance: 1}
+  wrist_2_joint: {acceleration: 8, position: [-3, 3], torque_variance: 1}
+  wrist_3_joint: {acceleration: 8, position: [-3, 3], torque_variance: 1}
+"""
+
 GANTRY_URDF = """<?xml version="1.0"?>
 <robot name="gantry">
   <link name="base"/>

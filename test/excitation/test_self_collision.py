@@ -14,33 +14,14 @@ from robot_ident.excitation.approach import approach, check_pose
 from robot_ident.excitation.capsules import capsule_about, point_segment_distance, segment_distance
 from robot_ident.excitation.collision_rows import Nearest, collision_rows
 from robot_ident.excitation.excitation import Excitation
-from robot_ident.excitation.feasibility import allowed_poses
+from robot_ident.excitation.feasibility import PoseLimits, allowed_poses
 from robot_ident.excitation.fourier import FourierSeries
 from robot_ident.excitation.limits import Certifier, certify
 from robot_ident.excitation.reference import Piece
 from robot_ident.excitation.rows import Grid
 from robot_ident.excitation.self_collision import LinkPairs, keeps_apart
 from robot_ident.motion import Array
-from robot_ident.robot import Robot, load_robot
-
-UR10 = """schema: robot_ident/robot/1
-name: ur10
-urdf: package://example-robot-data/robots/ur_description/urdf/ur10_robot.urdf
-joints:
-  shoulder_pan_joint: {acceleration: 5, position: [-3, 3], torque_variance: 25}
-  shoulder_lift_joint: {acceleration: 5, position: [-3, 3], torque_variance: 25}
-  elbow_joint: {acceleration: 5, position: [-3, 3], torque_variance: 9}
-  wrist_1_joint: {acceleration: 8, position: [-3, 3], torque_variance: 1}
-  wrist_2_joint: {acceleration: 8, position: [-3, 3], torque_variance: 1}
-  wrist_3_joint: {acceleration: 8, position: [-3, 3], torque_variance: 1}
-"""
-
-
-@pytest.fixture(scope="module")
-def ur10(robots_folder: Path, tmp_path_factory: pytest.TempPathFactory) -> Robot:
-    path = tmp_path_factory.mktemp("ur10") / "ur10.yaml"
-    path.write_text(UR10, encoding="utf-8")
-    return load_robot(path)
+from robot_ident.robot import Robot
 
 
 @pytest.fixture(scope="module")
@@ -145,7 +126,7 @@ def test_what_touches_is_named(ur10: Robot) -> None:
     with pytest.raises(
         InputError, match=r"the robot stands in self-collision: .*between links \(upper_arm_link and wrist_2_link"
     ):
-        check_pose(ur10, folded, "the robot stands")
+        check_pose(ur10, folded, "the robot stands", PoseLimits(ur10))
     with pytest.raises(InputError, match="in self-collision"):
         approach(folded, allowed_poses(ur10, 1)[0], ur10)
     still = Excitation("ur10", ur10.joints, FourierSeries(0.1, folded, np.zeros((6, 1)), np.zeros((6, 1))), 150.0)

@@ -79,6 +79,7 @@ def test_moves_that_break_a_limit_are_left_out_and_named(arm: Any, listed: Any) 
         (("joint_3]", "joint_4]"), "joints = joint_1, joint_2, joint_4"),
         (("home: [0, 0.2, -0.3]", "home: [0, 0.2]"), "poses.home has 2 numbers for 3 joints"),
         (("poses:", "moves: [[home, pic]]\nposes:"), "moves.0: 'pic'; did you mean 'pick'"),
+        (("poses:", "pause: 1e9\nposes:"), "pause = '1e9'"),
         (("poses:", "law: smoth\nposes:"), "law = 'smoth'; did you mean 'smooth'"),
     ],
 )
@@ -92,6 +93,24 @@ def test_poses_in_degrees_are_named(arm: Any, listed: Any) -> None:
     waypoints = replace(listed(), poses={"home": np.zeros(3), "pick": np.array([45.0, 10.0, 0.0])})
     waypoints = replace(waypoints, moves=(("home", "pick"), ("pick", "home")))
     with pytest.raises(InputError, match="poses.pick: joint_1 = 45 is not within"):
+        plan_tour(Target.of_robot(arm.robot), waypoints)
+
+
+def test_what_the_moves_leave_open_is_named(arm: Any, listed: Any) -> None:
+    text = LIST.replace("[1.0, ", "[0, ").replace("[-0.9, ", "[0, ")
+    target = Target.of_robot(arm.robot)
+    tour = plan_tour(target, listed(text=text), length=6)
+    assert tour.resting == ("joint_1",)
+    assert {"p1", "viscous@joint_1", "coulomb@joint_1"} <= set(tour.untold) < set(target.structure.names)
+    assert "p9" not in tour.untold
+    assert plan_tour(target, listed(), length=8).untold == ()
+
+
+@pytest.mark.parametrize("step", [0.0, 1e-9, 3e-5])
+def test_poses_that_are_alike_are_no_moves(arm: Any, listed: Any, step: float) -> None:
+    waypoints = replace(listed(), poses={"home": np.zeros(3), "pick": np.full(3, step)})
+    waypoints = replace(waypoints, moves=(("home", "pick"), ("pick", "home")))
+    with pytest.raises(InputError, match="the poses that they join are alike"):
         plan_tour(Target.of_robot(arm.robot), waypoints)
 
 

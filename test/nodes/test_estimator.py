@@ -3,12 +3,12 @@
 from __future__ import annotations
 
 from collections.abc import Callable
-from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
 
 import numpy as np
 import pytest
+from swelling import Swelling
 
 pytest.importorskip("rclpy")
 
@@ -16,31 +16,11 @@ from robot_ident.bags import read_recording, write_recording  # noqa: E402
 from robot_ident.errors import InputError  # noqa: E402
 from robot_ident.estimation.identify import identify  # noqa: E402
 from robot_ident.excitation.excitation import Excitation  # noqa: E402
-from robot_ident.excitation.fourier import FourierSeries  # noqa: E402
 from robot_ident.model.model_file import read_model  # noqa: E402
-from robot_ident.motion import Array, Motion  # noqa: E402
+from robot_ident.motion import Array  # noqa: E402
 from robot_ident.recording.measurement import Processing  # noqa: E402
 from robot_ident.robot import load_robot  # noqa: E402
 from robot_ident.simulation.simulate import simulate  # noqa: E402
-
-
-@dataclass(frozen=True)
-class Swelling:
-    """A series that swells from rest to its full size within two seconds."""
-
-    series: FourierSeries
-    duration: float = 7.0
-
-    @property
-    def start_pose(self) -> Array:
-        return self.series.q0
-
-    def reference(self, t: Array) -> Motion:
-        m = self.series.motion(t)
-        s = np.clip(np.asarray(t) / 2.0, 0.0, 1.0)[:, None]
-        f, df, ddf = s**3 * (10 - 15 * s + 6 * s * s), 15 * (s - s * s) ** 2, 15 * (s - 3 * s * s + 2 * s**3)
-        away = m.q - self.series.q0
-        return Motion(self.series.q0 + f * away, f * m.dq + df * away, f * m.ddq + 2 * df * m.dq + ddf * away)
 
 
 @pytest.fixture(scope="module")

@@ -8,7 +8,7 @@ import time
 
 import pytest
 
-from robot_ident.playing.ticker import Stall, Ticker, follow_at
+from robot_ident.playing.ticker import Stall, Ticker, follow_at, follow_no_more
 
 
 def run(ticker: Ticker, done: threading.Event) -> None:
@@ -58,6 +58,8 @@ def test_ticks_alone_run_before_all_else_where_that_is_allowed() -> None:
         other = threading.Thread(target=look, args=("other",))
         other.start()
         other.join()
+        follow_no_more()
+        look("at the end")
 
     thread = threading.Thread(target=follower)
     thread.start()
@@ -71,7 +73,27 @@ def test_ticks_alone_run_before_all_else_where_that_is_allowed() -> None:
         "follower": (os.SCHED_FIFO, 6),
         "ticker": (os.SCHED_FIFO, 7),
         "other": (os.SCHED_OTHER, 0),
+        "at the end": (os.SCHED_OTHER, 0),
     }
+
+
+def test_the_end_waits_for_the_last_tick() -> None:
+    """What a tick uses is destroyed after that: a publisher, the node."""
+    begun, free = threading.Event(), threading.Event()
+    done: list[int] = []
+
+    def tick(number: int) -> None:
+        begun.set()
+        free.wait(20.0)
+        time.sleep(0.2)
+        done.append(number)
+
+    ticker = Ticker(100.0, tick, stall=30.0)
+    ticker.start()
+    assert begun.wait(20.0)
+    threading.Timer(1.5, free.set).start()
+    ticker.stop()
+    assert done == [0]
 
 
 def test_a_slow_tick_is_skipped_or_made_up_for() -> None:

@@ -1,0 +1,151 @@
+"""Positions of one topic with the efforts that a robot's driver puts elsewhere: other topics, other fields, arrays."""
+
+from __future__ import annotations
+
+from collections.abc import Collection, Mapping, Sequence
+from dataclasses import replace
+
+import numpy as np
+
+from robot_ident.bags.assemble import assemble
+from robot_ident.bags.joint_state_decoder import JointStateDecoder, Piece
+from robot_ident.bags.number_array import numbers_of
+from robot_ident.bags.storage import NUMBERS, Integers, Storage, one_line
+from robot_ident.bags.topics import choose_topic, listing, named_topic
+from robot_ident.errors import InputError
+from robot_ident.motion import Array
+from robot_ident.recording.effort_series import EffortSeries
+from robot_ident.recording.recording import Recording
+from robot_ident.robot.effort import EffortSource
+
+
+def with_efforts(
+    storage: Storage,
+    source: str,
+    topic: str | None,
+    sources: Mapping[str, EffortSource],
+    joints: Sequence[str],
+    wanted: Sequence[str] | None = None,
+) -> Recording:
+    """Return positions of one topic with the efforts that stand elsewhere, by joint in `sources`.
+
+    Efforts are interpolated at the positions' stamps, linearly; positions without any beside them are left out. Those
+    without a header count from their receipt, less the usual delay of the positions. source: the storage's name in
+    messages. topic: of the positions, None: the only one that may be it. joints: the robot's. wanted: those of the
+    recording, None: all that the positions' topic reports together. InputError where a place holds no effort.
+    """
+    chosen = choose_topic(storage, source, topic)
+    name = storage.topics[chosen].name
+    told = {joint: replace(one, topic=one.topic or name) for joint, one in sources.items()}
+    beside = {one.field for one in told.values() if one.topic and one.topic.strip("/") == name.strip("/")}
+    if "position" in beside:
+        raise InputError(f"{source}: effort.field = position: topic {one_line(name)} holds the positions themselves")
+    states = _pieces(storage, chosen)
+    filled = [_room_for_effort(piece, told, whole=set(joints) <= set(told)) for piece in states]
+    positions = assemble(filled, wanted, source, name, storage.notes, listing(storage))
+    elsewhere = _Elsewhere(storage, source, _delay(states))
+    tau, kept = positions.tau.copy(), np.ones(positions.samples, dtype=bool)
+    used = {joint: one for joint, one in told.items() if joint in positions.names}
+    for joint, place in used.items():
+        tau[:, positions.names.index(joint)], there = elsewhere.series(joint, place).at(positions.t, positions.start_ns)
+        kept &= there
+    notes = [*positions.notes, *_said(used, name)]
+    if not kept.any():
+        raise InputError(
+            f"{source}: no position of topic {one_line(name)} has an effort at its time; {listing(storage)}"
+        )
+    if not kept.all():
+        notes.append(f"{int((~kept).sum())} of {len(kept)} positions have no effort at their time and are left out")
+    whole = replace(positions, tau=tau, dq=None if "velocity" in beside else positions.dq)[kept]
+    return replace(whole, notes=tuple(notes))
+
+
+def _pieces(storage: Storage, index: int) -> list[Piece]:
+    decoder = JointStateDecoder()
+    return [piece for batch in storage.batches([index]) for piece in decoder.decode(batch)]
+
+
+def _room_for_effort(piece: Piece, elsewhere: Collection[str], *, whole: bool) -> Piece:
+    """Return messages with zeros in place of efforts that stand elsewhere; whole: those of all joints do."""
+    if whole:
+        return replace(piece, effort=np.zeros_like(piece.position))
+    if piece.effort.shape[1] != len(piece.names):
+        return piece
+    return replace(piece, effort=np.where([name in elsewhere for name in piece.names], 0.0, piece.effort))
+
+
+def _delay(pieces: Sequence[Piece]) -> int:
+    """Return the usual time [ns] from a header's stamp to the receipt of its message, 0 where there are no stamps."""
+    late = [piece.log[piece.stamp != 0] - piece.stamp[piece.stamp != 0] for piece in pieces]
+    both = np.concatenate(late) if late else np.zeros(0, dtype=np.int64)
+    return int(both[0] + np.median(both - both[0])) if len(both) else 0
+
+
+class _Elsewhere:
+    """The efforts that a bag holds on other topics, each of which is decoded once.
+
+    delay: usual time [ns] from a joint state's stamp to its receipt, which stands in for the stamp that others lack.
+    """
+
+    def __init__(self, storage: Storage, source: str, delay: int) -> None:
+        self._storage, self._source, self._delay = storage, source, delay
+        self._arrays: dict[str, list[tuple[Integers, Array]]] = {}
+        self._states: dict[str, list[Piece]] = {}
+
+    def series(self, joint: str, place: EffortSource) -> EffortSeries:
+        """Return the effort of a joint; InputError where there is none."""
+        if place.topic is None:
+            raise TypeError("a source of efforts has a topic")
+        if place.index is None:
+            parts = _of_joint(self._pieces(place.topic), joint, place.field, self._delay)
+        else:
+            tables = self._tables(place.topic)
+            parts = [
+                (log - self._delay, table[:, place.index]) for log, table in tables if table.shape[1] > place.index
+            ]
+        return _joined(parts, self._source, place, joint)
+
+    def _tables(self, topic: str) -> list[tuple[Integers, Array]]:
+        if topic not in self._arrays:
+            index = named_topic(self._storage, self._source, topic, NUMBERS)
+            self._arrays[topic] = [numbers_of(batch) for batch in self._storage.batches([index])]
+        return self._arrays[topic]
+
+    def _pieces(self, topic: str) -> list[Piece]:
+        if topic not in self._states:
+            self._states[topic] = _pieces(self._storage, named_topic(self._storage, self._source, topic))
+        return self._states[topic]
+
+
+def _said(used: Mapping[str, EffortSource], states: str) -> list[str]:
+    """Return a line for each topic that efforts were taken from."""
+    out = []
+    for topic in dict.fromkeys(one.topic for one in used.values()):
+        joints = {joint: one.field for joint, one in used.items() if one.topic == topic}
+        fields = ", ".join(dict.fromkeys(joints.values()))
+        out.append(one_line(f"effort of {', '.join(joints)} is {fields} of {topic}, at the stamps of {states}"))
+    return out
+
+
+def _of_joint(pieces: Sequence[Piece], joint: str, field: str, delay: int) -> list[tuple[Integers, Array]]:
+    out = []
+    for piece in pieces:
+        values: Array = getattr(piece, field)
+        if joint in piece.names and values.shape[1] == len(piece.names):
+            stamp = np.where(piece.stamp == 0, piece.log - delay, piece.stamp)
+            out.append((stamp, values[:, piece.names.index(joint)]))
+    return out
+
+
+def _joined(parts: Sequence[tuple[Integers, Array]], source: str, place: EffortSource, joint: str) -> EffortSeries:
+    """Return the parts as one series in order of time, numbers only and each stamp once."""
+    stamp = np.concatenate([part[0] for part in parts]) if parts else np.zeros(0, dtype=np.int64)
+    value = np.concatenate([part[1] for part in parts]) if parts else np.zeros(0)
+    there = np.isfinite(value)
+    stamp, first = np.unique(stamp[there], return_index=True)
+    if not len(stamp):
+        raise InputError(
+            f"{source}: topic {place.topic} holds no number for the effort of {joint} in field {place.field};"
+            " the robot YAML's effort.topic and effort.field say where it stands"
+        )
+    return EffortSeries(stamp, value[there][first])

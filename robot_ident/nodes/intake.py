@@ -1,0 +1,117 @@
+"""Takes joint states in, with their efforts from wherever the robot's YAML has them."""
+
+from __future__ import annotations
+
+import time
+from collections.abc import Callable
+from typing import Any
+
+from rclpy.serialization import deserialize_message
+from sensor_msgs.msg import JointState
+
+from robot_ident.bags import Topic
+from robot_ident.motion import Array
+from robot_ident.nodes.collector import Collector, recording_of
+from robot_ident.nodes.common import BaseNode, overridable, reliable
+from robot_ident.nodes.effort_topics import EffortMessage, EffortTopics, sources_of, topics_of
+from robot_ident.nodes.joint_states import columns, stamp_of
+from robot_ident.playing.pairing import Paired, Pairing
+from robot_ident.recording.recording import Recording
+from robot_ident.robot import Robot
+
+
+class Intake:
+    """Keeps the messages of the last `memory` [s], for a recording of them, and pairs positions with efforts at once.
+
+    Positions come on `joint_states`; where the YAML declares the effort of all joints on another topic whose messages
+    hold the positions as well, they come on that one, as the offline reader has it.
+    """
+
+    def __init__(
+        self, node: BaseNode, robot: Robot, memory: float, depth: int, on_position: Callable[[int, Array], None]
+    ) -> None:
+        """Subscribe; on_position(stamp [ns], q [n] rad) is told of every joint state of this robot."""
+        self._node, self._robot, self._memory, self._depth = node, robot, memory, depth
+        self._on_position = on_position
+        self.received = 0
+        self.last = 0.0
+        self._listen("joint_states")
+
+    def _listen(self, states: str) -> None:
+        """Take positions from topic `states`, and efforts from where they stand beside it."""
+        self.states = states
+        self._sources = sources_of(self._robot, self._node, states)
+        self._pairing = Pairing(self._robot.joints, tuple(self._sources))
+        self._collector = Collector(self._memory)
+        self._others = {Topic(name, kind): Collector(self._memory) for name, kind in topics_of(self._sources).items()}
+        self._paired = time.monotonic()
+        self._efforts = EffortTopics(self._node, self._robot, self._sources, self._on_effort, self._depth)
+        self._subscription = self._node.create_subscription(
+            JointState, states, self._on_state, reliable(self._depth), raw=True, qos_overriding_options=overridable()
+        )
+
+    def _on_state(self, data: bytes, info: dict[str, Any]) -> None:
+        message = deserialize_message(data, JointState)
+        received = info["received_timestamp"] or time.time_ns()
+        stamp = stamp_of(message)
+        self._collector.add(stamp or received, received, data)
+        self.received += 1
+        self.last = time.monotonic()
+        values = columns(message, self._robot.joints)
+        if values is None:
+            return
+        q, dq, tau = values
+        beside = {joint: one.field for joint, one in self._sources.items() if one.topic is None}
+        if beside:
+            fields = {"velocity": dq, "effort": tau}
+            places = {joint: self._robot.joints.index(joint) for joint in beside}
+            told = {joint: fields[field] for joint, field in beside.items()}
+            found = {joint: float(row[places[joint]]) for joint, row in told.items() if row is not None}
+            self._pairing.add_efforts(stamp or received, received, found)
+        self._pairing.add_position(stamp, received, q, tau)
+        self._on_position(stamp or received, q)
+
+    def _on_effort(self, message: EffortMessage) -> None:
+        if message.positions and message.topic == self._robot.effort.topic:
+            return self._move_to(message.topic)
+        self._pairing.add_efforts(message.stamp_ns, message.received_ns, message.values)
+        stamp = message.stamp_ns or message.received_ns
+        other = next(kept for topic, kept in self._others.items() if topic.name == message.topic)
+        other.add(stamp, message.received_ns, message.data)
+        return None
+
+    def _move_to(self, topic: str) -> None:
+        """Take the positions from the topic that the YAML declares, whose messages turn out to hold them."""
+        self._node.get_logger().info(f"positions and efforts come on {self._node.resolve_topic_name(topic)}")
+        self._efforts.close()
+        self._node.destroy_subscription(self._subscription)
+        self._listen(topic)
+
+    def __len__(self) -> int:
+        """Return the number of joint states kept."""
+        return len(self._collector)
+
+    def take(self) -> list[Paired]:
+        """Return the joint states whose efforts have come since the last time."""
+        out = self._pairing.take()
+        if out:
+            self._paired = time.monotonic()
+        return out
+
+    def snapshot(self) -> Callable[[], Recording]:
+        """Return what makes the recording of all that is kept now; that takes longer, and may be done by any thread."""
+        states = self._collector.snapshot()
+        others = {topic: kept.snapshot() for topic, kept in self._others.items()}
+        sources, name, joints = self._sources, self.states, self._robot.joints
+        return lambda: recording_of(states, name, joints, sources, others)
+
+    def problem(self, after: float) -> str:
+        """Return why efforts have been lacking for `after` [s], or an empty text."""
+        now = time.monotonic()
+        if self.last and now - self.last > after:
+            return ""  # the positions are silent as well
+        silent = self._efforts.silent(after)
+        if silent or not (self._sources and self.last) or now - self._paired <= after:
+            return silent
+        joints = ", ".join(self._sources)
+        return f"no effort of {joints} lies at the positions' stamps: do both topics stamp by the same clock?"
