@@ -27,14 +27,14 @@ SHARE_OF_BLOW = 0.4  # of the blow that a gap makes which must be there; as many
 STEPS, STEP = 5, 2e-3  # of the search for a gap's inner parameters: how many, and the differences' in their ranges
 
 
-def gap_behind(evidence: Evidence, folds: Folds, rattling: Sequence[int]) -> Score | None:
-    """Return the gap whose column follows the bursts of some joints best, of all joints; None where none does.
+def gap_behind(evidence: Evidence, folds: Folds, rattling: Sequence[int], joints: Collection[int]) -> Score | None:
+    """Return the gap at one of some joints whose column follows the bursts of rattling ones best; None where none does.
 
     Bursts alone don't say whose they are where the loads of several joints reverse together.
     """
     if not any(burst_cause(evidence, joint) is not None for joint in rattling):
         return None
-    return best_gap(evidence, folds, range(evidence.structure.robot.n))
+    return best_gap(evidence, folds, joints)
 
 
 def best_gap(evidence: Evidence, folds: Folds, joints: Collection[int]) -> Score | None:

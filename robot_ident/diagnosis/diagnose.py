@@ -9,28 +9,31 @@ chosen again in its light.
 from __future__ import annotations
 
 from collections.abc import Collection, Sequence
-from itertools import count
 
 import numpy as np
 
 from robot_ident.diagnosis.amount import too_little, unseen_below
-from robot_ident.diagnosis.backlash import gap_behind, muted
-from robot_ident.diagnosis.by_prediction import diagnose_by_prediction, tells_noise
+from robot_ident.diagnosis.braking import with_doubt
+from robot_ident.diagnosis.by_prediction import diagnose_by_prediction
 from robot_ident.diagnosis.candidates import Score
 from robot_ident.diagnosis.diagnosis import Diagnosis, Suspect, Verdict
-from robot_ident.diagnosis.drift import DRIFT, UNSEEN_IN_MEANS, drift_gain, drift_suspect, without_trends
+from robot_ident.diagnosis.drift import DRIFT, UNSEEN_IN_MEANS, drift_suspect, drift_tests, without_trends
 from robot_ident.diagnosis.evidence import Evidence, extended, gather, split
+from robot_ident.diagnosis.impossible import possible
 from robot_ident.diagnosis.lack_of_fit import lack_of_fit
 from robot_ident.diagnosis.measuring.first import Fault, measuring_fault, undecidable
 from robot_ident.diagnosis.measuring.jitter import with_jitter
-from robot_ident.diagnosis.progress import Tell, after, silent
+from robot_ident.diagnosis.progress import Tell, silent
 from robot_ident.diagnosis.scan import base_gram
-from robot_ident.diagnosis.stage import GAIN, MOSTLY, Stage, choose, much_is_left, reconsider
+from robot_ident.diagnosis.search import Search
+from robot_ident.diagnosis.shapes import doubted
+from robot_ident.diagnosis.stage import GAIN, MOSTLY, Stage
 from robot_ident.diagnosis.suspects import Ground, further, gap_suspects, suspect
 from robot_ident.diagnosis.unexplained import explain_by_variables
 from robot_ident.diagnosis.unseen import Unseen
+from robot_ident.diagnosis.weighed_by_residual import tells_noise
 from robot_ident.diagnosis.white_lines import whitened
-from robot_ident.effects import Effect
+from robot_ident.estimation.clock_rate import clock_notes
 from robot_ident.model.structure import Structure
 from robot_ident.motion import Array
 from robot_ident.recording.measurement import Measurement
@@ -40,7 +43,6 @@ STRICTER = 0.37  # more than that where what remains is seen beside the noise: a
 _SEEN = 0.25  # of the noise of the mean: what remains is seen as clearly as need be
 _SHADOW = 0.08  # of what another joint still lacks, that a member must explain: less may be the shadow of that
 ALONE = 0.4  # of its held-out gain that any other effect may reach, where there is one recording only
-MOST = 6  # members
 
 
 def diagnose(
@@ -57,7 +59,7 @@ def diagnose(
     """
     if not all(tells_noise(measured) for measured in measurements):
         return diagnose_by_prediction(measurements, structure, validation, tell).seen_by(structure.robot)
-    notes: list[str] = []
+    notes = clock_notes(measurements, structure.robot)
     trending = {effect.label for effect in structure.effects if effect.trends}
     measurements, structure, validation = without_trends(measurements, structure, validation)
     evidence = gather(measurements, structure)
@@ -72,15 +74,16 @@ def diagnose(
     tell(0.05, "trying every effect")
     blind = Stage.of(evidence)
     tell(0.3, "looking for faults of what is measured")
-    fault = measuring_fault(evidence, blind.folds, blind.scores, validation)
-    if fault is not None:
-        return _fault_first(evidence, blind, fault, validation, notes).seen_by(structure.robot)
+    judged = measuring_fault(evidence, blind.folds, blind.scores, validation)
+    if judged.fault is not None:
+        fault = _fault_first(evidence, blind, judged.fault, validation, notes)
+        return with_doubt(fault, evidence).seen_by(structure.robot)
     unseen = Unseen.of(validation, evidence)
-    found = _Search(evidence, blind if unseen is None else Stage.of(evidence, unseen)).run(tell)
+    found = Search(evidence, blind if unseen is None else Stage.of(evidence, unseen)).run(tell)
     tell(0.8, "weighing what was found")
     notes += undecidable(evidence, blind.folds)
-    found_all = _conclude(evidence, found, validation, notes, trending)
-    return with_jitter(found_all, evidence).seen_by(structure.robot)
+    found_all = judged.low_passes.beside(_conclude(evidence, found, validation, notes, trending))
+    return with_doubt(with_jitter(found_all, evidence), evidence).seen_by(structure.robot)
 
 
 def _fault_first(
@@ -93,58 +96,9 @@ def _fault_first(
     return with_jitter(found, evidence)
 
 
-class _Search:
-    """Looks for members one after the other; where a gap makes joints rattle, in the time between its bursts.
-
-    given: stage of the model as it was given; first: the same in the time in which nothing rattles; last: with the
-    members. rattling: by joint, the joints whose gaps make it rattle; gaps: those found, by joint.
-    """
-
-    def __init__(self, evidence: Evidence, given: Stage) -> None:
-        """Begin with the model as it was given."""
-        self.evidence = evidence
-        self.given = self.first = self.last = given
-        self.members: list[Score] = []
-        self.rattling: dict[int, set[int]] = {}
-        self.gaps: dict[int, Effect] = {}
-
-    def run(self, tell: Tell) -> _Search:
-        """Add members until nothing more explains enough."""
-        steps = count()
-        while len(self.members) < MOST and self.last.doubtful:
-            names = ", ".join(member.label for member in self.members)
-            tell(after(next(steps), 0.4, 0.8), f"looking for more than {names}" if names else "looking for a cause")
-            if self._rattles():
-                continue
-            found = choose(self.last, self.rattling)
-            if found is None:
-                break
-            self.members.append(found)
-            self._again()
-            self.members, self.last = reconsider(self.evidence, self.members, self.last, self.rattling)
-        return self
-
-    def _rattles(self) -> bool:
-        """Return whether bursts tell of a gap not known yet; what comes is then judged without their time."""
-        loud = [j for j in range(len(self.last.fits)) if j not in self.rattling and much_is_left(self.last, j)]
-        gap = gap_behind(self.last.evidence, self.last.folds, loud)
-        if gap is None:
-            return False
-        self.gaps[gap.effect.joint] = gap.effect
-        for joint in {*loud, gap.effect.joint}:
-            self.rattling.setdefault(joint, set()).add(gap.effect.joint)
-        self.evidence, unseen = muted(self.evidence, self.first.folds.unseen, self.rattling)
-        self.first = Stage.of(self.evidence, unseen)
-        self._again()
-        return True
-
-    def _again(self) -> None:
-        self.last = self.first.under(self.evidence, [m.effect for m in self.members])
-
-
 def _conclude(
     whole: Evidence,
-    found: _Search,
+    found: Search,
     validation: Sequence[Measurement],
     notes: Sequence[str],
     trending: Collection[str],
@@ -155,13 +109,16 @@ def _conclude(
     failing += [j for m in members for j in m.columns.joints if j not in failing and m.held_out_by_joint[j] >= GAIN / 2]
     # friction shows in the motor's torque
     shown = [j for j, name in enumerate(robot.joints) if robot.side(j) != "link" and f"{DRIFT}@{name}" not in trending]
-    drifting = {j: float(gain) for j, gain in enumerate(drift_gain(whole)) if gain >= GAIN and j in shown}
+    drifting = {j: test for j, test in enumerate(drift_tests(whole)) if test.told and j in shown}
     trusted = _trusted(found, failing)
-    gaps = gap_suspects(whole, trusted, [found.gaps[joint] for joint in sorted(found.gaps)], validation)
+    why = doubted(trusted, first, found.last)
+    trusted, against = possible([m for m in trusted if m.label not in why], whole)
+    notes = [*notes, *why.values(), *against]
+    gaps = gap_suspects(whole, trusted, list(found.gaps.values()), validation)
     suspects = [*(suspect(_ground(whole, found, gaps, validation), m, trusted) for m in trusted), *gaps]
     held = [s.effect for s in suspects]
     with_all = extended(whole, held) if held else whole
-    drifts = [drift_suspect(with_all, j, gain, validation) for j, gain in drifting.items()]
+    drifts = [drift_suspect(with_all, j, test, validation) for j, test in drifting.items()]
     suspects += drifts
     notes = [*notes, *(f"{one.label}: {UNSEEN_IN_MEANS}" for one in drifts)]
     fits = lack_of_fit(with_all, base_gram(with_all))
@@ -184,11 +141,11 @@ def _conclude(
     )
 
 
-def _ground(whole: Evidence, found: _Search, gaps: Sequence[Suspect], validation: Sequence[Measurement]) -> Ground:
+def _ground(whole: Evidence, found: Search, gaps: Sequence[Suspect], validation: Sequence[Measurement]) -> Ground:
     return Ground(whole, found.first, tuple(gap.effect for gap in gaps), validation)
 
 
-def _trusted(found: _Search, failing: Sequence[int]) -> list[Score]:
+def _trusted(found: Search, failing: Sequence[int]) -> list[Score]:
     """Return the members that, all together, explain more than needed of the excess on one of their joints.
 
     As much as the least that is wanted, and more the farther what remains stands above the noise of the mean; on
@@ -196,7 +153,7 @@ def _trusted(found: _Search, failing: Sequence[int]) -> list[Score]:
     the rest, through the inertia: beside it nothing small is trusted.
     """
     first, last = found.first, found.last
-    share = 1.0 - last.excess / np.maximum(first.excess, 1e-300)
+    share = (first.loss - last.loss) / np.maximum(first.surely, GAIN)
     if first.unseen_excess is not None and last.unseen_excess is not None:
         aside = 1.0 - last.unseen_excess / np.maximum(first.unseen_excess, 1e-300)
         share = np.where(first.unseen_excess >= GAIN, np.maximum(share, aside), share)

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
-from dataclasses import replace
+from dataclasses import dataclass, replace
 
 import numpy as np
 
@@ -11,9 +11,10 @@ from robot_ident.diagnosis.before_after import errors, estimates, mean_squares
 from robot_ident.diagnosis.candidates import Folds, candidate_of, score
 from robot_ident.diagnosis.diagnosis import Suspect
 from robot_ident.diagnosis.evidence import Evidence, added, extended, gather, held
+from robot_ident.diagnosis.noise_test import ALPHA
 from robot_ident.diagnosis.refine import refined
 from robot_ident.diagnosis.scan import base_gram
-from robot_ident.effects import make_effect
+from robot_ident.effects import Effect, make_effect
 from robot_ident.estimation.apart import apart
 from robot_ident.model.structure import Structure
 from robot_ident.motion import Array, Motion
@@ -25,30 +26,95 @@ UNSEEN_IN_MEANS = (
     " single periods and of recordings of another length"
 )
 _LEAST = 4  # periods in which a trend is looked for
+_CERTAIN = 40.0  # chi-square units beyond which a trend is no chance of noise whose variance all samples tell
+_LIKE_NOISE = 0.01  # chance of a scatter about the course from which on it is no more than that
+_FINE = 0.1  # of log T0: how near the best time constant is looked for
 
 
-def drift_gain(evidence: Evidence) -> Array:
-    """Return for every joint [n] how much a linear trend of its viscous friction gains, in units of chi-square.
-
-    For period m the viscous friction beyond the mean is b_m = sum v (tau_m - mean tau) / sum v^2, with variance s^2 /
-    sum v^2; the squared slope of b_m over m, in units of its variance, is chi-square with one degree of freedom for
-    each recording.
+@dataclass(frozen=True)
+class DriftTest:
+    """Of one joint: gain of a warming that all recordings share, in units of chi-square, and its p-value, times the
+    number of settings and joints that are looked at (Bonferroni).
     """
-    gain = np.zeros(evidence.structure.robot.n)
-    for measured in recordings(evidence):
-        periods = measured.period_torque
-        if periods is None or len(periods) < _LEAST:
-            continue
-        number = np.arange(len(periods)) - (len(periods) - 1) / 2.0
-        for joint in range(len(gain)):
-            v = measured.motion.dq[:, joint]
-            power = float(v @ v)
-            extra = np.nan_to_num(periods[:, :, joint] - np.nanmean(periods[:, :, joint], axis=0))
-            if power <= 0.0:
-                continue
-            trend = float(number @ (extra @ v))
-            gain[joint] += trend**2 / (measured.torque_variance[joint] * power * float(number @ number))
-    return gain
+
+    gain: float
+    p_value: float
+
+    @property
+    def told(self) -> bool:
+        """Whether friction falls from period to period more than noise lets it seem to."""
+        return self.p_value < ALPHA
+
+
+def drift_tests(evidence: Evidence) -> tuple[DriftTest, ...]:
+    """Return for every joint whether its friction falls as it does while a gear warms up.
+
+    In period m of a recording the torque beyond its mean over periods, along the effect's own column of unit length u
+    and over the noise, is b_m = u (tau_m - mean tau) / s; w_m is what the column itself has there. With one size a > 0
+    for all recordings, whose every period but the mean tells (nu = sum (M - 1) - 1), at the best time constant,
+
+        gain = (sum w b)^2 / sum w^2,  F = gain / ((sum b^2 - gain) / nu) ~ F(1, nu):
+
+    noise is taken from how the b_m scatter about the course, since it may be larger so slowly than over all lines.
+    Where they scatter as all lines tell, a gain far beyond chance needs no more periods than it has.
+    """
+    robot = evidence.structure.robot
+    known = [m for m in recordings(evidence) if _known_one_by_one(m)]
+    return tuple(_drift_test(known, make_effect(f"{DRIFT}@{name}", robot)) for name in robot.joints)
+
+
+def _drift_test(known: Sequence[Measurement], effect: Effect) -> DriftTest:
+    from scipy.optimize import minimize_scalar
+
+    (span,) = effect.inner
+
+    def at(place: float) -> DriftTest:
+        return _with_time_constant(known, effect.at({span.name: float(np.exp(place))}))
+
+    tests = [at(float(np.log(point))) for point in span.grid]
+    if all(test.gain <= 0.0 for test in tests):
+        return DriftTest(0.0, 1.0)
+    bounds = (float(np.log(span.lower)), float(np.log(span.upper)))
+    found = minimize_scalar(lambda x: -at(float(x)).gain, bounds=bounds, method="bounded", options={"xatol": _FINE})
+    best = min([*tests, at(float(found.x))], key=lambda test: test.p_value)
+    return DriftTest(best.gain, min(1.0, best.p_value * len(tests) * effect.robot.n))
+
+
+def _with_time_constant(known: Sequence[Measurement], effect: Effect) -> DriftTest:
+    """Return the test of one joint and time constant by itself."""
+    from scipy.special import chdtrc, fdtrc
+
+    courses = [course for m in known if (course := _course(m, effect)) is not None]
+    dof = sum(len(b) - 1 for b, _ in courses) - 1
+    along = sum(float(w @ b) for b, w in courses)
+    if dof < 1 or along <= 0.0:  # friction that rises is no warming
+        return DriftTest(0.0, 1.0)
+    gain = along**2 / sum(float(w @ w) for _, w in courses)
+    rest = max(sum(float(b @ b) for b, _ in courses) - gain, 1e-12 * gain)
+    p = float(fdtrc(1, dof, gain / (rest / dof))) / 2.0
+    if gain >= _CERTAIN and float(chdtrc(dof, rest)) > _LIKE_NOISE:
+        p = min(p, float(chdtrc(1, gain)) / 2.0)
+    return DriftTest(gain, p)
+
+
+def _known_one_by_one(measured: Measurement) -> bool:
+    periods = measured.period_torque
+    return periods is not None and len(periods) == len(measured.motion.began) and len(periods) >= _LEAST
+
+
+def _course(measured: Measurement, effect: Effect) -> tuple[Array, Array] | None:
+    """Return b and w [M] of a recording's periods; None where its motion doesn't show the effect."""
+    periods, joint, motion = measured.period_torque, effect.joint, measured.motion
+    assert periods is not None
+    columns = np.stack([effect.columns(replace(motion, began=(start,)))[:, joint, 0] for start in motion.began])
+    usual = columns.mean(axis=0)
+    length = float(np.linalg.norm(usual))
+    if length == 0.0:
+        return None
+    beyond = np.nan_to_num(periods[:, :, joint] - np.nanmean(periods[:, :, joint], axis=0))
+    noise = float(np.sqrt(measured.torque_variance[joint]))
+    b, w = beyond @ usual / (length * noise), (columns - usual) @ usual / (length * noise)
+    return b - b.mean(), w
 
 
 def recordings(evidence: Evidence) -> tuple[Measurement, ...]:
@@ -87,13 +153,11 @@ def without_trends(
     return [less(m) for m in measurements], Structure.build(structure.robot, kept), [less(m) for m in validation]
 
 
-def drift_suspect(evidence: Evidence, joint: int, gain: float, validation: Sequence[Measurement]) -> Suspect:
-    """Return the drift of a joint's friction that gains so much as a trend, fitted to the periods taken apart.
+def drift_suspect(evidence: Evidence, joint: int, test: DriftTest, validation: Sequence[Measurement]) -> Suspect:
+    """Return the drift of a joint's friction that its test tells of, fitted to the periods taken apart.
 
     Its mean squares are those of averages, which hide it; a validation recording that begins as cold shows its fall.
     """
-    from scipy.stats import chi2
-
     robot = evidence.structure.robot
     effect = make_effect(f"{DRIFT}@{robot.joints[joint]}", robot)
     seen = recordings(evidence)
@@ -103,8 +167,8 @@ def drift_suspect(evidence: Evidence, joint: int, gain: float, validation: Seque
     after = extended(single, [found.effect])
     return Suspect(
         effect=found.effect,
-        p_value=min(1.0, float(chi2.sf(gain, len(seen))) * robot.n),
-        explained=float(np.clip(found.gain / gain, 0.0, 1.0)),
+        p_value=test.p_value,
+        explained=float(np.clip(found.gain / test.gain, 0.0, 1.0)),
         mse_before=mean_squares(evidence),
         mse_after=mean_squares(held(evidence, after.structure, after.values)),
         validation_before=errors(evidence, validation) if validation else None,

@@ -98,7 +98,7 @@ def noise_tests(evidence: Evidence, residual: Sequence[Array], share: Share) -> 
 
 
 def _noise_test(parts: Sequence[Whole], share: Share, joint: int, joints: int) -> NoiseTest:
-    from scipy.stats import f as fisher
+    from scipy.special import fdtrc
 
     values = [part.whitening.lines(part.residual) for part in parts]
     columns = [share.lines(part, joint) for part in parts]
@@ -122,7 +122,7 @@ def _noise_test(parts: Sequence[Whole], share: Share, joint: int, joints: int) -
         known = [part.whitening.noise_dof(rows) for part, rows in zip(parts, inside, strict=True)]
         noise_dof = 1.0 / sum((c / sum(count)) ** 2 / max(1.0, k) for c, k in zip(count, known, strict=True))
         whole = whole or (power / mean, mean)
-        p_values.append((float(fisher.sf(power / mean, dof, noise_dof)), name))
+        p_values.append((float(fdtrc(dof, noise_dof, power / mean)), name))
     if whole is None:
         return NoiseTest(0.0, 0.0, 1.0, "all")
     p, band = min(p_values)

@@ -4,6 +4,9 @@ seen.
 With base columns F and candidate columns C (Frisch and Waugh) the gain of C is s' B^-1 s, where s and B are C'y and
 C'C after projection off F. All of it follows from the Gram matrices of each trajectory, so that leaving one
 trajectory out costs a subtraction.
+
+What is left out counts faintly all the same: parameters that the others hardly determine follow it rather than their
+noise, which would be all that its error tells of; those that they do determine don't notice.
 """
 
 from __future__ import annotations
@@ -18,6 +21,7 @@ from robot_ident.diagnosis.evidence import Evidence, weighed_once
 from robot_ident.effects import Effect
 from robot_ident.motion import Array
 
+_FAINT = 0.01  # weight of a trajectory that is left out
 _RIDGE = 1e-9  # of a candidate's own norm: with less than this left after projection the model holds it already
 
 
@@ -96,20 +100,23 @@ def gram(columns: Columns, evidence: Evidence) -> Gram:
 
 @dataclass(frozen=True)
 class BaseFit:
-    """The base fitted to some of the trajectories: inverse of its (scaled) Gram matrix and its parameters."""
+    """The base fitted to some of the trajectories: weights [T] of all, inverse of its (scaled) Gram matrix and its
+    parameters.
+    """
 
-    train: tuple[int, ...]
+    weights: Array
     inverse: Array
     values: Array
 
     @classmethod
     def of(cls, base: BaseGram, train: Sequence[int]) -> BaseFit:
-        """Fit to the trajectories `train`."""
-        rows = list(train)
-        own, torque = base.own[rows].sum(axis=(0, 1)), base.torque[rows].sum(axis=(0, 1))
+        """Fit to the trajectories `train`; the others are left out."""
+        weights = np.full(len(base.power), _FAINT)
+        weights[list(train)] = 1.0
+        own, torque = (np.tensordot(weights, g.sum(axis=1), 1) for g in (base.own, base.torque))
         scale = np.sqrt(np.maximum(np.diag(own), 1e-300))
         inverse = np.linalg.pinv(own / np.outer(scale, scale), rcond=1e-11, hermitian=True) / np.outer(scale, scale)
-        return cls(tuple(train), inverse, inverse @ torque)
+        return cls(weights, inverse, inverse @ torque)
 
     def loss(self, base: BaseGram, on: int) -> Array:
         """Return the squared error [n] on a trajectory."""
@@ -130,11 +137,9 @@ class Addition:
 
 def add(gram_: Gram, fit: BaseFit, positive: Sequence[bool]) -> Addition:
     """Return the gain of a candidate fitted beside the base; coefficients that must not be negative aren't."""
-    rows = list(fit.train)
-    cross = gram_.base[rows].sum(axis=(0, 1))
-    own = gram_.own[rows].sum(axis=(0, 1))
+    cross, own, torque = (np.tensordot(fit.weights, g.sum(axis=1), 1) for g in (gram_.base, gram_.own, gram_.torque))
     projected = own - cross.T @ fit.inverse @ cross
-    right = gram_.torque[rows].sum(axis=(0, 1)) - cross.T @ fit.values
+    right = torque - cross.T @ fit.values
     coefficients = _solve(projected, right, np.diag(own), positive)
     gain = float(2.0 * coefficients @ right - coefficients @ projected @ coefficients)
     return Addition(gain, coefficients, fit.values - fit.inverse @ (cross @ coefficients))

@@ -12,7 +12,7 @@ from robot_ident.diagnosis.evidence import Evidence, added, extended
 from robot_ident.diagnosis.hidden_path import gain_beside_hidden_path
 from robot_ident.diagnosis.lack_of_fit import LackOfFit, lack_of_fit
 from robot_ident.diagnosis.refine import refined, sharpened
-from robot_ident.diagnosis.scan import base_gram
+from robot_ident.diagnosis.scan import add, base_gram
 from robot_ident.diagnosis.ties import tied
 from robot_ident.diagnosis.unseen import Unseen
 from robot_ident.effects import Effect
@@ -24,6 +24,7 @@ AGAIN = 0.5  # the same where a joint has a member already: what an imperfect co
 LATER = 0.08  # of the excess that there was at first, which a further member on a joint must explain, too
 KEPT_ASIDE = 0.6  # of the excess on recordings that no fit sees, and of that on the fitted ones: enough by itself
 OWN = 0.4  # of its gain that an effect must keep beside what the hidden part of the path may make
+_ASIDE = 0.25  # of its gain on the joint that it gains most on: with less, a joint has its excess from elsewhere
 NEARLY_ALL = 0.8  # the same from which on the hidden part isn't in question, whether its joints lack fit or not
 MOSTLY = 0.6  # of a joint's excess, explained where there is one recording only; or by a column, so no gap made it
 _EXACT = 3  # candidates that are refined before recordings kept aside judge them
@@ -66,9 +67,22 @@ class Stage:
     @property
     def excess(self) -> Array:
         """Held-out squared error [n] beyond the noise, recordings that no fit sees included."""
-        dof = np.array([sum(t.dof[j] for t in self.evidence.trajectories) for j in range(len(self.fits))])
-        left_out = np.maximum(self.folds.loss.sum(axis=0) - dof, 0.0)
+        left_out = np.maximum(self.folds.loss.sum(axis=0) - self._dof, 0.0)
         return left_out if self.unseen_excess is None else np.asarray(left_out + self.unseen_excess)
+
+    @property
+    def surely(self) -> Array:
+        """Excess [n] less a standard deviation of what noise makes of it, (2 dof)^(1/2): what there is to explain.
+
+        The noise itself can't be explained; of a faint excess it is the larger part.
+        """
+        unseen = self.folds.unseen
+        dof = self._dof if unseen is None else self._dof + unseen.dof
+        return np.maximum(self.excess - np.sqrt(2.0 * dof), 0.0)
+
+    @property
+    def _dof(self) -> Array:
+        return np.array([sum(t.dof[j] for t in self.evidence.trajectories) for j in range(len(self.fits))])
 
     @property
     def unseen_excess(self) -> Array | None:
@@ -77,10 +91,10 @@ class Stage:
         return None if unseen is None else np.maximum(unseen.loss(self.folds.whole) - unseen.dof, 0.0)
 
     @property
-    def loss(self) -> float:
-        """Squared error of all that is predicted."""
-        unseen = self.folds.unseen
-        return float(self.folds.loss.sum()) + (0.0 if unseen is None else float(unseen.loss(self.folds.whole).sum()))
+    def loss(self) -> Array:
+        """Squared error [n] of all that is predicted, recordings that no fit sees included."""
+        unseen, left_out = self.folds.unseen, self.folds.loss.sum(axis=0)
+        return np.asarray(left_out if unseen is None else left_out + unseen.loss(self.folds.whole))
 
     @property
     def doubtful(self) -> bool:
@@ -105,7 +119,7 @@ def choose(stage: Stage, rattling: Collection[int] = ()) -> Score | None:
             continue
         rivals = tied(leader, scores, stage.evidence, stage.folds)
         equals = [leader, *(r for r in rivals if _worthwhile(r, stage, rattling))]
-        simplest = min(equals, key=lambda s: (_size(s.effect), -s.held_out))
+        simplest = min(equals, key=lambda s: (s.effect.size, -s.held_out))
         return refined(simplest, stage.evidence, stage.folds)
     return None
 
@@ -122,11 +136,6 @@ def _foreseen(stage: Stage) -> list[Score]:
     return sorted((exact.get(s.label, s) for s in stage.scores), key=lambda s: -s.held_out)
 
 
-def _size(effect: Effect) -> int:
-    """Return the number of an effect's parameters, inner ones included."""
-    return len(effect.coefficients) + len(effect.inner)
-
-
 def _worthwhile(candidate: Score, stage: Stage, rattling: Collection[int]) -> bool:
     """Return whether a candidate gains enough, explains enough of its joints' excess, and removes enough torque."""
     gains, held = candidate.held_out_by_joint, added(stage.evidence.structure)
@@ -135,8 +144,9 @@ def _worthwhile(candidate: Score, stage: Stage, rattling: Collection[int]) -> bo
         for j in candidate.columns.joints
         if not (candidate.effect.brief and j in rattling)
         and (stage.fits[j].fails or (gains[j] >= GAIN / 2 and not _touched(held, [j])))
+        and j in mainly(gains)
     ]
-    if candidate.gain < GAIN or not joints:
+    if candidate.gain < GAIN or not joints or not _possible(candidate, stage):
         return False
     if not (_explains(candidate, stage, joints) or _told(candidate, stage, joints)):
         return False
@@ -151,12 +161,23 @@ def _worthwhile(candidate: Score, stage: Stage, rattling: Collection[int]) -> bo
     return own >= max(GAIN, OWN * candidate.gain)
 
 
+def mainly(gains: Array) -> list[int]:
+    """Return the joints in which an effect gains as much as anywhere, or not far less."""
+    return [int(j) for j in np.flatnonzero(gains >= _ASIDE * gains.max())]
+
+
+def _possible(candidate: Score, stage: Stage) -> bool:
+    """Return whether a robot may be so far off as a candidate's coefficients would have it."""
+    found = add(candidate.gram, stage.folds.whole, candidate.effect.signs).coefficients
+    return all(abs(x) <= c.largest for x, c in zip(found, candidate.effect.coefficients, strict=True))
+
+
 def _explains(candidate: Score, stage: Stage, joints: Sequence[int]) -> bool:
     """Return whether a candidate explains enough of some joints' excess on all that is predicted."""
-    excess, removed = stage.excess[joints].sum(), candidate.held_out_by_joint[joints].sum()
+    removed = candidate.held_out_by_joint[joints].sum()
     if not _touched(added(stage.evidence.structure), joints):
-        return bool(removed >= PART * excess)
-    return bool(removed >= max(AGAIN * excess, LATER * stage.initial.excess[joints].sum()))
+        return bool(removed >= PART * stage.surely[joints].sum())
+    return bool(removed >= max(AGAIN * stage.excess[joints].sum(), LATER * stage.initial.excess[joints].sum()))
 
 
 def _told(candidate: Score, stage: Stage, joints: Sequence[int]) -> bool:
@@ -221,6 +242,6 @@ def reconsider(
             changed = [*members[:place], again, *members[place + 1 :]]
             if len({m.label for m in changed}) == len(changed):
                 fresh = stage.under(evidence, [m.effect for m in changed])
-                if fresh.loss < stage.loss - GAIN / 4:
+                if fresh.loss.sum() < stage.loss.sum() - GAIN / 4:
                     members, stage = changed, fresh
     return members, stage

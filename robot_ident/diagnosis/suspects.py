@@ -43,7 +43,7 @@ class Ground:
 
 def suspect(ground: Ground, found: Score, members: Sequence[Score] = ()) -> Suspect:
     """Return a candidate, or a member among its fellows, with what adding it does."""
-    from scipy.stats import chi2
+    from scipy.special import chdtrc
 
     fellows = [m.effect for m in members if m.label != found.label]
     stage = ground.first.under(ground.first.evidence, fellows) if fellows else ground.first
@@ -58,12 +58,12 @@ def suspect(ground: Ground, found: Score, members: Sequence[Score] = ()) -> Susp
     before = extended(ground.whole, beside) if beside else ground.whole
     after = extended(before, [found.effect])
     joints = list(mine.columns.joints)
-    excess = float(stage.excess[joints].sum())
-    dof = len(found.effect.coefficients) + len(found.effect.inner)
+    excess = max(float(stage.excess[joints].sum()), 1e-300)
+    dof = found.effect.size
     return Suspect(
         effect=found.effect,
-        p_value=min(1.0, float(chi2.sf(max(mine.gain, 0.0), dof)) * len(stage.candidates)),
-        explained=float(np.clip(mine.held_out_by_joint[joints].sum() / excess, 0.0, 1.0)) if excess > 0 else 0.0,
+        p_value=min(1.0, float(chdtrc(dof, max(mine.gain, 0.0))) * len(stage.candidates)),
+        explained=float(np.clip(mine.held_out_by_joint[joints].sum() / excess, 0.0, 1.0)),
         mse_before=mean_squares(before),
         mse_after=mean_squares(after),
         validation_before=ground.errors(before),
@@ -84,32 +84,44 @@ def further(ground: Ground, named: Collection[str], failing: Collection[int]) ->
 def gap_suspects(
     whole: Evidence, members: Sequence[Score], gaps: Sequence[Effect], validation: Sequence[Measurement]
 ) -> list[Suspect]:
-    """Return some gaps, one beside the other, beside the members; those whose column gains enough."""
-    from scipy.stats import chi2
+    """Return those of some gaps, the plainest first, whose column gains enough beside the members and the other gaps.
 
-    out: list[Suspect] = []
-    before = extended(whole, [m.effect for m in members]) if members else whole
+    Blows of two gaps overlap in time: each is fitted again in the light of the others.
+    """
+    kept: list[Score] = []
+    effects = [m.effect for m in members]
     for gap in gaps:
-        folds = Folds.of(base_gram(before))
-        found = gap_near(gap, before, folds)
-        if found is None:
-            continue
-        after = extended(before, [found.effect])
-        joints = list(found.columns.joints)
-        excess = float(folds.loss[:, joints].sum()) - sum(float(t.dof[joints].sum()) for t in before.trajectories)
-        out.append(
-            Suspect(
-                effect=found.effect,
-                p_value=min(1.0, float(chi2.sf(found.gain, 1 + len(found.effect.inner))) * whole.structure.robot.n),
-                explained=float(np.clip(found.held_out_by_joint[joints].sum() / max(excess, 1e-300), 0.0, 1.0)),
-                mse_before=mean_squares(before),
-                mse_after=mean_squares(after),
-                validation_before=errors(before, validation) if validation else None,
-                validation_after=errors(after, validation) if validation else None,
-                parameters=estimates(after, found.effect),
-                tied_with=(),
-                experiment=None,
-            )
-        )
-        before = after
-    return out
+        found = _beside(gap, whole, [*effects, *(other.effect for other in kept)])
+        kept += [] if found is None else [found]
+    for place in range(len(kept) - 1):
+        others = [other.effect for k, other in enumerate(kept) if k != place]
+        kept[place] = _beside(kept[place].effect, whole, [*effects, *others]) or kept[place]
+    return [_gap_suspect(one, whole, [*effects, *(k.effect for k in kept if k is not one)], validation) for one in kept]
+
+
+def _beside(gap: Effect, whole: Evidence, fellows: Sequence[Effect]) -> Score | None:
+    before = extended(whole, fellows) if fellows else whole
+    return gap_near(gap, before, Folds.of(base_gram(before)))
+
+
+def _gap_suspect(
+    found: Score, whole: Evidence, fellows: Sequence[Effect], validation: Sequence[Measurement]
+) -> Suspect:
+    from scipy.special import chdtrc
+
+    before = extended(whole, fellows) if fellows else whole
+    after = extended(before, [found.effect])
+    joints, loss = list(found.columns.joints), Folds.of(base_gram(before)).loss
+    excess = float(loss[:, joints].sum()) - sum(float(t.dof[joints].sum()) for t in before.trajectories)
+    return Suspect(
+        effect=found.effect,
+        p_value=min(1.0, float(chdtrc(1 + len(found.effect.inner), found.gain)) * whole.structure.robot.n),
+        explained=float(np.clip(found.held_out_by_joint[joints].sum() / max(excess, 1e-300), 0.0, 1.0)),
+        mse_before=mean_squares(before),
+        mse_after=mean_squares(after),
+        validation_before=errors(before, validation) if validation else None,
+        validation_after=errors(after, validation) if validation else None,
+        parameters=estimates(after, found.effect),
+        tied_with=(),
+        experiment=None,
+    )

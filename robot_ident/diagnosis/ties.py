@@ -18,10 +18,12 @@ _RIVAL = 0.4  # of the best held-out gain that a rival must reach to be looked a
 
 
 def tied(best: Score, scores: Sequence[Score], evidence: Evidence, folds: Folds) -> list[Score]:
-    """Return the rivals whose held-out loss does not differ significantly from that of one score, best first."""
+    """Return the rivals whose held-out loss does not differ significantly from that of one score, best first; and those
+    with fewer parameters that fit all of the data as well, of which extrapolation alone thinks less.
+    """
     if best.held_out <= 0.0:
         return []
-    reference = _block_losses(best, evidence, folds)
+    reference = block_losses(best, evidence, folds)
     out = []
     for rival in scores:
         if (
@@ -32,14 +34,23 @@ def tied(best: Score, scores: Sequence[Score], evidence: Evidence, folds: Folds)
             continue
         if best.label.partition("@")[0] in type(rival.effect).contains:
             continue  # what holds the best as a part can't be told from it, and says nothing more
-        lead = _block_losses(rival, evidence, folds) - reference
-        spread = float(np.std(lead, ddof=1)) * np.sqrt(len(lead))
-        if abs(lead.sum()) < max(_Z * spread, _SHARE * best.held_out):
+        simpler = rival.effect.size < best.effect.size and rival.gain >= best.gain
+        if simpler or alike(block_losses(rival, evidence, folds) - reference, best.held_out):
             out.append(rival)
     return sorted(out, key=lambda score: -score.held_out)
 
 
-def _block_losses(score: Score, evidence: Evidence, folds: Folds) -> Array:
+def alike(lead: Array, gain: float) -> bool:
+    """Return whether two explanations predict alike: differences of their block losses, and what the better gains."""
+    return abs(float(lead.sum())) < _SHARE * gain or not significant(lead)
+
+
+def significant(lead: Array) -> bool:
+    """Return whether the sum of differences of block losses is more than their scatter makes."""
+    return abs(float(lead.sum())) >= _Z * float(np.std(lead, ddof=1)) * np.sqrt(len(lead))
+
+
+def block_losses(score: Score, evidence: Evidence, folds: Folds) -> Array:
     """Return the squared error in blocks of time of every trajectory left out or unseen, at the score's setting."""
     columns: Columns = score.columns
     inner = gram(columns, evidence)
@@ -49,15 +60,16 @@ def _block_losses(score: Score, evidence: Evidence, folds: Folds) -> Array:
         trajectory = evidence.trajectories[left]
         residual = trajectory.y - evidence.phi[left] @ addition.values
         residual[:, columns.joints] -= columns.parts[left] @ addition.coefficients
-        losses += _in_blocks(residual, trajectory)
+        losses += in_blocks(residual, trajectory)
     if folds.unseen is not None:
         rests = folds.unseen.residuals(score.effect, add(inner, folds.whole, score.effect.signs))
         for residual, trajectory in zip(rests, folds.unseen.trajectories, strict=True):
-            losses += _in_blocks(residual, trajectory)
+            losses += in_blocks(residual, trajectory)
     return np.array(losses)
 
 
-def _in_blocks(residual: Array, trajectory: Trajectory) -> list[float]:
+def in_blocks(residual: Array, trajectory: Trajectory) -> list[float]:
+    """Return the squared error of a trajectory's residual [N, n] in blocks of time."""
     squared = np.sum(residual**2, axis=1)
     size = max(1, round(BLOCK / (trajectory.measured.dt * trajectory.measured.decimate)))
     used = np.flatnonzero(trajectory.weight.any(axis=1))

@@ -14,11 +14,13 @@ from robot_ident.effects.effort_filter import EffortFilter
 from robot_ident.effects.effort_gain import EffortGain
 from robot_ident.effects.encoder_eccentricity import EncoderEccentricity
 from robot_ident.effects.end_stop import EndStop
+from robot_ident.effects.exchanged_joints import ExchangedJoints
 from robot_ident.effects.gravity_spring import GravitySpring
 from robot_ident.effects.joint_coupling import JointCoupling
 from robot_ident.effects.joint_elasticity import JointElasticity
 from robot_ident.effects.link_length import LinkLength
 from robot_ident.effects.load_friction import LoadFriction
+from robot_ident.effects.mirrored_joint import MirroredJoint
 from robot_ident.effects.payload import Payload
 from robot_ident.effects.position_friction import PositionFriction
 from robot_ident.effects.presliding import Presliding
@@ -66,6 +68,8 @@ _ALL: tuple[type[Effect], ...] = (
     EffortFilter,
     StampJitter,
     LinkLength,
+    MirroredJoint,
+    ExchangedJoints,
 )
 
 CATALOGUE: dict[str, type[Effect]] = {effect.name: effect for effect in _ALL}

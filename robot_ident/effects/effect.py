@@ -44,7 +44,7 @@ class Coefficient:
     """A linear parameter of an effect: tau = ... + value * column.
 
     unit on a revolute, unit_prismatic on a prismatic joint. positive: a negative value has no physical meaning.
-    symmetry: where it differs from the effect's.
+    symmetry: where it differs from the effect's. largest: beyond it, in either direction, no robot is so far off.
     """
 
     name: str
@@ -52,6 +52,7 @@ class Coefficient:
     unit_prismatic: str
     positive: bool = False
     symmetry: Symmetry | None = None
+    largest: float = np.inf
 
 
 _RESTS = 1e-3  # of its range, or of a scale's bound: so near to it a searched value rests there
@@ -93,6 +94,10 @@ class Inner:
 
 class Sensitivity(Protocol):
     """First-order changes of the rigid arm's torque along a motion of N samples and n joints."""
+
+    @property
+    def inertia(self) -> Array:
+        """Inertia matrix [N, n, n] kg m^2, rotors included."""
 
     def displaced(self, displacement: Motion) -> Array:
         """Return the change of torque [N, n] Nm when the links stand off by a displacement that moves along."""
@@ -302,6 +307,11 @@ class Effect(ABC):
         return tuple(c.positive for c in self.coefficients)
 
     @property
+    def size(self) -> int:
+        """Number of its parameters, inner ones included."""
+        return len(self.coefficients) + len(self.inner)
+
+    @property
     def place(self) -> str | None:
         """Name of its joint, None where it is of the whole robot."""
         return None if self.whole else self.robot.joints[self.joint]
@@ -323,7 +333,7 @@ class Effect(ABC):
         """Return the names of its coefficients: the label, or `name.coefficient@joint` where it has several
         parameters.
         """
-        if len(self.coefficients) + len(self.inner) == 1:
+        if self.size == 1:
             return (self.label,)
         return tuple(self._named(c.name) for c in self.coefficients)
 

@@ -16,7 +16,8 @@ class EffortFilter(Effect):
     """A low pass over the effort and not over the position, of one joint or, without `@JOINT`, of all joints alike.
 
     The column is (F[tau] - tau) / T of a first-order lag F with time constant T, so that its coefficient is T itself:
-    T dF[tau]/dt = tau - F[tau].
+    T dF[tau]/dt = tau - F[tau]. Designs of excitations take that for it; `diagnose` tries filters of second order,
+    moving averages and those computed from sample to sample as well.
     """
 
     name = "effort_filter"

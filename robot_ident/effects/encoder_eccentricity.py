@@ -20,7 +20,7 @@ class EncoderEccentricity(Effect):
     name = "encoder_eccentricity"
     equation = "-D[tau](a cos(h q) + b sin(h q))"
     meaning = "error of the measured position, periodic in a turn"
-    coefficients = (Coefficient("cos", "mrad", "mrad"), Coefficient("sin", "mrad", "mrad"))
+    coefficients = tuple(Coefficient(name, "mrad", "mrad", largest=100.0) for name in ("cos", "sin"))
     inner = (Inner("h", "", "", 1.0, 2.0, (1.0, 2.0), continuous=False),)
     symmetry = "conservative"
     signature = "once (or twice) a turn, over gravity and acceleration"

@@ -39,7 +39,7 @@ class TemperatureDrift(Effect):
     needs_time = True
     trends = True
     symbolic = False
-    evidence = "viscous friction of the single periods trends over their number"
+    evidence = "viscous friction of the single periods falls over time as it does while a gear warms up"
 
     def hidden_in(self, motion: Motion) -> str | None:
         """Look like viscous friction in a period by itself, and in a recording far shorter than T0."""

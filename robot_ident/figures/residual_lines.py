@@ -80,9 +80,9 @@ def together(lines: Sequence[ResidualLines]) -> ResidualLines | None:
 
 def _exceeded(count: int) -> float:
     """Return the factor over the noise's mean rms that a share _RARE of the lines exceeds."""
-    from scipy.stats import chi2
+    from scipy.special import chdtri
 
-    return float(np.sqrt(chi2.isf(_RARE, 2 * count) / (2 * count)))
+    return float(np.sqrt(chdtri(2 * count, _RARE) / (2 * count)))
 
 
 def _points(

@@ -65,6 +65,11 @@ class RigidSensitivity:
                 out[k] += np.sign(side) / _STEP * pinocchio.rnea(model, data, q, v, a)
         return out
 
+    @property
+    def inertia(self) -> Array:
+        """Inertia matrix [N, n, n] kg m^2, rotors included."""
+        return self.derivatives[2]
+
     @cached_property
     def derivatives(self) -> tuple[Array, Array, Array]:
         """Derivatives of the torque by position, velocity and acceleration, [N, n, n] each."""

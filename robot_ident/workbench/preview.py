@@ -6,12 +6,12 @@ from collections.abc import Sequence
 from dataclasses import dataclass
 
 from robot_ident.diagnosis.before_after import errors, estimates, mean_squares
-from robot_ident.diagnosis.by_prediction import tells_noise, weighed_by_residual
 from robot_ident.diagnosis.candidates import Candidate, Folds, enumerate_candidates, score
 from robot_ident.diagnosis.diagnosis import Estimate
 from robot_ident.diagnosis.evidence import Evidence, extended, gather, held, split
 from robot_ident.diagnosis.refine import refined
 from robot_ident.diagnosis.scan import base_gram
+from robot_ident.diagnosis.weighed_by_residual import tells_noise, weighed_by_residual
 from robot_ident.effects import Effect, candidates_of, make_effect
 from robot_ident.errors import InputError
 from robot_ident.estimation.apart import apart

@@ -9,11 +9,15 @@ import numpy as np
 import pytest
 
 from robot_ident.diagnosis.diagnose import diagnose
+from robot_ident.diagnosis.drift import drift_tests
+from robot_ident.diagnosis.evidence import gather
 from robot_ident.effects import make_effect
 from robot_ident.errors import InputError
 from robot_ident.estimation.apart import apart
 from robot_ident.estimation.identify import estimate
 from robot_ident.model.structure import Structure
+from robot_ident.motion import Array
+from robot_ident.recording.measurement import Measurement
 
 DRIFT = ("temperature_drift@joint_1:temperature_drift=8,time_constant=40",)
 COLUMN = "temperature_drift@joint_1"
@@ -60,3 +64,49 @@ def test_an_average_alone_shows_no_drift(bench: Any) -> None:
     structure = Structure.build(bench.robot, [COLUMN])
     with pytest.raises(InputError, match=r"temperature_drift@joint_1 can't be estimated.*single periods"):
         estimate([replace(whole, period_torque=None)], structure)
+
+
+WARMING, LASTS = 4.0, 12.0  # Nm s/rad above the warm friction, s
+
+
+def with_friction(measured: Measurement, joint: int, extra: Array) -> Measurement:
+    """Return a measurement whose periods have `extra` [M, N] Nm s/rad more viscous friction at a joint."""
+    assert measured.period_torque is not None
+    periods = measured.period_torque.copy()
+    periods[:, :, joint] += extra * measured.motion.dq[:, joint]
+    return replace(measured, period_torque=periods, torque=np.nanmean(periods, axis=0))
+
+
+def clock(measured: Measurement) -> Array:
+    """Return when each sample [M, N] was taken, s after the first of the recording."""
+    return np.array(measured.motion.began)[:, None] + np.arange(measured.motion.samples) * measured.dt
+
+
+def test_a_warming_that_soon_ends_is_told_where_a_straight_line_is_not(bench: Any) -> None:
+    cold = [with_friction(m, 1, WARMING * np.exp(-clock(m) / LASTS)) for m in bench.measure((), noise=1.0)]
+    tests = drift_tests(gather(cold, bench.structure))
+    assert [test.told for test in tests] == [False, True, False]
+    straight = 0.0
+    for m in cold:
+        assert m.period_torque is not None
+        v = m.motion.dq[:, 1]
+        friction = m.period_torque[:, :, 1] @ v / (v @ v)
+        slope = np.polyfit(np.arange(m.periods), friction, 1)[0]
+        straight += (
+            slope**2 * np.sum((np.arange(m.periods) - (m.periods - 1) / 2) ** 2) * (v @ v) / m.torque_variance[1]
+        )
+    assert straight < 0.85 * tests[1].gain
+    rising = [with_friction(m, 1, -WARMING * np.exp(-clock(m) / LASTS)) for m in bench.measure((), noise=1.0)]
+    assert not any(test.told for test in drift_tests(gather(rising, bench.structure)))
+
+
+def test_friction_that_scatters_from_period_to_period_is_no_warming(bench: Any) -> None:
+    plain = bench.measure((), noise=1.0)
+    told = gains = 0
+    for seed in range(20):
+        rng = np.random.default_rng(seed)
+        restless = [with_friction(m, 0, 3.0 * rng.standard_normal((m.periods, 1))) for m in plain]
+        found = drift_tests(gather(restless, bench.structure))[0]
+        told, gains = told + found.told, gains + (found.gain > 40.0)
+    assert gains >= 2, "beside the noise of all lines it would be taken for a trend"
+    assert told == 0

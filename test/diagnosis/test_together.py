@@ -25,7 +25,7 @@ def test_what_else_a_rattling_joint_lacks_is_found_between_the_bursts(bench: Any
 def test_bursts_are_laid_to_the_joint_whose_gap_makes_them(bench: Any) -> None:
     evidence = gather(bench.measure((GAP,)), bench.structure)
     folds = Folds.of(base_gram(evidence))
-    gap = gap_behind(evidence, folds, range(3))
+    gap = gap_behind(evidence, folds, range(3), range(3))
     assert gap is not None
     assert gap.label == GAP
     assert best_gap(evidence, folds, [1]) is None or best_gap(evidence, folds, [1]).gain < 0.1 * gap.gain

@@ -1,123 +1,174 @@
-"""A low pass, or a delay, over the effort alone: the model's torque behind it is held against what was measured."""
+"""A low pass over the effort alone: the model's torque behind it is held against what was measured."""
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass, replace
 from functools import partial
 from itertools import product
 
 import numpy as np
-from numpy.typing import NDArray
 
 from robot_ident.diagnosis.diagnosis import Estimate
-from robot_ident.diagnosis.evidence import Evidence, Trajectory
-from robot_ident.diagnosis.measuring.finding import Finding, chosen, fitted_loss, folds, raw_columns, weighed
+from robot_ident.diagnosis.evidence import Evidence
+from robot_ident.diagnosis.measuring.finding import (
+    Finding,
+    chosen,
+    curvature_std,
+    fitted_loss,
+    folds,
+    raw_columns,
+    weighed,
+)
+from robot_ident.diagnosis.measuring.passage import LOW_PASSES, ORDERS, Passage
 from robot_ident.diagnosis.scan import BaseFit, BaseGram, base_gram
 from robot_ident.effects.catalogue import CATALOGUE
 from robot_ident.motion import Array
 
-CUTOFFS = (2.0, 3.0, 4.5, 6.5, 9.5, 14.0, 20.0, 30.0, 45.0)
-"""-3 dB frequencies [Hz] that are tried."""
+NAME = "effort_filter"
+CUTOFFS = (1.0, 1.4, 2.0, 3.0, 4.5, 6.5, 9.5, 14.0, 20.0, 30.0, 45.0, 65.0, 95.0)
+"""-3 dB frequencies [Hz] that are tried at first, with the forms of `ORDERS`."""
 
-ORDERS = (1, 2)
-DELAYS = (-0.03, -0.02, -0.012, -0.006, 0.006, 0.012, 0.02, 0.03, 0.045)
-"""Delays [s] of the rival that keeps steps sharp."""
+_NEIGHBOUR = 0.4  # of the logarithm of a frequency: as far as the next point of the grid lies
+_COARSE, _FINE = 0.03, 0.002  # of that logarithm: how near the best is looked for
+_STEP = 0.01  # of that logarithm, over which the curvature of the squared error is taken
 
 
-def filters(evidence: Evidence, base: BaseGram) -> tuple[list[Finding], float]:
-    """Return the best low pass of every joint and of all, and the most that a plain delay gains on data left out."""
+@dataclass(frozen=True)
+class Passages:
+    """Models of what is measured behind low passes: raw columns [N, n, p] of every trajectory, and the plain model."""
+
+    evidence: Evidence
+    base: BaseGram
+    raw: tuple[Array, ...]
+
+    @classmethod
+    def of(cls, evidence: Evidence, base: BaseGram) -> Passages:
+        """Take the model of some evidence, whose Gram matrices are known."""
+        return cls(evidence, base, tuple(raw_columns(evidence)))
+
+    def through(self, passage: Passage, joints: Sequence[int] | None = None) -> BaseGram:
+        """Return the Gram matrices with the rows of some joints (None: all) behind a low pass."""
+        parts = [passage.applied(c, t) for c, t in zip(self.raw, self.evidence.trajectories, strict=True)]
+        made = base_gram(replace(self.evidence, phi=weighed(self.evidence, parts)))
+        return made if joints is None else chosen(self.base, made, joints)
+
+    def loss(self, passage: Passage, joints: Sequence[int]) -> float:
+        """Return the squared error of a fit to all trajectories."""
+        return fitted_loss(self.through(passage, joints), range(len(self.base.power)))
+
+    def best(
+        self, start: Passage, joints: Sequence[int], reach: float = _NEIGHBOUR, near: float = _COARSE
+    ) -> tuple[Passage, float]:
+        """Return the passage of a form with the least squared error, near one of it, and that error."""
+        from scipy.optimize import minimize_scalar
+
+        found = minimize_scalar(
+            lambda x: self.loss(Passage(start.form, start.at * float(np.exp(x))), joints),
+            bounds=(-reach, reach),
+            method="bounded",
+            options={"xatol": near, "maxiter": 20},
+        )
+        return Passage(start.form, start.at * float(np.exp(found.x))), float(found.fun)
+
+    @property
+    def rate(self) -> float:
+        """Samples per second."""
+        t = self.evidence.trajectories[0]
+        return 1.0 / (t.motion.dt or t.measured.dt)
+
+
+def filters(evidence: Evidence, base: BaseGram) -> list[Finding]:
+    """Return the best low pass of every joint and of all, over the grid alone."""
     if any(t.measured.base_frequency is None for t in evidence.trajectories):
-        return [], 0.0
-    from dataclasses import replace
-
-    raw = raw_columns(evidence)
-
-    def through(kind: tuple[str, float, int]) -> BaseGram:
-        parts = [_passed(columns, t, kind) for columns, t in zip(raw, evidence.trajectories, strict=True)]
-        return base_gram(replace(evidence, phi=weighed(evidence, parts)))
-
-    passes = {(f, k): through(("pass", f, k)) for f, k in product(CUTOFFS, ORDERS)}
-    delays = [through(("delay", d, 0)) for d in DELAYS]
+        return []
+    model = Passages.of(evidence, base)
+    tried = [Passage(form, f) for f, form in product(CUTOFFS, ORDERS.values())]
+    passes = {passage: model.through(passage) for passage in tried}
     n = base.power.shape[1]
     places: list[int | None] = [*range(n), *([None] if n > 1 else [])]
-    delayed = max(_held_fall(base, delays, place) for place in places)
-    out = [_finding(evidence, base, passes, place) for place in places]
-    return [finding for finding in out if finding.held_out > 0.0], delayed
+    out = [_of_grid(model, passes, place) for place in places]
+    return [finding for finding in out if finding.gain > 0.0]
 
 
-def _finding(
-    evidence: Evidence, base: BaseGram, passes: dict[tuple[float, int], BaseGram], place: int | None
-) -> Finding:
-    joints = _joints(base, place)
-    everything = range(len(base.power))
-    losses = {kind: fitted_loss(chosen(base, made, joints), everything) for kind, made in passes.items()}
-    cutoff, order = min(losses, key=losses.__getitem__)
-    robot = evidence.structure.robot
-    effect = CATALOGUE["effort_filter"](robot, place)
-    near = sorted(CUTOFFS, key=lambda f: abs(np.log(f / cutoff)))[1]
-    found = Estimate(f"cutoff of {effect.label}", _between(losses, cutoff, order), abs(near - cutoff) / 2.0, "Hz")
+def exact(found: Finding, evidence: Evidence, base: BaseGram) -> Finding:
+    """Return a low pass at its exact frequency, of the form among `LOW_PASSES` that leaves least."""
+    model = Passages.of(evidence, base)
+    joints, start = joints_of(found, base), _passage_of(found)
+    losses = dict(model.best(start.like(form, model.rate), joints) for form in LOW_PASSES)
+    closest = min(losses, key=losses.__getitem__)
+    passage, _ = model.best(closest, joints, 2.0 * _COARSE, _FINE)
+    declared = min((p for p in losses if p.form in ORDERS.values()), key=losses.__getitem__)
+    declared = passage if declared == closest else declared
+    std = curvature_std(
+        lambda x: model.loss(Passage(passage.form, float(np.exp(x))), joints), np.log(passage.at), _STEP
+    )
+    better = _finding(model, passage, declared, found.effect.place, passage.at * std)
+    return better if better.gain > found.gain else found
+
+
+def joints_of(found: Finding, base: BaseGram) -> list[int]:
+    """Return the joints whose effort passes."""
+    return list(range(base.power.shape[1])) if found.effect.place is None else [found.effect.joint]
+
+
+def _of_grid(model: Passages, passes: Mapping[Passage, BaseGram], place: int | None) -> Finding:
+    joints = list(range(model.base.power.shape[1])) if place is None else [place]
+    mixed = {passage: chosen(model.base, made, joints) for passage, made in passes.items()}
+    losses = {passage: fitted_loss(one, range(len(model.base.power))) for passage, one in mixed.items()}
+    best = min(losses, key=losses.__getitem__)
+    near = sorted(CUTOFFS, key=lambda f: abs(np.log(f / best.at)))[1]
+    names = model.evidence.structure.robot.joints
+    found = _finding(model, best, best, None if place is None else names[place], abs(near - best.at) / 2.0)
+    return replace(found, held_out=_held_fall(model.base, list(mixed.values())))
+
+
+def _finding(model: Passages, passage: Passage, declared: Passage, place: str | None, std: float) -> Finding:
+    """Return a low pass as a fault; declared: the best of those that a robot YAML can tell."""
+    robot = model.evidence.structure.robot
+    effect = CATALOGUE[NAME](robot, None if place is None else robot.joint_index(place))
+    joints = list(range(robot.n)) if place is None else [effect.joint]
+    after = model.through(passage, joints)
+    everything = range(len(model.base.power))
     return Finding(
         effect,
-        fitted_loss(base, everything) - losses[cutoff, order],
-        _held_fall(base, list(passes.values()), place),
-        (found,),
-        partial(_columns, kind=("pass", found.value, order), joints=joints),
-        _fix(robot.joints, place, order, found.value),
+        fitted_loss(model.base, everything) - fitted_loss(after, everything),
+        _held_fall(model.base, [after]),
+        (Estimate(f"cutoff of {effect.label}", passage.at, std, "Hz"),),
+        partial(_columns, passage=passage, joints=joints),
+        _fix(place, passage, declared),
         2,
     )
 
 
-def _fix(names: Sequence[str], place: int | None, order: int, cutoff: float) -> str:
-    kind = f"anti_alias: {{order: {order}, cutoff: {cutoff:.3g}}}"
-    return f"{kind if place is None else f'joints: {{{names[place]}: {{{kind}}}}}'}  # in the robot YAML"
+def _passage_of(found: Finding) -> Passage:
+    """Return the passage of a finding of this file."""
+    assert isinstance(found.columns, partial)
+    passage = found.columns.keywords["passage"]
+    assert isinstance(passage, Passage)
+    return passage
 
 
-def _between(losses: dict[tuple[float, int], float], cutoff: float, order: int) -> float:
-    """Return the cutoff of least error between neighbours of the grid, by a parabola over its logarithm."""
-    at = CUTOFFS.index(cutoff)
-    if at in (0, len(CUTOFFS) - 1):
-        return cutoff
-    three = CUTOFFS[at - 1 : at + 2]
-    x, y = np.log(three) - np.log(cutoff), [losses[f, order] - losses[cutoff, order] for f in three]
-    a, b, _ = np.polyfit(x, y, 2)
-    return float(cutoff * np.exp(np.clip(-b / (2.0 * a), x[0], x[2]))) if a > 0.0 else cutoff
+def _fix(place: str | None, passage: Passage, declared: Passage) -> str:
+    order = next(order for order, form in ORDERS.items() if form == declared.form)
+    kind = f"anti_alias: {{order: {order}, cutoff: {declared.at:.3g}}}"
+    near = "" if passage == declared else f": what comes nearest to a filter of another form ({passage.form})"
+    return f"{kind if place is None else f'joints: {{{place}: {{{kind}}}}}'}  # in the robot YAML{near}"
 
 
-def _held_fall(base: BaseGram, made: Sequence[BaseGram], place: int | None) -> float:
-    """Return the fall of the squared error on trajectories left out, the kind chosen on the others."""
-    joints, total = _joints(base, place), 0.0
-    mixed = [chosen(base, other, joints) for other in made]
+def _held_fall(base: BaseGram, made: Sequence[BaseGram]) -> float:
+    """Return the fall of the squared error on trajectories left out, the model chosen on the others."""
+    total = 0.0
     for left, train in folds(len(base.power)):
-        best = mixed[int(np.argmin([fitted_loss(one, train) for one in mixed]))]
+        best = made[0] if len(made) == 1 else made[int(np.argmin([fitted_loss(one, train) for one in made]))]
         total += float(BaseFit.of(base, train).loss(base, left).sum() - BaseFit.of(best, train).loss(best, left).sum())
     return total
 
 
-def _joints(base: BaseGram, place: int | None) -> list[int]:
-    return list(range(base.power.shape[1])) if place is None else [place]
-
-
-def _columns(evidence: Evidence, *, kind: tuple[str, float, int], joints: Sequence[int]) -> tuple[Array, ...]:
+def _columns(evidence: Evidence, *, passage: Passage, joints: Sequence[int]) -> tuple[Array, ...]:
     parts = []
     for columns, t in zip(raw_columns(evidence), evidence.trajectories, strict=True):
         changed = columns.copy()
-        changed[:, joints] = _passed(columns[:, joints], t, kind)
+        changed[:, joints] = passage.applied(columns[:, joints], t)
         parts.append(changed)
     return weighed(evidence, parts)
-
-
-def _passed(columns: Array, t: Trajectory, kind: tuple[str, float, int]) -> Array:
-    """Return periodic columns [N, n, p] behind a Butterworth low pass, or late, line by line."""
-    samples = len(columns)
-    frequency = np.fft.rfftfreq(samples, t.motion.dt or t.measured.dt)
-    h = _response(kind, np.asarray(frequency, dtype=float))
-    lines = np.fft.rfft(columns, axis=0) * h.reshape(-1, 1, 1)
-    return np.fft.irfft(lines, samples, axis=0)
-
-
-def _response(kind: tuple[str, float, int], frequency: Array) -> NDArray[np.complex128]:
-    word, value, order = kind
-    if word == "delay":
-        return np.asarray(np.exp(-2j * np.pi * frequency * value))
-    s = 1j * frequency / value
-    return np.asarray(1.0 / (1.0 + s) if order == 1 else 1.0 / (1.0 + np.sqrt(2.0) * s + s**2))

@@ -17,10 +17,12 @@ from robot_ident.diagnosis.candidates import Folds, Score
 from robot_ident.diagnosis.diagnosis import Suspect
 from robot_ident.diagnosis.evidence import Evidence, gather
 from robot_ident.diagnosis.lack_of_fit import lack_of_fit
-from robot_ident.diagnosis.measuring.filtered import filters
-from robot_ident.diagnosis.measuring.finding import Finding, with_columns
+from robot_ident.diagnosis.measuring.axes import wrong_axes
+from robot_ident.diagnosis.measuring.filtered import NAME, exact, filters
+from robot_ident.diagnosis.measuring.finding import Finding, fitted_loss, with_columns
 from robot_ident.diagnosis.measuring.further import link_lengths, payloads
 from robot_ident.diagnosis.measuring.gain import gains, single_gains, undecidable_gains
+from robot_ident.diagnosis.measuring.lookalikes import LowPasses, equals, holds
 from robot_ident.diagnosis.refine import sharpened
 from robot_ident.diagnosis.scan import base_gram
 from robot_ident.recording.measurement import Measurement
@@ -28,6 +30,8 @@ from robot_ident.recording.measurement import Measurement
 GAIN = 40.0  # chi-square units that a fault must gain
 MOSTLY = 0.5  # of the excess that it must explain
 LEAD = 0.05  # of its own gain by which it must beat the best effect
+REST = 0.002  # of the excess that a low pass may leave
+NOISE = 0.5  # of the squared error of the noise, that it may leave where that is more
 _Z = 2.0  # standard deviations of a difference of two gains that are no lead
 
 
@@ -40,28 +44,47 @@ class Fault:
     note: str
 
 
+@dataclass(frozen=True)
+class Judged:
+    """A fault of what is measured, None where no fault or some effect does as well; and the low passes there may be."""
+
+    fault: Fault | None
+    low_passes: LowPasses
+
+
 def measuring_fault(
     evidence: Evidence, folds: Folds, scores: Sequence[Score], validation: Sequence[Measurement] = ()
-) -> Fault | None:
-    """Return the fault of measuring that explains most of the error, None where no fault or some effect does as well.
+) -> Judged:
+    """Return the fault of measuring that explains most of the error.
 
     scores: those of the catalogue's effects, best first.
     """
     base = folds.base
-    passes, delayed = filters(evidence, base)
+    passes = filters(evidence, base)
     found = [*gains(evidence, base), *passes, *link_lengths(evidence, folds)]
-    found += [*payloads(evidence, base), *single_gains(evidence, base)]
+    found += [*payloads(evidence, base), *single_gains(evidence, base), *wrong_axes(evidence, base)]
+    none = Judged(None, LowPasses(tuple(passes), evidence, folds, scores))
     excess = float(folds.loss.sum()) - sum(float(t.dof.sum()) for t in evidence.trajectories)
     found.sort(key=lambda f: -f.held_out)
-    best = found[0] if found else None
-    if best is None or best.gain < GAIN or best.held_out < GAIN / 2:
-        return None
-    if best.held_out < MOSTLY * _excess(best, evidence, excess):
-        return None
-    rival = max(_best_effect(best, scores, evidence, folds), delayed if "filter" in best.label else 0.0)
-    if best.held_out - rival < _lead(best):
-        return None
-    return _fault(best, found, evidence, excess, validation)
+    if not found or found[0].gain < GAIN or found[0].held_out < MOSTLY * _excess(found[0], evidence, excess):
+        return none
+    found = _sharpened(found, evidence, folds)
+    best = found[0]
+    if best.held_out < max(GAIN / 2, MOSTLY * _excess(best, evidence, excess)):
+        return none
+    if best.effect.name == NAME:
+        named = near_noise(best, evidence, folds) and holds(best, scores, evidence, folds, _lead(best))
+        ties = equals(best, scores, evidence, folds) if named else []
+    else:
+        named, ties = best.held_out - _best_effect(best, scores, evidence, folds) >= _lead(best), []
+    return replace(none, fault=_fault(best, found, ties, evidence, excess, validation)) if named else none
+
+
+def _sharpened(found: Sequence[Finding], evidence: Evidence, folds: Folds) -> list[Finding]:
+    """Return the findings, best first, with low passes that come near the best at their exact values."""
+    least = found[0].held_out - _lead(found[0])
+    sharp = (exact(f, evidence, folds.base) if f.effect.name == NAME and f.held_out >= least else f for f in found)
+    return sorted(sharp, key=lambda f: -f.held_out)
 
 
 def _excess(found: Finding, evidence: Evidence, held_out: float) -> float:
@@ -70,6 +93,17 @@ def _excess(found: Finding, evidence: Evidence, held_out: float) -> float:
         return max(held_out, 0.0)
     dof = sum(float(t.dof.sum()) for t in evidence.trajectories)
     return max(sum(float(np.sum(r**2)) for r in evidence.residual) - dof, 0.0)
+
+
+def near_noise(found: Finding, evidence: Evidence, folds: Folds) -> bool:
+    """Return whether what a fault leaves of all data is about the noise, or nearly nothing of what there was.
+
+    A low pass follows much of whatever error there is at high frequencies, of rounded positions above all; where it is
+    the cause, it leaves next to nothing.
+    """
+    dof = sum(float(t.dof.sum()) for t in evidence.trajectories)
+    before = fitted_loss(folds.base, range(len(folds.base.power)))
+    return before - found.gain - dof <= max(REST * (before - dof), NOISE * dof)
 
 
 def _lead(found: Finding) -> float:
@@ -88,28 +122,33 @@ def _best_effect(found: Finding, scores: Sequence[Score], evidence: Evidence, fo
 
 
 def _fault(
-    best: Finding, found: Sequence[Finding], evidence: Evidence, excess: float, validation: Sequence[Measurement]
+    best: Finding,
+    found: Sequence[Finding],
+    ties: Sequence[str],
+    evidence: Evidence,
+    excess: float,
+    validation: Sequence[Measurement],
 ) -> Fault:
-    from scipy.stats import chi2
+    from scipy.special import chdtrc
 
     after = with_columns(evidence, best.columns)
     names = evidence.structure.robot.joints
     rest = lack_of_fit(replace(after, memory={}), base_gram(after))
     own = _excess(best, evidence, excess)
-    equals = [f.label for f in found[1:] if best.held_out - f.held_out < _lead(best) and f.label != best.label]
+    near = [f.label for f in found[1:] if best.held_out - f.held_out < _lead(best) and f.label != best.label]
     alone = f" in recording {best.single} alone" if best.single is not None else ""
     before_seen, after_seen = _validated(best, evidence, after, validation)
     suspect = Suspect(
         effect=best.effect,
-        p_value=min(1.0, float(chi2.sf(best.gain, best.more)) * len(found)),
+        p_value=min(1.0, float(chdtrc(best.more, best.gain)) * len(found)),
         explained=float(np.clip(best.held_out / own, 0.0, 1.0)) if own > 0.0 else 1.0,
         mse_before=mean_squares(evidence),
         mse_after=mean_squares(after),
         validation_before=before_seen,
         validation_after=after_seen,
         parameters=best.parameters,
-        tied_with=tuple(dict.fromkeys(equals)),
-        experiment=None,
+        tied_with=tuple(dict.fromkeys([*ties, *near])),
+        experiment=best.effect.experiment if ties else None,
         fix=best.fix,
     )
     return Fault(

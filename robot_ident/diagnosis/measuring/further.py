@@ -15,6 +15,7 @@ from robot_ident.effects.catalogue import CATALOGUE
 from robot_ident.motion import Array
 
 _SIGMA = 2.0
+_FARTHEST = 250.0  # mm by which a link may be longer or shorter than described; more, and the robot is another one
 
 
 def link_lengths(evidence: Evidence, folds: Folds) -> list[Finding]:
@@ -29,6 +30,8 @@ def link_lengths(evidence: Evidence, folds: Folds) -> list[Finding]:
         after = with_columns(evidence, columns)
         values = after.values[-3:]
         std = _spread(after)[-3:]
+        if any(abs(v) - s > _FARTHEST for v, s in zip(values, std, strict=True)):
+            continue
         told = tuple(
             Estimate(f"{axis} of {robot.joints[joint]}", float(v), float(s), "mm")
             for axis, v, s in zip("xyz", values, std, strict=True)

@@ -24,7 +24,7 @@ def jitter_suspect(evidence: Evidence) -> Suspect | None:
 
     It makes no torque: what it leaves in the mean is what there was.
     """
-    from scipy.stats import norm
+    from scipy.special import ndtr
 
     seen = list({id(t.measured): t.measured for t in evidence.trajectories}.values())
     told = [(m, m.off_clock) for m in seen if m.off_clock is not None]
@@ -38,7 +38,7 @@ def jitter_suspect(evidence: Evidence) -> Suspect | None:
     mse = mean_squares(evidence)
     return Suspect(
         effect=CATALOGUE["stamp_jitter"](evidence.structure.robot, None),
-        p_value=float(norm.sf(sigmas)),
+        p_value=float(ndtr(-sigmas)),
         explained=0.0,
         mse_before=mse,
         mse_after=mse,

@@ -1,0 +1,99 @@
+"""A low pass over the effort beside the effects that look like it: which of them do the data tell for, if any?
+
+To what is slow, a low pass, a delay and friction that builds up after a reversal are all torque that comes late. They
+are held against each other by what they predict of trajectories left out, block by block of time.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass, replace
+
+import numpy as np
+
+from robot_ident.diagnosis.candidates import Folds, Score
+from robot_ident.diagnosis.diagnosis import Diagnosis, Suspect
+from robot_ident.diagnosis.evidence import Evidence
+from robot_ident.diagnosis.measuring.filtered import NAME, exact
+from robot_ident.diagnosis.measuring.finding import Finding, folds
+from robot_ident.diagnosis.refine import refined, sharpened
+from robot_ident.diagnosis.scan import BaseFit, base_gram
+from robot_ident.diagnosis.ties import alike, block_losses, in_blocks, significant
+from robot_ident.effects.catalogue import CATALOGUE
+from robot_ident.motion import Array
+
+LIKE = CATALOGUE[NAME].confused_with
+"""Names of the effects that look like a low pass."""
+
+_DELAY = "time_delay"  # of these the one that is of the measuring, too, and has less parameters
+_HEARD = 0.4  # of a low pass's held-out gain from which on an effect is held against it
+
+
+@dataclass(frozen=True)
+class LowPasses:
+    """Low passes that the data may tell of, over the grid, and what they were judged on."""
+
+    found: tuple[Finding, ...]
+    evidence: Evidence
+    folds: Folds
+    scores: Sequence[Score]
+
+    def beside(self, diagnosis: Diagnosis) -> Diagnosis:
+        """Return a diagnosis whose suspects say where a low pass in their place predicts as well."""
+        return replace(diagnosis, missing=tuple(self._beside(suspect) for suspect in diagnosis.missing))
+
+    def _beside(self, suspect: Suspect) -> Suspect:
+        mine = next((s for s in self.scores if s.label == suspect.label), None)
+        given = next((f for f in self.found if f.effect.place == suspect.effect.place), None)
+        if suspect.effect.name not in LIKE or mine is None or given is None:
+            return suspect
+        score = refined(mine, self.evidence, self.folds)
+        low_pass = exact(given, self.evidence, self.folds.base)
+        lead = block_losses_of(low_pass, self.evidence) - block_losses(score, self.evidence, self.folds)
+        if not alike(lead, score.held_out):
+            return suspect
+        experiment = suspect.experiment or low_pass.effect.experiment
+        return replace(suspect, tied_with=(*suspect.tied_with, low_pass.label), experiment=experiment)
+
+
+def holds(low_pass: Finding, scores: Sequence[Score], evidence: Evidence, given: Folds, lead: float) -> bool:
+    """Return whether a low pass is what the data tell for.
+
+    It must lead every effect by a margin, but those that look like it: it must predict better than a delay beyond what
+    the noise makes, and not worse than friction does: what the drive does to its signal is asked for before the arm is
+    blamed. lead: the margin, in units of chi-square.
+    """
+    sharp = _sharp(low_pass, scores, evidence, given)
+    if not sharp:
+        return True
+    rival = sharp[0]
+    if rival.effect.name not in LIKE:
+        return low_pass.held_out - rival.held_out >= lead
+    behind = block_losses_of(low_pass, evidence) - block_losses(rival, evidence, given)
+    if rival.effect.name == _DELAY:
+        return float(behind.sum()) < 0.0 and not alike(behind, low_pass.held_out)
+    return float(behind.sum()) <= 0.0 or not significant(behind)
+
+
+def equals(low_pass: Finding, scores: Sequence[Score], evidence: Evidence, given: Folds) -> list[str]:
+    """Return the labels of effects that predict as well as a low pass."""
+    reference, gain = block_losses_of(low_pass, evidence), low_pass.held_out
+    sharp = [s for s in _sharp(low_pass, scores, evidence, given) if s.held_out >= _HEARD * gain]
+    return [s.label for s in sharp if alike(block_losses(s, evidence, given) - reference, gain)]
+
+
+def block_losses_of(found: Finding, evidence: Evidence) -> Array:
+    """Return the squared error in blocks of time of every trajectory left out, with a fault at its exact values."""
+    phi = found.columns(evidence)
+    base, losses = base_gram(replace(evidence, phi=phi)), []
+    for left, train in folds(len(phi)):
+        trajectory = evidence.trajectories[left]
+        losses += in_blocks(trajectory.y - phi[left] @ BaseFit.of(base, train).values, trajectory)
+    return np.array(losses)
+
+
+def _sharp(low_pass: Finding, scores: Sequence[Score], evidence: Evidence, given: Folds) -> list[Score]:
+    """Return the scores, best first, refined where they come near the low pass."""
+    if not scores or scores[0].held_out < 0.5 * low_pass.held_out:
+        return list(scores)
+    return sharpened(scores[0], scores, evidence, given)

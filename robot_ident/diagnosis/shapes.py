@@ -1,0 +1,148 @@
+"""Shapes that no effect of the catalogue has: where one predicts far better than what was found, that gets no name.
+
+Of several wrong names one is always the best, and on unseen motion it may explain half of what is missing. A cause
+that is not in the catalogue still follows something: a product of two joints' speeds, a curve over a position. Such
+plain columns are rivals of every name that leaves much unexplained; they get none themselves, but are told in words.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Iterator, Sequence
+from functools import partial
+from itertools import combinations
+
+import numpy as np
+
+from robot_ident.diagnosis.candidates import Candidate, Score, score
+from robot_ident.diagnosis.refine import refined
+from robot_ident.diagnosis.scan import columns_of
+from robot_ident.diagnosis.stage import Stage
+from robot_ident.diagnosis.ties import block_losses, significant
+from robot_ident.effects.effect import Coefficient, Effect, Torques
+from robot_ident.motion import Array, Motion
+from robot_ident.robot.robot import Robot
+
+ENOUGH = 0.8  # of its joint's excess that an effect explains: no shape is asked any more
+MORE = 0.15  # of the excess that a shape must explain beyond it
+
+_DEGREES = range(2, 8)  # of the polynomials of a curve: what is constant or a spring has names
+_WAVES = range(3, 13)  # to a turn: fewer are springs, weights and cams that have names
+
+Course = Callable[[Motion, Torques | None], Array]
+"""The columns [N, k] of a shape along a motion with the model's torques."""
+
+
+class Shape(Effect):
+    """Columns at a joint by a formula of the motion alone; `words`: what they follow, for the user."""
+
+    name = "shape"
+    candidate = False
+
+    def __init__(self, robot: Robot, joint: int, words: str, course: Course, count: int = 1) -> None:
+        """Place a formula of `count` columns at a joint."""
+        super().__init__(robot, joint)
+        self.words = words
+        self.course = course
+        self.coefficients = tuple(Coefficient(f"c{k}", "Nm", "N") for k in range(count))
+
+    def columns(self, motion: Motion, torques: Torques | None = None) -> Array:
+        """Return them [N, n, k]."""
+        out = np.zeros((motion.samples, self.robot.n, len(self.coefficients)))
+        out[:, self.joint] = self.course(motion, torques)
+        return out
+
+
+def doubted(members: Sequence[Score], first: Stage, last: Stage) -> dict[str, str]:
+    """Return why members of a model are not to be named, by their label.
+
+    first, last: the stage of the model as it was given, and with all members.
+    """
+    out = {}
+    for member in members:
+        joints = list(member.columns.joints)
+        left = float(last.excess[joints].sum()) / max(float(first.excess[joints].sum()), 1e-300)
+        if len(joints) == 1 and not member.effect.whole and left > 1.0 - ENOUGH:
+            fellows = [m.effect for m in members if m.label != member.label]
+            words = _doubt(member, first.under(first.evidence, fellows) if fellows else first)
+            if words:
+                out[member.label] = words
+    return out
+
+
+def _doubt(member: Score, stage: Stage) -> str | None:
+    """Return in words which shape predicts far better than a member, None where none does."""
+    found = next((s for s in stage.scores if s.label == member.label), None)
+    joint, evidence, folds = member.effect.joint, stage.evidence, stage.folds
+    excess = float(stage.excess[joint])
+    if found is None or excess <= 0.0:
+        return None
+    mine = refined(found, evidence, folds)
+    if mine.held_out_by_joint[joint] >= ENOUGH * excess:
+        return None
+    robot = evidence.structure.robot
+    rivals = [
+        score(Candidate(shape.words, (columns_of(shape, evidence, evidence.torques),)), evidence, folds)
+        for shape in shapes(robot, joint)
+    ]
+    best = max(rivals, key=lambda s: s.held_out)
+    if best.held_out - mine.held_out < MORE * excess:
+        return None
+    if not significant(block_losses(mine, evidence, folds) - block_losses(best, evidence, folds)):
+        return None
+    assert isinstance(best.effect, Shape)
+    shares = (100.0 * float(np.clip(s.held_out_by_joint[joint] / excess, 0.0, 1.0)) for s in (mine, best))
+    return (
+        f"{member.label} gets no name: it predicts {next(shares):.0f} % of what {robot.joints[joint]} lacks,"
+        f" {best.effect.words} {next(shares):.0f} %, and no effect of the catalogue is that"
+    )
+
+
+def shapes(robot: Robot, joint: int) -> Iterator[Shape]:
+    """Return the shapes that are tried at a joint."""
+    names, j = robot.joints, joint
+    mine = names[j]
+    yield Shape(robot, j, f"a curve over q of {mine}", partial(_curve, joint=j), len(_DEGREES))
+    for times in _WAVES:
+        wave = f"a wave over q of {mine}, {times} a turn"
+        yield Shape(robot, j, wave, partial(_wave, joint=j, times=times, loaded=False), 2)
+        yield Shape(robot, j, f"its torque * {wave}", partial(_wave, joint=j, times=times, loaded=True), 2)
+    for a, b in combinations(range(robot.n), 2):
+        yield Shape(robot, j, f"dq of {names[a]} * dq of {names[b]}", partial(_product, a=a, b=b))
+        yield Shape(robot, j, f"q of {names[a]} * q of {names[b]}", partial(_positions, a=a, b=b))
+    for o in (o for o in range(robot.n) if o != j):
+        other = names[o]
+        yield Shape(robot, j, f"dq of {mine} * |dq of {other}|", partial(_rubbing, a=j, b=o))
+        yield Shape(robot, j, f"dq of {other} * |dq of {mine}|", partial(_rubbing, a=o, b=j))
+        yield Shape(robot, j, f"dq of {other}, squared", partial(_product, a=o, b=o))
+        yield Shape(robot, j, f"dq of {other} * its size", partial(_rubbing, a=o, b=o))
+        yield Shape(robot, j, f"dq of {mine} * q of {other}", partial(_leaning, a=j, b=o))
+        yield Shape(robot, j, f"a curve over q of {other}", partial(_curve, joint=o), len(_DEGREES))
+
+
+def _product(motion: Motion, torques: Torques | None, *, a: int, b: int) -> Array:
+    return motion.dq[:, [a]] * motion.dq[:, [b]]
+
+
+def _rubbing(motion: Motion, torques: Torques | None, *, a: int, b: int) -> Array:
+    return motion.dq[:, [a]] * np.abs(motion.dq[:, [b]])
+
+
+def _positions(motion: Motion, torques: Torques | None, *, a: int, b: int) -> Array:
+    return motion.q[:, [a]] * motion.q[:, [b]]
+
+
+def _leaning(motion: Motion, torques: Torques | None, *, a: int, b: int) -> Array:
+    return motion.dq[:, [a]] * motion.q[:, [b]]
+
+
+def _wave(motion: Motion, torques: Torques | None, *, joint: int, times: int, loaded: bool) -> Array:
+    """Return cos and sin of so many turns a turn of the joint [N, 2], over its torque where loaded."""
+    turns = times * motion.q[:, joint]
+    size = torques.total[:, joint] if loaded and torques is not None else np.ones(motion.samples)
+    return np.stack([size * np.cos(turns), size * np.sin(turns)], axis=1)
+
+
+def _curve(motion: Motion, torques: Torques | None, *, joint: int) -> Array:
+    """Return Chebyshev's polynomials of a position in half turns [N, k]."""
+    x = np.clip(motion.q[:, joint] / np.pi, -1.0, 1.0)
+    return np.stack([np.cos(degree * np.arccos(x)) for degree in _DEGREES], axis=1)

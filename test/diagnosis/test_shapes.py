@@ -1,0 +1,87 @@
+"""What no effect of the catalogue is gets no name, though some effect explains half of it, and is told in words."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from dataclasses import replace
+from typing import Any
+
+import numpy as np
+import pytest
+
+from robot_ident.diagnosis.evidence import gather
+from robot_ident.diagnosis.shapes import doubted, shapes
+from robot_ident.diagnosis.stage import Stage
+from robot_ident.diagnosis.white_lines import whitened
+from robot_ident.motion import Motion
+from robot_ident.recording import process
+from robot_ident.recording.recording import Recording
+
+PERIOD = 1500
+Torque = Callable[[np.ndarray, np.ndarray, np.ndarray], np.ndarray]
+
+
+def of_two_speeds(q: np.ndarray, dq: np.ndarray, tau: np.ndarray) -> np.ndarray:
+    """Return friction of joint 3 that rises with the speed of joint 2."""
+    return 9.0 * dq[:, 2] * np.abs(dq[:, 1])
+
+
+def with_hidden(recording: Recording, joint: int, hidden: Torque) -> Recording:
+    """Return a recording with more torque at a joint, by the mean of its periods, differentiated by differences."""
+    q = recording.q.reshape(-1, PERIOD, 3).mean(axis=0)
+    dq = (np.roll(q, -3, axis=0) - np.roll(q, 3, axis=0)) / (6.0 / 150.0)
+    tau = recording.tau.copy()
+    tau[:, joint] += np.tile(hidden(q, dq, tau[:PERIOD]), len(tau) // PERIOD)
+    return replace(recording, tau=tau)
+
+
+def torque_wave(q: np.ndarray, dq: np.ndarray, tau: np.ndarray) -> np.ndarray:
+    """Return the error of a gear that gives 4 % more and less, seven times a turn of joint 3."""
+    return 0.04 * tau[:, 2] * np.sin(7.0 * q[:, 2] + 0.4)
+
+
+def coupled(q: np.ndarray, dq: np.ndarray, tau: np.ndarray) -> np.ndarray:
+    """Return what joint 3 feels of the friction of joint 2."""
+    return 4.0 * dq[:, 1] + 2.0 * np.sign(dq[:, 1])
+
+
+def said_of(name: str, bench: Any, hidden: Torque) -> dict[str, str]:
+    """Return what is said of an effect at joint 3 as the only member of a model, on data with something hidden."""
+    measured = [process(with_hidden(bench.record([], k), 2, hidden), bench.robot) for k in (0, 1)]
+    first = Stage.of(whitened(gather(measured, bench.structure)))
+    member = next(s for s in first.scores if s.label == f"{name}@joint_3")
+    return doubted([member], first, first.under(first.evidence, [member.effect]))
+
+
+@pytest.mark.parametrize(
+    ("hidden", "words"),
+    [
+        (of_two_speeds, "dq of joint_3 * |dq of joint_2|"),
+        (torque_wave, "its torque * a wave over q of joint_3, 7 a turn"),
+    ],
+)
+def test_what_follows_a_shape_gets_no_name(bench: Any, hidden: Torque, words: str) -> None:
+    for name in ("joint_coupling", "position_friction"):
+        why = said_of(name, bench, hidden)[f"{name}@joint_3"]
+        assert "gets no name" in why and words in why
+
+
+def test_a_cause_keeps_its_name(bench: Any) -> None:
+    assert said_of("joint_coupling", bench, coupled) == {}
+
+
+@pytest.mark.parametrize("joint", [0, 2])
+def test_shapes_are_columns_at_their_joint(bench: Any, joint: int) -> None:
+    """Finite, of the joint alone, none a multiple of another one, each with words of its own."""
+    t = np.arange(0.0, 10.0, 0.02)
+    q = np.stack([0.8 * np.sin(0.63 * k * t + k) for k in (1, 2, 3)], axis=1)
+    motion = Motion(q, np.gradient(q, 0.02, axis=0), np.zeros_like(q), 0.02)
+    made = [shape for shape in shapes(bench.robot, joint) if "torque" not in shape.words]
+    columns = [shape.columns(motion) for shape in made]
+    assert len({shape.words for shape in made}) == len(made)
+    for one in columns:
+        assert np.all(np.isfinite(one))
+        assert not np.delete(one, joint, axis=1).any()
+    single = np.stack([one[:, joint, 0] / np.linalg.norm(one[:, joint, 0]) for one in columns if one.shape[2] == 1])
+    alike = np.abs(single @ single.T) - np.eye(len(single))
+    assert alike.max() < 0.9999
