@@ -27,7 +27,8 @@ class Body:
     """A payload: ten parameters [10] about and along the last joint's frame with covariance [10, 10], and what follows.
 
     centre [3] m in the end effector's frame; inertia (3 x 3) kg m^2 about the centre along its axes; their standard
-    deviations by the first order. told [10]: whether the data say anything of a parameter.
+    deviations by the first order. told [10]: whether the data say anything of a parameter. given: what was known before
+    (mass, centre, inertia) and held.
     """
 
     values: Array
@@ -37,6 +38,7 @@ class Body:
     centre_std: Array
     inertia: Array
     inertia_std: Array
+    given: tuple[str, ...] = ()
 
     @property
     def mass(self) -> float:
@@ -59,7 +61,8 @@ class Body:
     def in_words(self) -> str:
         """Mass and centre in one line."""
         place = (f"{c:.4f}" if s < NOTHING else "?" for c, s in zip(self.centre, self.centre_std, strict=True))
-        return f"{self.mass:.4g} +- {self.mass_std:.2g} kg at [{', '.join(place)}] m"
+        mass = f"{self.mass:.4g} kg (given)" if "mass" in self.given else f"{self.mass:.4g} +- {self.mass_std:.2g} kg"
+        return f"{mass} at [{', '.join(place)}] m{' (given)' if 'centre' in self.given else ''}"
 
     @property
     def notes(self) -> tuple[str, ...]:
@@ -92,11 +95,13 @@ class Body:
                 {"name": name, "value": float(value), "std": float(s), "told": told}
                 for name, value, s, told in zip(STANDARD, self.values, std, self.told, strict=True)
             ],
+            "given": list(self.given),
         }
 
 
-def body_of(values: Array, covariance: Array, robot: Robot) -> Body:
-    """Return the body of ten parameters [10] with covariance [10, 10] about and along the last joint's frame.
+def body_of(values: Array, covariance: Array, robot: Robot, given: tuple[str, ...] = ()) -> Body:
+    """Return the body of ten parameters [10] with covariance [10, 10] about and along the last joint's frame, of which
+    something was `given`.
 
     With the mass m and first moment m p: centre R' (p - o), inertia R' (I - m (p^2 1 - p p')) R in the hand's frame of
     rotation R and origin o. Raises InputError where the hand isn't on the last link.
@@ -119,7 +124,9 @@ def body_of(values: Array, covariance: Array, robot: Robot) -> Body:
     found = derived(values)
     spread = np.sqrt(np.maximum(np.diag(slope @ covariance @ slope.T), 0.0))
     told = tuple(bool(s < _TOLD * v) for s, v in zip(sigma, VAGUE, strict=True))
-    return Body(values, covariance, told, found[:3], spread[:3], _symmetric(found[3:]), _symmetric(spread[3:]))
+    spread[:3] *= "centre" not in given
+    spread[3:] *= "inertia" not in given
+    return Body(values, covariance, told, found[:3], spread[:3], _symmetric(found[3:]), _symmetric(spread[3:]), given)
 
 
 def _symmetric(six: Sequence[float] | Array) -> Array:

@@ -9,14 +9,17 @@ added to their covariance.
 from __future__ import annotations
 
 from collections.abc import Sequence
-from dataclasses import dataclass, replace
+from dataclasses import dataclass, field, replace
 from typing import Any
 
 import numpy as np
+from scipy.linalg import block_diag
 
 from robot_ident.errors import InputError
 from robot_ident.estimation.apart import apart
 from robot_ident.estimation.body import VAGUE, Body, body_of
+from robot_ident.estimation.equations import Equations
+from robot_ident.estimation.held_body import Holding, part_of
 from robot_ident.estimation.payload import rows_of_payload, solve_beside
 from robot_ident.estimation.problem import Problem, Solution, with_inner
 from robot_ident.estimation.solve import solve
@@ -65,38 +68,79 @@ class Carried:
 
 @dataclass(frozen=True)
 class Solved:
-    """The arm's solution and the measurements that it is of, payloads taken off; the payloads that were found."""
+    """The arm's solution and the measurements that it is of, payloads taken off; the payloads that were found, and how
+    their m times ten parameters were free to change [10 m, k].
+    """
 
     measurements: tuple[Measurement, ...]
     solution: Solution
     payloads: tuple[Carried, ...] = ()
+    directions: Array = field(default_factory=lambda: np.zeros((0, 0)))
+
+    def spread(self, covariance: Array) -> tuple[Carried, ...]:
+        """Return the payloads with a covariance [10 m, 10 m] more of their parameters, from elsewhere than noise."""
+        robot = self.solution.structure.robot
+        out = []
+        for k, one in enumerate(self.payloads):
+            wider = one.body.covariance + covariance[own(k), own(k)]
+            out.append(replace(one, body=body_of(one.body.values, wider, robot, one.body.given)))
+        return tuple(out)
 
 
 def solve_carrying(measurements: Sequence[Measurement], structure: Structure, estimator: str) -> Solved:
     """Return the arm's parameters, found together with the payloads that the measurements' conditions leave open.
 
     Raises InputError where every recording carried an unknown one: it can't be told from the last link then; where the
-    motion tells no payload's mass; and where drive gains are unknown, for it would be told from them no more.
+    motion tells no payload's mass; and where no drive tells Nm, for the data tell the product of mass and gain alone.
     """
     names = tuple(dict.fromkeys(m.conditions.body for m in measurements if m.conditions.estimated))
     if not names:
         return Solved(tuple(measurements), solve(apart(measurements, structure.effects), structure, estimator))
-    refuse_untold(measurements, structure.robot)
-    values = np.zeros((len(names), 10))
+    refuse_untold(measurements)
+    if not structure.robot.compares_with_newton_metres.all():
+        refuse_without_scale(measurements, structure.robot)
+    holdings = [holding_of(measurements, name, structure.robot) for name in names]
+    values = np.array([holding.start() for holding in holdings])
     whole = _less(measurements, names, values, structure.robot)
-    step = _step(apart(whole, structure.effects), structure, names, None)
+    step = _step(apart(whole, structure.effects), structure, names, _freedom(holdings, values), None)
     for _ in range(_ROUNDS):
         _refuse_weightless(step.covariance, measurements, names)
-        values = values + step.change.reshape(values.shape)
+        moved = values + step.change.reshape(values.shape)
+        values = np.array([holding.settled(ten) for holding, ten in zip(holdings, moved, strict=True)])
         less = _less(whole, names, values, structure.robot)
         taken = apart(less, structure.effects)
         found = solve(taken, structure, estimator)
-        step = _step(taken, structure, names, found)
-        if np.all(np.abs(step.change) < _STILL * np.sqrt(np.diag(step.covariance))):
+        step = _step(taken, structure, names, _freedom(holdings, values), found)
+        if np.all(np.abs(step.change) <= _STILL * np.sqrt(np.diag(step.covariance))):
             break
     else:
         _refuse_unsettled(step, measurements)
-    return Solved(less, _spread(found, step), _carried(measurements, names, values, step.covariance, structure.robot))
+    carried = [
+        Carried(
+            name,
+            tuple(m.source for m in measurements if _body(m) == name),
+            body_of(values[k], step.covariance[own(k), own(k)], structure.robot, holdings[k].given),
+        )
+        for k, name in enumerate(names)
+    ]
+    return Solved(less, _spread(found, step), tuple(carried), _freedom(holdings, values)[0])
+
+
+def own(number: int) -> slice:
+    """Return where the ten parameters of a payload stand among those of all."""
+    return slice(10 * number, 10 * number + 10)
+
+
+def holding_of(measurements: Sequence[Measurement], name: str, robot: Robot) -> Holding:
+    """Return what the conditions of measurements tell of the unknown payload of a name."""
+    stated = [(m.source, m.conditions) for m in measurements if _body(m) == name]
+    return Holding(part_of(stated), robot)
+
+
+def _freedom(holdings: Sequence[Holding], values: Array) -> tuple[Array, Array]:
+    """Return how the parameters of all payloads [10 m] may change [10 m, k], and what is known of each before data."""
+    parts = [holding.directions(ten) for holding, ten in zip(holdings, values, strict=True)]
+    return block_diag(*(directions for directions, _ in parts)), np.concatenate([vague for _, vague in parts])
 
 
 def _refuse_unsettled(step: _Step, measurements: Sequence[Measurement]) -> None:
@@ -108,37 +152,50 @@ def _refuse_unsettled(step: _Step, measurements: Sequence[Measurement]) -> None:
         )
 
 
-def refuse_untold(measurements: Sequence[Measurement], robot: Robot) -> None:
-    """Raise InputError where unknown payloads can't be told from the arm, or from the gains of its drives."""
+def refuse_untold(measurements: Sequence[Measurement]) -> None:
+    """Raise InputError where unknown payloads can't be told from the arm."""
     unknown = [m.source for m in measurements if m.conditions.estimated]
-    if not unknown:
-        return
-    if robot.ampere_joints:
-        raise InputError(
-            f"{', '.join(unknown)}: an unknown payload is not told from the unknown drive gains of"
-            f" {', '.join(robot.ampere_joints)}; identify these with a known payload, then this one by --only payload"
-        )
-    if len(unknown) == len(measurements):
+    if unknown and len(unknown) == len(measurements):
         raise InputError(
             f"{', '.join(unknown)}: an unknown payload is not told from the last link: give a recording without one"
             " beside it, or the arm's model: robot_ident identify BAG --only payload --model model.yaml"
         )
 
 
+def refuse_without_scale(measurements: Sequence[Measurement], robot: Robot) -> None:
+    """Raise InputError where unknown payloads come with drives none of which tells Nm: the scale of both is free."""
+    unknown = [m for m in measurements if m.conditions.estimated]
+    if not unknown:
+        return
+    name = unknown[0].conditions.body or "box"
+    drives = ", ".join(robot.ampere_joints)
+    raise InputError(
+        f"{', '.join(m.source for m in unknown)}: payload and drive gains ({drives}) are both unknown, and data tell"
+        f" their product alone: weigh it and state that (conditions: payload: {{estimate: {name}, mass: KG}}), and"
+        " gains, centre and inertia are found; the recordings without it tell the gains over one another, and a model"
+        " in A"
+    )
+
+
 @dataclass(frozen=True)
 class _Step:
     """What the payloads' parameters [10 m] change by, their covariance [10 m, 10 m], and d theta / d pi [k, 10 m] of
-    the arm's parameters at `place` [k] among all.
+    the arm's parameters at `place` [k] among all. told: how many of them data tell.
     """
 
     change: Array
     covariance: Array
     slope: Array
     place: np.ndarray
+    told: float
 
 
 def _step(
-    measurements: Sequence[Measurement], structure: Structure, names: Sequence[str], found: Solution | None
+    measurements: Sequence[Measurement],
+    structure: Structure,
+    names: Sequence[str],
+    freedom: tuple[Array, Array],
+    found: Solution | None,
 ) -> _Step:
     """Return one step of Gauss and Newton for arm and payloads together, from the arm's solution if there is one."""
     problem = Problem(measurements, structure)
@@ -152,15 +209,23 @@ def _step(
         problem = problem.beside(linear, equations) or problem
         jacobian, place = with_inner(problem, found.structure, linear, equations)
         right = equations.torque - equations.phi @ linear
-    carriers = [[k for k, m in enumerate(measurements) if _body(m) == name] for name in names]
-    columns = [rows_of_payload(measurements, equations, structure.robot, blocks) for blocks in carriers]
-    loads = np.hstack(columns)
-    arm = jacobian.shape[1]
-    whole = np.hstack([jacobian, loads])
-    solved, covariance = solve_beside(problem, equations, whole, right, ((), np.zeros((0, 0))), len(names))
+    loads = rows_of_payloads(measurements, equations, structure.robot, names)
+    arm, (directions, vague) = jacobian.shape[1], freedom
+    whole = np.hstack([jacobian, loads @ directions])
+    solved, spread = solve_beside(problem, equations, whole, right, ((), np.zeros((0, 0))), vague)
+    spread = spread[arm:, arm:]
     labels = [(*structure.parameters, *structure.inner)[k].name for k in place]
     slope = -problem.factored(jacobian, labels).solve(problem.right(loads))
-    return _Step(solved[arm:], covariance[arm:, arm:], slope, place)
+    told = len(vague) - float(np.sum(np.diag(spread) / vague**2))
+    return _Step(directions @ solved[arm:], directions @ spread @ directions.T, slope, place, told)
+
+
+def rows_of_payloads(
+    measurements: Sequence[Measurement], equations: Equations, robot: Robot, names: Sequence[str]
+) -> Array:
+    """Return the columns [R, 10 m] of the unknown payloads of m names."""
+    carriers = [[k for k, m in enumerate(measurements) if _body(m) == name] for name in names]
+    return np.hstack([rows_of_payload(measurements, equations, robot, blocks) for blocks in carriers])
 
 
 def _body(measured: Measurement) -> str | None:
@@ -193,18 +258,4 @@ def _spread(found: Solution, step: _Step) -> Solution:
     """Return the arm's solution with what the payloads' uncertainty makes of it: D C D', D = d theta / d pi."""
     covariance = np.array(found.covariance)
     covariance[np.ix_(step.place, step.place)] += step.slope @ step.covariance @ step.slope.T
-    told = step.covariance.shape[0] - float(
-        np.sum(np.diag(step.covariance) / np.tile(VAGUE, len(step.covariance) // 10) ** 2)
-    )
-    return replace(found, covariance=covariance, dof=found.dof - told)
-
-
-def _carried(
-    measurements: Sequence[Measurement], names: Sequence[str], values: Array, covariance: Array, robot: Robot
-) -> tuple[Carried, ...]:
-    out = []
-    for k, name in enumerate(names):
-        own = slice(10 * k, 10 * k + 10)
-        sources = tuple(m.source for m in measurements if _body(m) == name)
-        out.append(Carried(name, sources, body_of(values[k], covariance[own, own], robot)))
-    return tuple(out)
+    return replace(found, covariance=covariance, dof=found.dof - step.told)

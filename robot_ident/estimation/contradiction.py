@@ -7,16 +7,14 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from robot_ident.estimation.declaration import Declared
+from robot_ident.estimation.declaration import LOSSES, SHAPE, Declared
 from robot_ident.robot.effort import Effort
 from robot_ident.robot.robot import Robot
 
 _FAR = 3.0  # factor by which no URDF with real masses is wrong
 _NEAR = 0.35
 _ALIKE = 0.5  # by which the shares of gravity and inertia may differ where one gain makes both
-_SHAPE = 0.7  # part of the effort that the URDF's torque must account for: else the URDF is wrong, not the declaration
 _LOST = 0.2  # share of friction that no bearing behind a gear has
-_LOSSES = 0.02  # share of the torque from which on friction tells a sign
 
 
 @dataclass(frozen=True)
@@ -46,7 +44,7 @@ def contradiction(judged: Sequence[Declared], robot: Robot) -> Contradiction | N
     both alike, and a torque of the URDF's shape; gravity taken out shows on every joint that carries some; a link-side
     sensor feels no friction to speak of on any joint.
     """
-    trusted = [d for d in judged if d.verdict != "not_told" and d.explained > _SHAPE]
+    trusted = [d for d in judged if d.verdict != "not_told" and d.explained > SHAPE]
     turned = [d for d in trusted if d.verdict == "sign" and _turned(d)]
     if turned:
         return _sign(turned, robot, alone=len(turned) == len(trusted))
@@ -65,7 +63,7 @@ def contradiction(judged: Sequence[Declared], robot: Robot) -> Contradiction | N
 
 def _turned(d: Declared) -> bool:
     both = [share for share in (d.gravity, d.inertia) if np.isfinite(share)]
-    return all(share < 0 for share in both) and d.friction < _LOSSES and np.isfinite(d.inertia)
+    return all(share < 0 for share in both) and d.friction < LOSSES and np.isfinite(d.inertia)
 
 
 def _scaled(d: Declared) -> bool:

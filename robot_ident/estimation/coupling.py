@@ -69,7 +69,7 @@ def _rows(measured: Measurement, robot: Robot, coupling: Array) -> tuple[Array, 
     without = np.sum((torque - scaled[:, n:] @ plain) ** 2, axis=0)
     explained = 1.0 - np.sum(residual**2, axis=0) / np.maximum(without, 1e-300)
     block = max(1, round(_BLOCK / (measured.dt * measured.decimate)))
-    spread = np.column_stack([clustered(scaled, rest, block) for rest in residual.T])
+    spread = np.column_stack([np.sqrt(np.maximum(np.diag(clustered(scaled, rest, block)), 0.0)) for rest in residual.T])
     found, std = (np.asarray((part / scale[:, None])[:n].T) for part in (values, spread))
     relative = std / np.linalg.norm(found, axis=1)[:, None]
     return (found, relative, explained) if np.all(relative < _TOLD) else None

@@ -8,6 +8,7 @@ from typing import Any
 
 import numpy as np
 
+from robot_ident.estimation.clock_rate import by_clock
 from robot_ident.motion import Array
 from robot_ident.recording.measurement import Measurement, Processing
 from robot_ident.recording.process import process
@@ -20,6 +21,15 @@ _SURE = 4.0  # standard deviations
 _BLOCK = 0.5  # s; within it the residual is not independent
 _HARDLY = 0.1  # sigma of the share from which on the motion loads a joint well enough to tell
 _ROWS = 20_000  # that are looked at, at most
+_ROTOR = 5  # column of the rotor's inertia, after the URDF's torques, friction and offset
+_APART = 0.2  # of the URDF's inertial torque that no rotor could make
+_DRIVES = 5.0  # standard deviations by which friction must be seen to give energy
+SHAPE = 0.7
+"""Part of the effort beside friction that the URDF's torque must account for: else the URDF is wrong, or takes hardly
+any torque, and nothing is said of the effort.
+"""
+LOSSES = 0.02
+"""Share of the torque from which on friction tells a sign."""
 
 NOT_TOLD = float("nan")
 
@@ -30,7 +40,8 @@ class Declared:
     joint carries no gravity) that is found in it, with its standard deviation, the verdict, and what to look at.
 
     verdict: consistent, compensated (gravity is taken out), included (though declared to be taken out), sign, factor,
-    or not_told where the motion loads the joint too little. gravity, inertia: the two shares, nan where not told.
+    driven where friction gives energy, clock where time explains all joints, or not_told where the motion loads the
+    joint too little, or the URDF's torque is hardly in its effort. gravity, inertia: both shares, nan where not told.
     friction: power that is lost over the product of rms torque and rms speed; negative where effort has the wrong sign.
     explained: part of the effort, friction left aside, that the URDF's torque times those shares accounts for.
     """
@@ -62,9 +73,9 @@ def judge_declaration(recording: Recording, robot: Robot) -> list[Declared]:
 def judge_measured(measured: Measurement, robot: Robot) -> list[Declared]:
     """Return by joint how effort and rigid model go together.
 
-    tau = k_g g(q) + k_i (tau_rigid - g(q)) + b dq + c sign(dq) + offset: k_g near 1 is consistent; near 0 beside k_i
-    near 1 the driver has taken gravity out; below 0 the sign is wrong; any other constant is a gain, a gear ratio or a
-    current in ampere. Needs masses in the URDF.
+    tau = k_g g(q) + k_i (tau_rigid - g(q)) + b dq + c sign(dq) + offset + r ddq, the rotor's r where the URDF's inertia
+    is not of the same shape: k_g near 1 is consistent; near 0 beside k_i near 1 the driver has taken gravity out; below
+    0 the sign is wrong; any other constant is a gain, a gear ratio or a current in ampere. Needs masses in the URDF.
     """
     every = slice(None, None, max(1, measured.motion.samples // _ROWS))
     motion = measured.motion
@@ -72,7 +83,7 @@ def judge_measured(measured: Measurement, robot: Robot) -> list[Declared]:
     at_rest = replace(motion[every], dq=still[every], ddq=still[every])
     gravity = _spread_out(robot.rigid.inverse_dynamics(at_rest), measured)
     inertial = _spread_out(robot.rigid.inverse_dynamics(motion[every]), measured) - gravity
-    return [_judge(robot, measured, gravity[:, joint], inertial[:, joint], joint) for joint in range(robot.n)]
+    return by_clock([_judge(robot, measured, gravity[:, j], inertial[:, j], j) for j in range(robot.n)])
 
 
 def _spread_out(torque: Array, measured: Measurement) -> Array:
@@ -85,40 +96,65 @@ def _spread_out(torque: Array, measured: Measurement) -> Array:
 
 
 def _judge(robot: Robot, measured: Measurement, gravity: Array, inertial: Array, joint: int) -> Declared:
-    v = measured.motion.dq[:, joint]
-    columns = measured.passed(np.column_stack([gravity, inertial, v, np.sign(v), np.ones(len(v))]))
+    motion, name = measured.motion, robot.joints[joint]
+    v = motion.dq[:, joint]
+    whole = np.column_stack([gravity, inertial, v, np.sign(v), np.ones(len(v)), motion.ddq[:, joint]])
     rows = measured.used[measured.rows, joint]
-    columns, tau = columns[rows], measured.passed(measured.torque)[rows, joint]
+    columns, tau = measured.passed(whole)[rows], measured.passed(measured.torque)[rows, joint]
     size = np.linalg.norm(columns, axis=0)
     size = np.where(size > 1e-9 * size.max(initial=1.0), size, np.inf)  # a column of nothing tells nothing
-    name = robot.joints[joint]
     if len(columns) < 10:
         return Declared(name, NOT_TOLD, float("inf"), "not_told", "it hardly moves")
     scaled = columns / size
+    apart = _apart_from_rotor(scaled)
+    scaled = scaled if apart else scaled[:, :_ROTOR]
     solved, *_ = np.linalg.lstsq(scaled, tau, rcond=1e-9)
-    spread = clustered(scaled, tau - scaled @ solved, max(1, round(_BLOCK / (measured.dt * measured.decimate))))
-    told = {k: (float(solved[k] / size[k]), float(spread[k] / size[k])) for k in (0, 1) if np.isfinite(size[k])}
-    told = {k: (s, std) for k, (s, std) in told.items() if 0.0 < std < _HARDLY or abs(s) > _SURE * std > 0.0}
+    covariance = clustered(scaled, tau - scaled @ solved, max(1, round(_BLOCK / (measured.dt * measured.decimate))))
+    spread = np.sqrt(np.maximum(np.diag(covariance), 0.0))
+    found = {k: (float(solved[k] / size[k]), float(spread[k] / size[k])) for k in (0, 1) if np.isfinite(size[k])}
+    told = {k: (s, std) for k, (s, std) in found.items() if 0.0 < std < _HARDLY or abs(s) > _SURE * std > 0.0}
+    power = float(np.linalg.norm(tau - np.mean(tau)) * np.linalg.norm(columns[:, 2]))
+    taken = columns[:, 2] @ scaled[:, 2:4]  # by friction, per unit of its coefficients
+    lost, lost_std = float(taken @ solved[2:4]), np.sqrt(max(float(taken @ covariance[2:4, 2:4] @ taken), 0.0))
+    friction = lost / power if power > 0 else 0.0
     if not told:
-        return Declared(name, NOT_TOLD, float("inf"), "not_told", "the motion loads it too little")
+        return Declared(name, NOT_TOLD, float("inf"), "not_told", "the motion loads it too little", friction=friction)
+    explained = _explained(scaled, tau, solved)
     share, std = told.get(0) or told[1]
-    verdict, hint = _verdict(robot, joint, told)
-    lost = columns[:, 2] @ (scaled[:, 2:4] @ solved[2:4])
-    power = np.linalg.norm(tau - np.mean(tau)) * np.linalg.norm(columns[:, 2])
+    verdict, hint = _verdict(robot, joint, told, hidden_rotor=not apart and 0 not in told)
+    if verdict in ("sign", "factor") and (explained <= SHAPE or abs(share) <= _SURE * std):
+        part = 100.0 * max(explained, 0.0)
+        hint = f"not decidable: the URDF's torque makes {part:.0f} % of the effort beside friction here"
+        return Declared(name, NOT_TOLD, float("inf"), "not_told", hint, friction=friction, explained=explained)
+    if share > 0 and friction < -LOSSES and lost < -_DRIVES * lost_std:
+        verdict, hint = "driven", "friction drives it: effort, position or time has the wrong sign"
     shares = [told[k][0] if k in told else NOT_TOLD for k in (0, 1)]
-    friction = float(lost / power) if power > 0 else 0.0
-    return Declared(name, share, std, verdict, hint, shares[0], shares[1], friction, _explained(scaled, tau, solved))
+    return Declared(name, share, std, verdict, hint, shares[0], shares[1], friction, explained)
+
+
+def _apart_from_rotor(columns: Array) -> bool:
+    """Return whether what the URDF's inertia needs (second column) can be told from a rotor of the drive (last one),
+    friction and gravity aside: that of an axis that turns one and the same inertia can't.
+    """
+    inertial, others = columns[:, 1], np.delete(columns, 1, axis=1)
+    beside, *_ = np.linalg.lstsq(others, inertial, rcond=1e-9)
+    return bool(np.linalg.norm(inertial - others @ beside) > _APART * np.linalg.norm(inertial))
 
 
 def _explained(columns: Array, tau: Array, solved: Array) -> float:
-    """Return the part of the effort beside friction and offset that gravity and inertia of the URDF account for."""
-    rest, *_ = np.linalg.lstsq(columns[:, 2:], tau, rcond=1e-9)
-    without, left = np.sum((tau - columns[:, 2:] @ rest) ** 2), np.sum((tau - columns @ solved) ** 2)
-    return float(1.0 - left / without) if without > 0 else 0.0
+    """Return the part of the effort beside friction and offset that gravity and inertia of the URDF account for, a
+    rotor that it lacks not taken for either.
+    """
+    beside = tau - columns[:, 2:_ROTOR] @ solved[2:_ROTOR]
+    left, size = np.sum((beside - columns[:, :2] @ solved[:2]) ** 2), np.sum(beside**2)
+    return float(1.0 - left / size) if size > 0 else 0.0
 
 
-def _verdict(robot: Robot, joint: int, told: dict[int, tuple[float, float]]) -> tuple[str, str]:
-    """Return verdict and hint for the shares (value, sigma) that are told: 0 of gravity, 1 of inertia."""
+def _verdict(robot: Robot, joint: int, told: dict[int, tuple[float, float]], *, hidden_rotor: bool) -> tuple[str, str]:
+    """Return verdict and hint for the shares (value, sigma) that are told: 0 of gravity, 1 of inertia.
+
+    hidden_rotor: the share of inertia holds that of a rotor that the URDF lacks, if there is one.
+    """
     (share, std), (inertia, _) = told.get(0) or told[1], told.get(1) or told[0]
     unit = "N" if robot.prismatic[joint] else "Nm"
     declared = robot.effort.of(robot.joints[joint])
@@ -126,24 +162,32 @@ def _verdict(robot: Robot, joint: int, told: dict[int, tuple[float, float]]) -> 
         return "included", "gravity is in it already: effort: {gravity: included}"
     if abs(share - 1.0) < max(_NEAR, _SURE * std):
         return "consistent", ""
+    if 0 in told and 1 in told and share < -max(_LITTLE, _SURE * std) and inertia > _LITTLE:
+        return "sign", "weight is turned round and inertia is not: does gravity point the wrong way?"
     if share < -max(_LITTLE, _SURE * std):
         return "sign", "it grows where the rigid torque falls: opposite sign"
     if 0 in told and 1 in told and abs(share) < max(_LITTLE, _SURE * std) and inertia > 1.0 - _NEAR:
         return "compensated", "gravity is not in it: effort: {gravity: removed}"
     if robot.in_ampere(joint):
-        return "factor", f"{1.0 / share:.3g} {unit} per A would fit the URDF's masses (torque_constant)"
+        size = f"{1.0 / share:.3g} {'or more' if hidden_rotor else f'+- {2.0 * std / share**2:.1g}'} {unit} per A"
+        rotor = "; a rotor that the URDF lacks can't be told apart here" if hidden_rotor else ""
+        return "factor", f"{size} would fit the URDF's masses (torque_constant){rotor}"
     asked = (
         "torque_constant, or effort: torque" if declared.quantity == "current" else "effort: current, or side: motor"
     )
-    return "factor", f"{share:.3g} times the URDF's {unit}: a gain, a gear ratio or ampere ({asked})?"
+    rotor = ", a rotor that the URDF lacks" if hidden_rotor else ""
+    return (
+        "factor",
+        f"{share:.3g} +- {2.0 * std:.1g} times the URDF's {unit}: a gain{rotor}, a gear ratio or ampere ({asked})?",
+    )
 
 
 def clustered(columns: Array, residual: Array, block: int) -> Array:
-    """Return standard deviations [k] that hold when errors within a block depend on each other."""
+    """Return the covariance [k, k] that holds when errors within a block depend on each other."""
     inverse = np.linalg.pinv(columns.T @ columns)
     pieces = np.array_split(columns * residual[:, None], max(2, len(residual) // block))
     scores = np.array([piece.sum(axis=0) for piece in pieces])
-    return np.sqrt(np.maximum(np.diag(inverse @ scores.T @ scores @ inverse), 0.0))
+    return np.asarray(inverse @ scores.T @ scores @ inverse)
 
 
 def judge_all(measurements: Sequence[Measurement], robot: Robot) -> list[Declared]:

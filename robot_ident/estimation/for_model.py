@@ -36,7 +36,8 @@ def with_payload_found(model: Model, recording: Recording) -> Recording:
     known, notes = payload_in(model, recording), recording.notes
     if known is None:
         bared = replace(recording, conditions=bare(conditions))
-        found = identify_payload([process(bared, model.robot, processing_of(model))], model)
+        measured = process(bared, model.robot, processing_of(model))
+        found = identify_payload([measured], model, part=conditions.part)
         known = found.body.known
         notes = (*notes, f"payload found by this recording on the model's arm: {found.body.in_words}", *found.notes)
     return replace(recording, conditions=replace(conditions, payload=known), notes=notes)

@@ -8,16 +8,18 @@ free: gains are found over that of one drive, and everything carries the unit A.
 
 from __future__ import annotations
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Sequence
 from dataclasses import dataclass, replace
 from typing import Any
 
 import numpy as np
 
 from robot_ident.errors import InputError
-from robot_ident.estimation.carried import refuse_untold
+from robot_ident.estimation.carried import Solved, refuse_untold, refuse_without_scale, rows_of_payloads
 from robot_ident.estimation.declaration import judge_all
 from robot_ident.estimation.equations import Equations
+from robot_ident.estimation.gains_robot import robot_with
+from robot_ident.estimation.open_load import basis_of, open_load
 from robot_ident.estimation.problem import Problem
 from robot_ident.estimation.row_noise import row_noise
 from robot_ident.model.structure import Structure
@@ -25,8 +27,7 @@ from robot_ident.motion import Array
 from robot_ident.recording.measurement import Measurement, Processing
 from robot_ident.recording.process import process
 from robot_ident.recording.recording import Recording
-from robot_ident.robot.load import definition_of, robot_of
-from robot_ident.robot.robot import Definition, Robot
+from robot_ident.robot.robot import Robot
 
 _VAGUE = 1.0  # standard deviation of ln K before data, about what the URDF's masses or the other drives make of it
 _SURE = 3.0  # sigma of a share of the URDF's torque that tells a gain to begin with
@@ -42,7 +43,8 @@ class Gains:
 
     joints [k]; values [k]: Nm/A (N/A), or over the first one's where no payload was known (`absolute` False); logarithm
     [k, k]: covariance of ln K. payload [k]: rms torque Nm that the payload makes at each; unloaded: those that it
-    hardly loads; unknown: whose gain stays unknown, so that their results carry the unit A.
+    hardly loads; unknown: whose gain stays unknown, so that their results carry the unit A. exchanged: the recordings
+    whose payloads would tell the gains, were they stated the other way round.
     """
 
     joints: tuple[str, ...]
@@ -53,6 +55,7 @@ class Gains:
     unloaded: tuple[str, ...]
     unknown: tuple[str, ...]
     absolute: bool
+    exchanged: str = ""
 
     @property
     def std(self) -> Array:
@@ -77,11 +80,18 @@ class Gains:
     @property
     def notes(self) -> tuple[str, ...]:
         """What a user should know."""
-        found = ", ".join(f"{j} {v:.4g} +- {s:.2g}" for j, v, s in zip(self.joints, self.values, self.std, strict=True))
+        known = [k for k, joint in enumerate(self.joints) if not self.absolute or joint not in self.unknown]
+        found = ", ".join(f"{self.joints[k]} {self.values[k]:.4g} +- {self.std[k]:.2g}" for k in known)
         if not self.absolute:
             return (
                 f"drive gains over that of {self.joints[0]}: {found}; results carry the unit A: a recording with a"
                 " known payload beside one without would tell Nm/A (its BAG.conditions.yaml states the payload)",
+            )
+        if not known:
+            way = f"; exchanged between {self.exchanged} they would" if self.exchanged else ""
+            return (
+                f"the payloads that the conditions state tell no drive gain: results carry the unit A{way}; is each"
+                " stated beside its own recording, its mass in kg?",
             )
         notes = [f"drive gains by the payload, {self.units[0]}: {found}"]
         if self.unloaded:
@@ -97,12 +107,26 @@ class Gains:
 
 @dataclass(frozen=True)
 class _Currents:
-    """The stacked equations in reported units with the payload's torque [R] Nm, and which joints' gains are free."""
+    """The stacked equations in reported units with the payload's torque [R] Nm, and which joints' gains are free.
+
+    The first `arm` columns are the arm's, those after them what unknown payloads may add.
+    """
 
     problem: Problem
     equations: Equations
     load: Array
     free: tuple[int, ...]
+    arm: int
+
+    @property
+    def names(self) -> tuple[str, ...]:
+        """The names of the columns."""
+        further = self.equations.phi.shape[1] - self.arm
+        return (*self.problem.names, *(f"payload, direction {k + 1}" for k in range(further)))
+
+    def carried(self, theta: Array) -> Array:
+        """Return the torque [R] Nm of all payloads, those that were found with `theta` among them."""
+        return np.asarray(self.load + self.equations.phi[:, self.arm :] @ theta[self.arm :])
 
     def model(self, theta: Array, g: Array) -> tuple[Array, Array, Array]:
         """Return torque [R] Nm, current [R] and its derivatives by theta and ln g of the free joints [R, p + k]."""
@@ -115,7 +139,9 @@ class _Currents:
 def estimate_gains(measurements: Sequence[Measurement], structure: Structure) -> Gains:
     """Return the gains of the drives that report a current of unknown Nm/A, from measurements in what they report.
 
-    Raises InputError where payloads are stated that make no difference: recordings with and without one are needed.
+    A payload of which the mass alone is known tells them as well; what else it may be is found with them. Raises
+    InputError where payloads are stated that make no difference: recordings with and without one are needed; and where
+    nothing tells the scale of gains and of an unknown payload.
     """
     robot = structure.robot
     free = tuple(j for j in range(robot.n) if robot.in_ampere(j))
@@ -126,24 +152,46 @@ def estimate_gains(measurements: Sequence[Measurement], structure: Structure) ->
     equations = problem.equations(structure, None)
     load = _payload(measurements, equations, robot)
     equations = replace(equations, torque=_with_payload(equations, load, robot))
-    stated = [m.conditions.payload for m in measurements]
-    absolute = any(stated) or len(free) < robot.n
-    if any(stated) and len(set(stated)) < 2:
+    stated = [(m.conditions.payload, m.conditions.body) for m in measurements]
+    weighed = any(m.conditions.payload or m.conditions.part.mass for m in measurements)
+    absolute = weighed or len(free) < robot.n
+    if not absolute:
+        refuse_without_scale(measurements, robot)
+    if weighed and len(set(stated)) < 2:
         raise InputError(
             f"{problem.source}: all were recorded with the same payload; drive gains need one without it, or another"
         )
-    currents = _Currents(problem, equations, load, free)
-    start = _start(measurements, robot)
+    held, further = open_load(measurements, equations, robot)
+    arm = equations.phi.shape[1]
+    equations = replace(equations, phi=np.hstack([equations.phi, further]))
+    currents = _Currents(problem, equations, load + held, free, arm)
+    start = _start([m for m in measurements if not m.conditions.estimated], robot)
     if not absolute:
         start = start / start[free[0]]
-    held = () if absolute else (free[0],)  # the drive that sets the scale
-    g, logarithm = _search(currents, 1.0 / start, held)
+    scale = () if absolute else (free[0],)  # the drive that sets it
+    g, theta, logarithm = _search(currents, 1.0 / start, scale)
     vague = tuple(joint for joint, spread in zip(free, np.diag(logarithm), strict=True) if spread > _UNKNOWN**2)
     if vague:
         g = _like_the_others(g, vague, free, robot)
-        g, logarithm = _search(currents, g, (*held, *vague))
+        g, theta, logarithm = _search(currents, g, (*scale, *vague))
         logarithm += np.diag([_VAGUE**2 if joint in vague else 0.0 for joint in free])
-    return _gains(currents, robot, 1.0 / g, logarithm, absolute=absolute)
+    gains = _gains(currents, robot, 1.0 / g, logarithm, currents.carried(theta), absolute=absolute)
+    if not absolute or set(gains.unknown) != set(gains.joints):
+        return gains
+    return replace(gains, exchanged=_exchanged(currents, measurements, robot, 1.0 / start))
+
+
+def _exchanged(currents: _Currents, measurements: Sequence[Measurement], robot: Robot, g: Array) -> str:
+    """Return two recordings whose known payloads tell all gains where they are exchanged, or nothing."""
+    plain = not robot.compares_with_newton_metres.any() and not any(m.conditions.estimated for m in measurements)
+    if len(measurements) != 2 or not plain:
+        return ""
+    one, two = measurements
+    other = [replace(one, conditions=two.conditions), replace(two, conditions=one.conditions)]
+    load = _payload(other, currents.equations, robot)
+    _, _, logarithm = _search(replace(currents, load=load), g, ())
+    told = float(np.diag(logarithm).max()) <= _UNKNOWN**2
+    return f"{one.source} and {two.source}" if told else ""
 
 
 def _only_plain(structure: Structure) -> Structure:
@@ -198,19 +246,19 @@ def _like_the_others(g: Array, untold: Sequence[int], free: Sequence[int], robot
     return out
 
 
-def _search(currents: _Currents, g: Array, held: tuple[int, ...]) -> tuple[Array, Array]:
-    """Return g [n] and the covariance of ln K [k, k] by Gauss-Newton on theta and ln g, some joints' held."""
+def _search(currents: _Currents, g: Array, held: tuple[int, ...]) -> tuple[Array, Array, Array]:
+    """Return g [n], theta [p] and the covariance of ln K [k, k] by Gauss-Newton on theta and ln g, some held."""
     equations, problem = currents.equations, currents.problem
     free, p = currents.free, currents.equations.phi.shape[1]
     before = np.log(g[list(free)])
     searched = [k for k, joint in enumerate(free) if joint not in held]
     columns = [*range(p), *(p + k for k in searched)]
-    names = [*problem.names, *(f"gain of joint {free[k] + 1}" for k in searched)]
+    names = [*currents.names, *(f"gain of joint {free[k] + 1}" for k in searched)]
     problem = _with_noise(problem, currents, g)
     theta = np.zeros(p)
     for _ in range(_ROUNDS):
         factor = g[equations.joint]
-        theta = problem.factored(factor[:, None] * equations.phi, problem.names).solve(
+        theta = problem.factored(factor[:, None] * equations.phi, currents.names).solve(
             problem.right(equations.torque - factor * currents.load)
         )
         _, current, jacobian = currents.model(theta, g)
@@ -227,7 +275,7 @@ def _search(currents: _Currents, g: Array, held: tuple[int, ...]) -> tuple[Array
     if searched:
         full = _posterior(problem.covariance(equations, jacobian[:, columns], equations.torque - current, names), p)
         covariance[np.ix_(searched, searched)] = full
-    return g, covariance
+    return g, theta, covariance
 
 
 def _step(problem: Problem, jacobian: Array, residual: Array, p: int, back: Array) -> Array:
@@ -270,14 +318,16 @@ def _with_noise(problem: Problem, currents: _Currents, g: Array) -> Problem:
     return other
 
 
-def _gains(currents: _Currents, robot: Robot, constant: Array, logarithm: Array, *, absolute: bool) -> Gains:
-    """Return the gains with what is loaded and what stays unknown."""
+def _gains(
+    currents: _Currents, robot: Robot, constant: Array, logarithm: Array, load: Array, *, absolute: bool
+) -> Gains:
+    """Return the gains with what is loaded by payloads of torque `load` [R] Nm, and what stays unknown."""
     free, equations = currents.free, currents.equations
     sigma = np.sqrt(np.diag(logarithm))
     payload, unloaded = [], []
     for joint in free:
         rows = equations.joint == joint
-        size = float(np.sqrt(np.mean(currents.load[rows] ** 2)))
+        size = float(np.sqrt(np.mean(load[rows] ** 2)))
         whole = float(np.sqrt(np.mean((constant[joint] * equations.torque[rows]) ** 2)))
         noise = constant[joint] * float(np.sqrt(np.nanmean(equations.variance[rows])))
         payload.append(size)
@@ -297,24 +347,6 @@ def _gains(currents: _Currents, robot: Robot, constant: Array, logarithm: Array,
     )
 
 
-def robot_with(robot: Robot, gains: Gains) -> Robot:
-    """Return a robot whose files would know these gains: torque constants, or relative gains where the unit stays A."""
-    definition = definition_of(robot)
-    data: dict[str, Any] = dict(definition.yaml)
-    joints: Mapping[str, Any] = data.get("joints") or {}
-    made = {name: dict(joints.get(name) or {}) for name in robot.joints}
-    for k, name in enumerate(gains.joints):
-        value = float(gains.values[k]) * (robot.effort.of(name).relative or 1.0)
-        if name in gains.unknown:
-            told = made[name].get("effort", {})
-            told = {"quantity": told} if isinstance(told, str) else dict(told)
-            made[name]["effort"] = {**told, "relative_gain": value}
-        else:
-            made[name]["torque_constant"] = value
-    data["joints"] = made
-    return robot_of(Definition(data, definition.urdf), robot.source)
-
-
 def with_known_gains(
     recordings: Sequence[Recording],
     measurements: Sequence[Measurement],
@@ -325,7 +357,7 @@ def with_known_gains(
     robot = structure.robot
     if not robot.ampere_joints:
         return measurements, structure, None
-    refuse_untold(measurements, robot)
+    refuse_untold(measurements)
     gains = estimate_gains(measurements, structure)
     known = robot_with(robot, gains)
     labels = [label for label in structure.labels if label not in Structure.build(robot).labels]
@@ -333,12 +365,23 @@ def with_known_gains(
     return again, Structure.build(known, labels), gains
 
 
-def spread_by_gains(gains: Gains, measurements: Sequence[Measurement], structure: Structure, values: Array) -> Array:
-    """Return the covariance [p, p] that linear parameters have by that of the gains: D C D', D = d theta / d ln K."""
+def spread_by_gains(gains: Gains, solved: Solved, structure: Structure, values: Array) -> Array:
+    """Return the covariance [p + 10 m] that linear parameters and those of the payloads found with them have by that of
+    the gains: D C D', D = d (theta, pi) / d ln K.
+    """
+    measurements, directions = solved.measurements, solved.directions
     problem = Problem(measurements, structure)
     equations = problem.equations(structure, values)
     load = _payload(measurements, equations, structure.robot)
     torque = _with_payload(equations, load, structure.robot)
     columns = [np.where(equations.joint == structure.robot.joint_index(joint), torque, 0.0) for joint in gains.joints]
-    slopes = problem.factored(equations.phi, structure.names).solve(problem.right(np.column_stack(columns)))
+    changed, p = problem.right(np.column_stack(columns)), len(structure.parameters)
+    if not solved.payloads:
+        slopes = problem.factored(equations.phi, structure.names).solve(changed)
+    else:
+        loads = rows_of_payloads(measurements, equations, structure.robot, [one.name for one in solved.payloads])
+        ways, turn = basis_of(loads @ directions)
+        names = (*structure.names, *(f"payload, direction {k + 1}" for k in range(ways.shape[1])))
+        found = problem.factored(np.hstack([equations.phi, ways]), names).solve(changed)
+        slopes = np.vstack([found[:p], directions @ (turn @ found[p:])])
     return np.asarray(slopes @ gains.logarithm @ slopes.T)

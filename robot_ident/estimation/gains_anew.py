@@ -20,10 +20,13 @@ from robot_ident.robot.robot import Definition, Robot
 
 
 def tells_gains(model: Model, measurements: Sequence[Measurement]) -> bool:
-    """Return whether a model's gains were estimated and these recordings can tell them: with and without a payload."""
-    payloads = {measured.conditions.payload for measured in measurements}
-    unknown = any(measured.conditions.estimated for measured in measurements)
-    return bool(_estimated(model)) and len(payloads) > 1 and not unknown
+    """Return whether a model's gains were estimated and these recordings can tell them: with and without a payload of
+    which the mass is known.
+    """
+    conditions = [measured.conditions for measured in measurements]
+    carried = {(one.body or "unnamed") if one.estimated else one.payload for one in conditions}
+    weighed = any(one.part.mass if one.estimated else one.payload for one in conditions)
+    return bool(_estimated(model)) and len(carried) > 1 and weighed
 
 
 def extended(

@@ -9,8 +9,9 @@ import numpy as np
 
 from robot_ident.errors import InputError, did_you_mean
 from robot_ident.estimation.apart import apart
-from robot_ident.estimation.carried import solve_carrying
+from robot_ident.estimation.carried import Carried, Solved, solve_carrying
 from robot_ident.estimation.days import by_day
+from robot_ident.estimation.driving import driven
 from robot_ident.estimation.equations import Equations, stack
 from robot_ident.estimation.gains import Gains, spread_by_gains, with_known_gains
 from robot_ident.estimation.identifiability import identifiability
@@ -73,15 +74,16 @@ def estimate(
             f"robot {structure.robot.name}: without drive gains no inertia is known in kg m^2, and none can be physical"
         )
     solved = solve_carrying(measurements, structure, estimator)
-    measurements, found = solved.measurements, solved.solution
+    measurements, found, payloads = solved.measurements, solved.solution, solved.payloads
     taken = apart(measurements, structure.effects)
     # where a trend is part of the model, no period by itself tells it from the level
     periods = per_period(measurements, found, estimator) if taken is measurements else ()
-    notes = [*structure.notes, *(f"{m.source}: {note}" for m in measurements for note in m.notes), *found.notes]
-    notes += [note for payload in solved.payloads for note in payload.notes]
     if gains is not None:
-        notes += gains.notes
-        found = replace(found, covariance=_with_gains(found, gains, measurements))
+        found, payloads = _with_gains(solved, gains)
+    notes = [*structure.notes, *(f"{m.source}: {note}" for m in measurements for note in m.notes), *found.notes]
+    notes += [note for payload in payloads for note in payload.notes]
+    notes += () if gains is None else gains.notes
+    notes = [*driven(found.structure, measurements, found.values, found.covariance).notes, *notes]
     notes += drift_notes(periods, structure.names)
     notes += [] if structure.robot.ampere_joints else scale_notes(measurements, found)
     days = by_day(measurements, found)
@@ -116,24 +118,24 @@ def estimate(
         recordings=tuple(measured.facts() for measured in measurements),
         gains=None if gains is None else tuple(gains.to_dict()),
         days=days.to_dict(structure.names),
-        payloads=tuple(payload.to_dict() for payload in solved.payloads),
+        payloads=tuple(payload.to_dict() for payload in payloads),
     )
 
 
-def _with_gains(found: Solution, gains: Gains, measurements: Sequence[Measurement]) -> Array:
-    """Return the covariance [p + r, p + r] with what the gains' uncertainty makes of the linear parameters."""
-    covariance = np.array(found.covariance)
-    linear = len(found.structure.parameters)
-    values = found.values[:linear]
-    covariance[:linear, :linear] += spread_by_gains(gains, measurements, found.structure, values)
-    return covariance
+def _with_gains(solved: Solved, gains: Gains) -> tuple[Solution, tuple[Carried, ...]]:
+    """Return solution and payloads with what the gains' uncertainty makes of their covariance."""
+    found = solved.solution
+    covariance, linear = np.array(found.covariance), len(found.structure.parameters)
+    spread = spread_by_gains(gains, solved, found.structure, found.values[:linear])
+    covariance[:linear, :linear] += spread[:linear, :linear]
+    return replace(found, covariance=covariance), solved.spread(spread[linear:, linear:])
 
 
 def _misfit_notes(residual: Mapping[str, Fit], equations: Equations) -> list[str]:
     """Return a line that names the joints whose residual is more than their noise."""
     joints = []
     for number, (name, fit) in enumerate(residual.items()):
-        if fit.noise_variance is None:
+        if not fit.noise_variance:
             continue
         ratio = fit.mse / fit.noise_variance
         rows = float(np.sum(equations.independent[equations.joint == number]))
@@ -184,5 +186,5 @@ def fit(residual: Array, torque: Array, variance: Array) -> Fit:
         mse,
         float(np.sqrt(mse)),
         noise if np.isfinite(noise) else None,
-        float(np.sqrt(np.sum(residual**2) / size)) if size else 0.0,
+        float(np.sqrt(np.sum(residual**2) / size)) if size else None,
     )

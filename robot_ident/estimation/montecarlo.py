@@ -77,7 +77,7 @@ def montecarlo(motion: Motion, structure: Structure, variance: Array, *, runs: i
 
     Joint angles are exact, as in the paper. Raises InputError for fewer than 2 runs or noise that isn't positive.
     """
-    from scipy.stats import chi2
+    from scipy.special import chdtri
 
     if runs < 2:
         raise InputError(f"--runs {runs}: at least 2 runs are needed")
@@ -116,7 +116,7 @@ def montecarlo(motion: Motion, structure: Structure, variance: Array, *, runs: i
         inside_ratio=int(np.sum((ratio > low) & (ratio < high))),
         ratio_interval=(low, high),
         bias_statistic=float(runs * mean_error @ np.linalg.solve(covariance, mean_error)),
-        bias_interval=(float(chi2.ppf(0.001, p)), float(chi2.ppf(0.999, p))),
+        bias_interval=(float(chdtri(p, 0.999)), float(chdtri(p, 0.001))),
         error_statistic=statistic,
         error_interval=(1.0 - three_sigma, 1.0 + three_sigma),
     )

@@ -13,16 +13,19 @@ from typing import Any
 import numpy as np
 
 from robot_ident.errors import InputError
-from robot_ident.estimation.body import VAGUE, Body, body_of
+from robot_ident.estimation.body import Body, body_of
 from robot_ident.estimation.covariance import sandwich
 from robot_ident.estimation.equations import Equations
+from robot_ident.estimation.held_body import Holding
 from robot_ident.estimation.problem import Problem
 from robot_ident.model.model import Model
 from robot_ident.motion import Array
-from robot_ident.recording.conditions import Conditions, KnownPayload, hand, payload_columns
+from robot_ident.recording.conditions import Conditions, KnownPayload, PayloadPart, hand, payload_columns
 from robot_ident.recording.measurement import Measurement
 from robot_ident.robot.robot import Robot
 
+_ROUNDS = 8
+_STILL = 0.02  # standard deviations that a parameter may yet move by
 _LOUD = 1.4  # times the noise
 _DIGITS = 1e-12  # share of the largest eigen- or singular value below which there is rounding alone
 
@@ -61,9 +64,14 @@ def bare(conditions: Conditions) -> Conditions:
 
 
 def identify_payload(
-    measurements: Sequence[Measurement], model: Model, stated: KnownPayload | None = None
+    measurements: Sequence[Measurement],
+    model: Model,
+    stated: KnownPayload | None = None,
+    part: PayloadPart = PayloadPart(),  # noqa: B008 - frozen
 ) -> PayloadFit:
     """Return the payload that recordings of a known arm carried, `measurements` with it still in the torque.
+
+    part: what is known of it and held.
 
     Raises InputError where the arm's parameters carry the unit A, or the hand is not on the last link.
     """
@@ -77,12 +85,19 @@ def identify_payload(
     columns = rows_of_payload(measurements, equations, robot, range(len(measurements)))
     free = _free(model)
     held = [k for k in range(len(linear)) if k not in free]
-    jacobian = np.hstack([equations.phi, columns])
-    right = equations.torque - equations.phi @ linear
     root = _inverse_root(model.covariance[np.ix_(held, held)])
-    solved, covariance = solve_beside(problem, equations, jacobian, right, (held, root))
-    p = len(linear)
-    found = body_of(solved[p:], covariance[p:, p:], robot)
+    p, holding = len(linear), Holding(part, robot)
+    values = holding.start()
+    for _ in range(_ROUNDS if holding.curved else 1):
+        directions, vague = holding.directions(values)
+        jacobian = np.hstack([equations.phi, columns @ directions])
+        right = equations.torque - equations.phi @ linear - columns @ values
+        solved, spread = solve_beside(problem, equations, jacobian, right, (held, root), vague)
+        change, covariance = directions @ solved[p:], directions @ spread[p:, p:] @ directions.T
+        values = holding.settled(values + change)
+        if np.all(np.abs(change) <= _STILL * np.sqrt(np.diag(covariance))):
+            break
+    found = body_of(values, covariance, robot, holding.given)
     if not all(found.told[:4]):
         raise InputError(
             f"{problem.source}: the motion does not tell mass and centre of a payload; design one:"
@@ -130,21 +145,22 @@ def solve_beside(
     jacobian: Array,
     right: Array,
     known: tuple[Sequence[int], Array],
-    payloads: int = 1,
+    vague: Array,
 ) -> tuple[Array, Array]:
-    """Return all changes [p + 10 m] and their covariance: data, what is known of some, and m vague `payloads` at last.
+    """Return all changes [p + m] and their covariance: data, what is known of some, and m of payloads at last, of
+    standard deviations `vague` [m] before data.
 
-    jacobian [R, p + 10 m]: derivatives of torque; right [R] Nm. known: places [k] among the first p, and the root
-    [k, k] of their information before data.
+    jacobian [R, p + m]: derivatives of torque; right [R] Nm. known: places [k] among the first p, and the root [k, k]
+    of their information before data.
     """
     noise = problem.noise
     weight = np.sqrt(noise.independent)
     white = noise.whiten(jacobian) * weight[:, None]
     total = jacobian.shape[1]
     held, root = known
-    before = np.zeros((len(held) + 10 * payloads, total))
+    before = np.zeros((len(held) + len(vague), total))
     before[: len(held), list(held)] = root
-    before[len(held) :, total - 10 * payloads :] = np.diag(1.0 / np.tile(VAGUE, payloads))
+    before[len(held) :, total - len(vague) :] = np.diag(1.0 / vague)
     stacked = np.vstack([white, before])
     scale = np.linalg.norm(stacked, axis=0)
     scale = np.where(scale > 0, scale, 1.0)

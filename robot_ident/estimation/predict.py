@@ -46,7 +46,7 @@ def predict(model: Model, recording: Recording) -> Prediction:
     where the recording isn't of the model's robot.
     """
     used = replace(processing_of(model), periodic=False, base_frequency=None, decimate=1)
-    measured = process(recording, model.robot, used)
+    measured = process(recording, model.robot, used, motion_only=True)
     motion = measured.motion
     std = standard_deviation(model, motion, measured.passed)
     torque = model.predict(motion)

@@ -11,10 +11,11 @@ import numpy as np
 from robot_ident.errors import InputError
 from robot_ident.estimation.for_model import processing_of, with_payload_found
 from robot_ident.estimation.identify import fit
+from robot_ident.estimation.unusable import unusable
 from robot_ident.model.model import Fit, Model
 from robot_ident.motion import Array, Motion
 from robot_ident.recording.continuous import DEFAULT_LOW_PASS
-from robot_ident.recording.low_pass import ZeroPhaseLowPass
+from robot_ident.recording.low_pass import SoftPeriodicLowPass, ZeroPhaseLowPass
 from robot_ident.recording.measurement import Measurement
 from robot_ident.recording.process import process
 from robot_ident.recording.recording import Recording
@@ -25,13 +26,14 @@ _TOUCHED = 0.1  # of a filtered value: the share of standstill from which on it 
 @dataclass(frozen=True)
 class Validation:
     """Residuals on an independent motion, low-passed at `low_pass_hz`; samples at standstill apart, where stiction
-    hides the torque.
+    hides the torque. trouble: why the model can't be used on this motion, None where it can.
     """
 
     low_pass_hz: float
     residual: Mapping[str, Fit]
     standstill: Mapping[str, Fit]
     notes: tuple[str, ...]
+    trouble: str | None = None
 
     def to_dict(self) -> dict[str, Any]:
         """Return what `validate --json` prints."""
@@ -40,38 +42,62 @@ class Validation:
             "low_pass_hz": self.low_pass_hz,
             "residual": {joint: asdict(fit) for joint, fit in self.residual.items()},
             "standstill": {joint: asdict(fit) for joint, fit in self.standstill.items()},
-            "notes": list(self.notes),
+            "notes": [*self.notes, *([self.trouble] if self.trouble else [])],
         }
 
 
 def validate(model: Model, recording: Recording, *, low_pass: float | None = None) -> Validation:
     """Predict an independent recording; torque, prediction and noise pass the same zero-phase low pass (10 Hz unless
-    told).
+    told). Cycles of production data are averaged as where a model is identified; all else is taken as one pass.
 
     Raises InputError where the recording isn't of the model's robot or never moves.
     """
-    recording, used = with_payload_found(model, recording), processing_of(model)
+    recording = with_payload_found(model, recording)
     cutoff = DEFAULT_LOW_PASS if low_pass is None else low_pass
-    measured = process(
-        recording, model.robot, replace(used, periodic=False, base_frequency=None, low_pass=cutoff, decimate=1)
-    )
+    measured = _measured(model, recording, cutoff)
     predicted = measured.passed(model.predict(measured.motion))
     torque = measured.passed(measured.torque)
-    noise = _noise(model, measured)
+    noise = _noise(model, measured) if measured.cycles is None else _noise_of_cycles(model, measured)
     # the low pass carries the undetermined torque of a standstill into the samples around it
     touched = measured.passed(measured.standstill.astype(float)) > _TOUCHED
+    used = measured.used[measured.rows]
     moving, still = {}, {}
     for joint, name in enumerate(model.robot.joints):
         variance = np.full(len(torque), noise[joint])
         residual = torque[:, joint] - predicted[:, joint]
-        rows = measured.used[:, joint] & ~touched[:, joint]
+        rows = used[:, joint] & ~touched[:, joint]
         if not rows.any():
             raise InputError(f"{recording.source}: {name} never moves; nothing can be validated")
         moving[name] = fit(residual[rows], torque[rows, joint], variance[rows])
         rest = ~rows
         if rest.any():
             still[name] = fit(residual[rest], torque[rest, joint], variance[rest])
-    return Validation(cutoff, moving, still, measured.notes)
+    return Validation(cutoff, moving, still, measured.notes, unusable(model, recording.source, moving))
+
+
+def _measured(model: Model, recording: Recording, cutoff: float) -> Measurement:
+    """Return the mean cycle of production data, anything else as one pass, low-passed at `cutoff` [Hz]."""
+    used = replace(processing_of(model), base_frequency=None, low_pass=cutoff, decimate=1)
+    if used.periodic is not False:
+        found = process(recording, model.robot, replace(used, periodic=None))
+        if found.cycles is not None:
+            return found
+    return process(recording, model.robot, replace(used, periodic=False))
+
+
+def _noise_of_cycles(model: Model, measured: Measurement) -> Array:
+    """Return the variance [n] of what noise alone leaves between measured and predicted torque of the mean cycle.
+
+    The torque's is its scatter from cycle to cycle. Position noise of variance s^2 a row reaches the accelerations by
+    the lines that the motion takes: s^2 2 / N sum_k (share_k gain_k w_k^2)^2.
+    """
+    low_pass, share, variance = measured.low_pass, measured.line_share, measured.averaged_position_variance
+    if not isinstance(low_pass, SoftPeriodicLowPass) or share is None or variance is None:
+        raise TypeError("cycles are averaged and low-passed")
+    rates = 2.0 * np.pi * low_pass.frequency * np.arange(len(share))
+    passed = share * (low_pass.gain[: len(share)] * rates**2)[:, None]
+    acceleration = variance * 2.0 / low_pass.samples * np.sum(passed**2, axis=0)
+    return np.asarray(measured.averaged_variance + _squared_inertia(model, measured.motion) @ acceleration)
 
 
 def _noise(model: Model, measured: Measurement) -> Array:

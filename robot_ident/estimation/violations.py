@@ -6,6 +6,7 @@ from collections.abc import Sequence
 
 import numpy as np
 
+from robot_ident.estimation.driving import POSITIVE
 from robot_ident.estimation.pseudo_inertia import PLACE
 from robot_ident.estimation.semidefinite import Nearest
 from robot_ident.model.structure import Structure
@@ -14,7 +15,6 @@ from robot_ident.motion import Array
 NEAR = 1e-3
 """Fall of chi-square, below which parameters count as possible."""
 
-_POSITIVE = ("viscous", "coulomb", "rotor_inertia")
 _SECOND = {"x": (("Iyy", "Izz"), "Ixx"), "y": (("Ixx", "Izz"), "Iyy"), "z": (("Ixx", "Iyy"), "Izz")}
 
 
@@ -87,7 +87,7 @@ def never_negative(structure: Structure) -> list[int]:
     out, place = [], len(structure.base.columns)
     for effect in structure.effects:
         for coefficient in effect.coefficients:
-            if coefficient.positive or effect.name in _POSITIVE:
+            if coefficient.positive or effect.name in POSITIVE:
                 out.append(place)
             place += 1
     return out

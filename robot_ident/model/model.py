@@ -21,13 +21,13 @@ class Fit:
     relative error.
 
     mse, noise_variance in (Nm)^2, of the same (averaged, low-passed) data; noise_variance None where unknown.
-    relative: the norm of the residual over that of the torque.
+    relative: the norm of the residual over that of the torque, None where there is no torque.
     """
 
     mse: float
     rms: float
     noise_variance: float | None
-    relative: float
+    relative: float | None
 
 
 @dataclass(frozen=True)

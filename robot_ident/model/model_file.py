@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterable
 from pathlib import Path
 from typing import Annotated, Any, Literal
 
@@ -13,13 +12,14 @@ from robot_ident.configuration import Closed, read, schema, to_yaml
 from robot_ident.errors import InputError
 from robot_ident.files import write_text
 from robot_ident.model.model import Fit, Model, NoiseLevel
+from robot_ident.model.model_file_checks import check_covariance, check_joints, check_parameters
 from robot_ident.model.structure import Structure
-from robot_ident.motion import Array
 from robot_ident.robot import load_robot
 from robot_ident.robot.load import robot_of
-from robot_ident.robot.rigid_body import STANDARD
 from robot_ident.robot.robot import Definition, Robot
 
+MOST_DECIMATED = 1000
+"""Of so many rows one is kept at most: of a minute at 1 kHz 60 are left then."""
 Positive = Annotated[float, Field(gt=0)]
 NotNegative = Annotated[float, Field(ge=0)]
 
@@ -43,7 +43,7 @@ class FitFile(Closed):
     mse: NotNegative
     rms: NotNegative
     noise_variance: NotNegative | None
-    relative: NotNegative
+    relative: NotNegative | None
 
 
 class NoiseFile(Closed):
@@ -62,7 +62,7 @@ class ProcessingFile(Closed):
     periodic: bool | None = None
     low_pass: Positive | None = None
     derivative_bandwidth: Positive | None = None
-    decimate: int = Field(1, ge=1)
+    decimate: int = Field(1, ge=1, le=MOST_DECIMATED)
     minimum_speed: list[NotNegative] | None = None
     anti_alias: tuple[NotNegative, NotNegative] | None = None
 
@@ -112,8 +112,21 @@ class PayloadFile(Closed):
     inertia: Annotated[list[float], Field(min_length=6, max_length=6)]
     inertia_std: Annotated[list[NotNegative], Field(min_length=6, max_length=6)]
     parameters: list[BodyParameterFile]
+    given: list[Literal["mass", "centre", "inertia"]] = []
     covariance: list[list[float]]
     notes: list[str] = []
+
+
+class RecordingFile(Closed):
+    """How a recording was taken that a model rests on, in `model.yaml`."""
+
+    source: str
+    sample_rate: NotNegative
+    clock: dict[str, Any] | None
+    taken_as: Literal["periods", "cycles", "one_pass"]
+    period: Positive | None
+    repeats: int = Field(ge=1)
+    reach: dict[str, tuple[float, float, NotNegative]]
 
 
 class DefinitionFile(Closed):
@@ -135,11 +148,11 @@ class ModelFile(Closed):
     residual: dict[str, FitFile]
     condition_number: float
     log10_det_covariance: float
-    chi_square: float | None = None
-    dof: float | None = None
+    chi_square: NotNegative | None = None
+    dof: Positive | None = None
     per_period: list[dict[str, Any]] = []
     physical: PhysicalFile | None = None
-    recordings: list[dict[str, Any]] = []
+    recordings: list[RecordingFile] = Field(min_length=1)
     gains: list[GainFile] | None = None
     days: dict[str, Any] | None = None
     payloads: list[PayloadFile] = []
@@ -178,8 +191,9 @@ def read_model(path: Path | str) -> Model:
     covariance = np.array(file.covariance) if all(len(row) == p for row in file.covariance) else np.empty(0)
     if covariance.shape != (p, p):
         raise InputError(f"{path}: covariance must be {p} x {p}, one row a parameter")
-    _check_covariance(covariance, file, path)
-    _check_joints(file, robot, path)
+    check_parameters(file, structure, path)
+    check_covariance(covariance, file, path)
+    check_joints(file, robot, path)
     return Model(
         structure=structure,
         values=np.array([parameter.value for parameter in file.parameters]),
@@ -201,51 +215,11 @@ def read_model(path: Path | str) -> Model:
         chi_square=file.chi_square,
         dof=file.dof,
         physical=None if file.physical is None else file.physical.model_dump(),
-        recordings=tuple(file.recordings),
+        recordings=tuple(one.model_dump(mode="json") for one in file.recordings),
         gains=None if file.gains is None else tuple(gain.model_dump() for gain in file.gains),
         days=file.days,
         payloads=tuple(one.model_dump(mode="json") for one in file.payloads),
     )
-
-
-def _check_covariance(covariance: Array, file: ModelFile, path: Path | str) -> None:
-    """Raise InputError where the matrix can't be a covariance, or is that of other standard deviations."""
-    scale = np.sqrt(np.maximum(np.diag(covariance), 0.0))
-    if np.any(np.diag(covariance) < 0):
-        name = file.parameters[int(np.argmin(np.diag(covariance)))].name
-        raise InputError(f"{path}: covariance: the variance of {name} is negative")
-    unit = np.outer(scale, scale) + 1e-300
-    if np.abs((covariance - covariance.T) / unit).max() > 1e-6:
-        raise InputError(f"{path}: covariance is not symmetric")
-    if np.abs(covariance / unit).max() > 1.0 + 1e-6:
-        raise InputError(f"{path}: covariance holds a correlation above 1")
-    for parameter, own in zip(file.parameters, scale, strict=True):
-        if parameter.std is not None and abs(parameter.std - own) > 1e-6 * max(own, parameter.std):
-            raise InputError(
-                f"{path}: {parameter.name}: std {parameter.std:.6g} is not the root of its variance, {own:.6g}"
-            )
-
-
-def _check_joints(file: ModelFile, robot: Robot, path: Path | str) -> None:
-    """Raise InputError where what is kept by joint is not of the robot's joints."""
-    by_joint: dict[str, Iterable[str]] = {"residual": file.residual}
-    if file.physical is not None:
-        by_joint |= {"physical.inertias": file.physical.inertias}
-        by_joint |= {"physical.rotor_inertia": file.physical.rotor_inertia}
-        for joint, ten in file.physical.inertias.items():
-            if set(ten) != set(STANDARD):
-                raise InputError(f"{path}: physical.inertias.{joint} must hold {', '.join(STANDARD)} and nothing else")
-    for field, names in by_joint.items():
-        if set(names) != set(robot.joints):
-            raise InputError(
-                f"{path}: {field} is of {', '.join(names) or 'no joint'}, not of {', '.join(robot.joints)}"
-            )
-    for field in ("torque_variance", "position_variance"):
-        if len(getattr(file.noise, field)) != robot.n:
-            raise InputError(f"{path}: noise.{field} must have {robot.n} values, one a joint")
-    speeds = file.processing.minimum_speed
-    if speeds is not None and len(speeds) != robot.n:
-        raise InputError(f"{path}: processing.minimum_speed must have {robot.n} values, one a joint")
 
 
 def _robot(file: ModelFile, path: Path | str) -> Robot:

@@ -8,7 +8,7 @@ from pathlib import Path
 from typing import Annotated, Any, Literal
 
 import numpy as np
-from pydantic import Discriminator, Field, Tag
+from pydantic import BeforeValidator, Discriminator, Field, Tag
 
 from robot_ident.configuration import ALTERNATIVE, Closed, read, schema, to_yaml
 from robot_ident.errors import InputError
@@ -18,6 +18,7 @@ from robot_ident.robot.robot import Robot
 Positive = Annotated[float, Field(gt=0)]
 Vector = tuple[float, float, float]
 SCHEMA = "robot_ident/conditions/1"
+_ENDINGS = (".npz", ".csv", ".mcap", ".db3")  # of recordings that are one file
 _GRAVITY = 1.5, 30.0  # m/s^2, from the Moon's to far beyond the Earth's
 
 
@@ -50,12 +51,26 @@ class KnownPayload:
 
 
 @dataclass(frozen=True)
+class PayloadPart:
+    """What is known of a payload that is to be estimated otherwise: as of `KnownPayload`, None where nothing is."""
+
+    mass: float | None = None
+    centre: Vector | None = None
+    inertia: tuple[float, float, float, float, float, float] | None = None
+
+    @property
+    def given(self) -> tuple[str, ...]:
+        """What is known, by name."""
+        return tuple(name for name, value in asdict(self).items() if value is not None)
+
+
+@dataclass(frozen=True)
 class Conditions:
     """What a recording's sidecar states.
 
-    payload: in the hand and known, None where there is none. estimated: it is not known, and `payload` what recordings
-    told of it, None as long as they have not; unknown payloads of one `body` are the same. gravity: m/s^2 in the base's
-    frame, None: the robot's. temperature: deg C. day: of the recording, as written.
+    payload: in the hand and known, None where there is none. estimated: it is not known, or `part` alone, and `payload`
+    what recordings told of it, None as long as they have not; unknown payloads of one `body` are the same. gravity:
+    m/s^2 in the base's frame, None: the robot's. temperature: deg C. day: of the recording, as written.
     """
 
     payload: KnownPayload | None = None
@@ -66,14 +81,15 @@ class Conditions:
     day: str = ""
     note: str = ""
     body: str = ""
+    part: PayloadPart = PayloadPart()
 
     def to_dict(self) -> dict[str, Any]:
         """Return the sidecar's contents."""
         data: dict[str, Any] = {"schema": SCHEMA}
         if self.estimated:
-            data["payload"] = {"estimate": self.body} if self.body else "estimate"
+            data["payload"] = {"estimate": self.body, **_plain(self.part)} if self.body else "estimate"
         elif self.payload is not None:
-            data["payload"] = {key: list(v) if isinstance(v, tuple) else v for key, v in asdict(self.payload).items()}
+            data["payload"] = _plain(self.payload)
         for key in ("tool", "temperature", "day", "note"):
             value = getattr(self, key)
             if value not in ("", None):
@@ -88,7 +104,7 @@ class Conditions:
         found = f"payload{named} of {self.payload.mass:g} kg{' taken off' if off else ''}" if self.payload else ""
         words = [
             found,
-            f"payload{named} unknown" if self.estimated and not self.payload else "",
+            f"payload{named} {self._lacking}" if self.estimated and not self.payload else "",
             f"tool {self.tool}" if self.tool else "",
             "" if self.gravity is None else f"gravity {', '.join(f'{g:g}' for g in self.gravity)} m/s^2",
             "" if self.temperature is None else f"{self.temperature:g} deg C",
@@ -97,29 +113,54 @@ class Conditions:
         said = "; ".join(word for word in words if word)
         return (f"conditions: {said}",) if said else ()
 
+    @property
+    def _lacking(self) -> str:
+        given = self.part.given
+        return f"unknown but for its {' and '.join(given)}" if given else "unknown"
+
     def text(self) -> str:
         """Return the sidecar as YAML."""
         return to_yaml(self.to_dict())
+
+
+def _plain(record: KnownPayload | PayloadPart) -> dict[str, Any]:
+    """Return what is told of a payload, for YAML."""
+    return {k: list(v) if isinstance(v, tuple) else v for k, v in asdict(record).items() if v is not None}
 
 
 # so that a mistake in one is not told as one in all
 _BODY, _OPEN, _WORD = ALTERNATIVE + "body", ALTERNATIVE + "open", ALTERNATIVE + "word"
 
 
+def _not_a_word(value: Any) -> Any:
+    """Say how a part of a payload is left open."""
+    if value == "estimate":
+        raise ValueError("what is to be estimated is left out beside a name: payload: {estimate: box, mass: 2.0}")
+    return value
+
+
+Part = BeforeValidator(_not_a_word)
+Inertia = tuple[float, float, float, float, float, float]
+_INERTIA = "Ixx, Ixy, Iyy, Ixz, Iyz, Izz about that centre, kg m^2"
+
+
 class PayloadFile(Closed):
     """A known payload in a sidecar."""
 
-    mass: Positive = Field(description="kg")
-    centre: Vector = Field((0.0, 0.0, 0.0), description="centre of mass in the end effector's frame, m")
-    inertia: tuple[float, float, float, float, float, float] = Field(
-        (0.0,) * 6, description="Ixx, Ixy, Iyy, Ixz, Iyz, Izz about that centre, kg m^2"
+    mass: Annotated[Positive, Part] = Field(description="kg")
+    centre: Annotated[Vector, Part] = Field(
+        (0.0, 0.0, 0.0), description="centre of mass in the end effector's frame, m"
     )
+    inertia: Annotated[Inertia, Part] = Field((0.0,) * 6, description=_INERTIA)
 
 
 class OpenPayloadFile(Closed):
-    """A payload in a sidecar that is not known, but is the same wherever it is called so."""
+    """A payload in a sidecar that is not known, or in part, but is the same wherever it is called so."""
 
-    estimate: Annotated[str, Field(min_length=1)] = Field(description="its name")
+    estimate: Annotated[str, Field(min_length=1)] = Field(description="its name; what is left out is estimated")
+    mass: Annotated[Positive | None, Part] = Field(None, description="kg, where it is known")
+    centre: Annotated[Vector | None, Part] = Field(None, description="in the end effector's frame, m, where known")
+    inertia: Annotated[Inertia | None, Part] = Field(None, description=f"{_INERTIA}, where known")
 
 
 def _kind(value: Any) -> str:
@@ -149,18 +190,34 @@ class ConditionsFile(Closed):
 
 
 def sidecar(bag: Path | str) -> Path:
-    """Return where the conditions of a recording stand: beside it, `BAG.conditions.yaml`."""
-    path = Path(bag)
-    return path.with_name(f"{path.name}.conditions.yaml")
+    """Return where the conditions of a recording stand, or would: beside it, `BAG.conditions.yaml`, or, of a file
+    with a known ending, `a.conditions.yaml` of `a.npz` where that is there.
+    """
+    places = _sidecars(Path(bag))
+    return next((path for path in places if path.exists()), places[0])
+
+
+def _sidecars(bag: Path) -> list[Path]:
+    """Return where the conditions of a recording may stand."""
+    names = [bag.name, *([bag.stem] if bag.suffix.lower() in _ENDINGS else [])]
+    return [bag.with_name(f"{name}.conditions.yaml") for name in names]
 
 
 def read_conditions(bag: Path | str) -> Conditions:
-    """Return what the sidecar of a recording states, nothing where there is none; InputError where it can't be used."""
+    """Return what the sidecar of a recording states, nothing where there is none; InputError where it can't be used, or
+    where there are two.
+    """
     path = sidecar(bag)
     if not path.exists():
         return Conditions()
+    twice = [str(place) for place in _sidecars(Path(bag)) if place.exists()]
+    if len(twice) > 1:
+        raise InputError(f"{bag}: its conditions stand in {' and in '.join(twice)}; keep one of them")
     file = read(ConditionsFile, path)
-    payload = None
+    payload, part = None, PayloadPart()
+    if isinstance(file.payload, OpenPayloadFile):
+        part = PayloadPart(file.payload.mass, file.payload.centre, file.payload.inertia)
+        _check_part(part, path)
     if isinstance(file.payload, PayloadFile):
         payload = KnownPayload(file.payload.mass, file.payload.centre, file.payload.inertia)
         _check_inertia(payload, path)
@@ -178,11 +235,23 @@ def read_conditions(bag: Path | str) -> Conditions:
         "" if file.day is None else file.day.isoformat(),
         file.note,
         named,
+        part,
     )
 
 
-def _check_inertia(payload: KnownPayload, path: Path) -> None:
+def _check_part(part: PayloadPart, path: Path) -> None:
+    """Raise InputError where nothing is left to estimate, or no body has what is known."""
+    if part.mass is not None and part.centre is not None and part.inertia is not None:
+        raise InputError(
+            f"{path}: payload.estimate: mass, centre and inertia are all given; leave one out, or the word estimate"
+        )
+    _check_inertia(part, path)
+
+
+def _check_inertia(payload: KnownPayload | PayloadPart, path: Path) -> None:
     """Raise InputError where no body has such moments of inertia about its centre."""
+    if payload.inertia is None:
+        return
     xx, xy, yy, xz, yz, zz = payload.inertia
     moments = np.linalg.eigvalsh(np.array([[xx, xy, xz], [xy, yy, yz], [xz, yz, zz]]))
     if moments[0] < -1e-12 or moments[0] + moments[1] < moments[2] * (1 - 1e-9) - 1e-12:

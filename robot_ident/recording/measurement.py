@@ -54,7 +54,7 @@ class Measurement:
     of periods unlike the others, from 1. cycles: where periods are cycles with pauses between them, None elsewhere.
     stamps: what the stamps are worth, and sample_rate [Hz] of the recording. off_clock: how far the samples' instants
     scatter about their stamps, None where no periods tell. conditions: what the recording's sidecar states; start_ns:
-    absolute stamp of its first sample, 0 where not known.
+    absolute stamp of its first sample, 0 where not known. clipped: of which joints' efforts something was cut off.
     """
 
     source: str
@@ -87,6 +87,7 @@ class Measurement:
     sample_rate: float = 0.0
     conditions: Conditions = Conditions()
     start_ns: int = 0
+    clipped: tuple[str, ...] = ()
 
     def facts(self) -> dict[str, Any]:
         """Return how the recording was taken: its rate and clock, what of it repeats, and by joint the lowest and

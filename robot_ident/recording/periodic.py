@@ -15,6 +15,8 @@ from robot_ident.recording.low_pass import PeriodicLowPass
 from robot_ident.recording.measurement import Measurement, Processing
 from robot_ident.recording.noise import NoiseSpectrum, noise_spectrum
 from robot_ident.recording.recording import Recording
+from robot_ident.recording.resolution import position_step
+from robot_ident.recording.set_aside import set_aside
 from robot_ident.robot.robot import Robot
 
 STANDSTILL = 0.02  # rad/s: below it, stiction leaves the torque undetermined
@@ -34,10 +36,7 @@ def averaged(recording: Recording, clock: Clock, period: float, robot: Robot, pr
     steady, mean = average(recording, clock, period)
     start = steady.last - int(steady.periods * period + 1e-6) + 1
     notes = [f"{mean.periods} periods of {period * clock.dt:.6g} s averaged"]
-    if start > 0:
-        notes.append(f"{start * clock.dt:.3g} s of approach and transient left out")
-    if mean.after > 0:
-        notes.append(f"{mean.after * clock.dt:.3g} s after the periods left out")
+    notes += set_aside(clock, period * clock.dt, max(start, 0) * clock.dt, max(mean.after, 0) * clock.dt)
     out = of_mean(recording, mean, period, 1.0 / clock.dt, robot, processing)
     began = _began(start, period, clock.dt, steady.periods, mean.left_out)
     return replace(out, motion=replace(out.motion, began=began), notes=(*notes, *out.notes, *_unused(processing)))
@@ -195,7 +194,9 @@ def _motion(mean: Average, frequency: float, robot: Robot, recording: Recording)
     """
     samples = len(mean.q)
     lines = lines_of_grid(mean.q)
-    step = np.where(robot.drives.encoder_step > 0, robot.drives.encoder_step, _quantum(recording.q))
+    declared = robot.drives.encoder_step
+    # a driver or message may round more coarsely than the encoder does
+    step = np.maximum(np.where(declared > 0, declared, _quantum(recording.q)), position_step(recording.q))
     rounding = _rounding(step, mean.q_variance)
     variance = mean.q_variance / mean.averages + rounding
     strong = above_noise(lines, variance, samples)
@@ -215,11 +216,17 @@ def _speed_noise(share: Array, variance: Array, frequency: float, samples: int) 
 def _rounding(step: Array, variance: Array) -> Array:
     """Return the variance [n] that rounding to `step` leaves however often one averages: like values round alike.
 
-    step^2 / 12 without noise; noise of `variance` dithers it away: exp(-4 pi^2 variance / step^2), its first harmonic.
+    step^2 / 12 without noise; noise of s^2 dithers it away: r(s) = step^2 / 12 exp(-4 pi^2 s^2 / step^2), its first
+    harmonic. What is dithered scatters: variance = s^2 + step^2 / 12 - r(s) is seen, which bisection solves for s.
     """
     size = np.where(step > 0, step, 1.0)
-    dither = np.minimum(np.sqrt(variance) / size, 100.0)  # beyond, nothing is left, and squares may overflow
-    left = size**2 / 12.0 * np.exp(-4.0 * np.pi**2 * dither**2)
+    seen = np.minimum(np.sqrt(variance) / size, 100.0)  # beyond, nothing is left, and squares may overflow
+    low, high = np.zeros_like(seen), seen
+    for _ in range(40):
+        middle = 0.5 * (low + high)
+        less = middle**2 + (1.0 - np.exp(-4.0 * np.pi**2 * middle**2)) / 12.0 < seen**2
+        low, high = np.where(less, middle, low), np.where(less, high, middle)
+    left = size**2 / 12.0 * np.exp(-4.0 * np.pi**2 * low**2)
     return np.asarray(np.where(step > 0, left, 0.0))
 
 

@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from collections.abc import Mapping
+
 import numpy as np
 
 from robot_ident.errors import InputError
@@ -10,10 +12,14 @@ from robot_ident.robot.robot import Robot
 
 _BEYOND = 3.0  # positions this many times beyond the limits can't be this robot in SI units
 _TOO_FAST = 10.0  # speeds this many times beyond the limits
+_MOVES = 0.02  # rad or m; a joint that has moved as far has felt friction, if nothing else
+_CONSTANT = 1e-9  # share of an effort within which it is one number, rounded
 
 
 def check_plausible(recording: Recording, robot: Robot) -> None:
-    """Raise InputError where positions or torques contradict the robot's limits by a factor, or nothing moves."""
+    """Raise InputError where positions or torques contradict the robot's limits by a factor, or nothing moves; torque
+    at the joints. See `check_efforts` for efforts that say nothing.
+    """
     reach = np.maximum(np.abs(robot.limits.lower), np.abs(robot.limits.upper))
     size = np.abs(recording.q).max(axis=0)
     for joint in range(robot.n):
@@ -36,8 +42,45 @@ def check_plausible(recording: Recording, robot: Robot) -> None:
             )
     if np.all(np.ptp(recording.q, axis=0) < 1e-6):
         raise InputError(f"{recording.source}: no joint moves; nothing can be identified from rest")
+
+
+def silent_efforts(recording: Recording) -> dict[str, float]:
+    """Return the joints that move while their effort is one number, and the number: nobody measured it."""
+    moves = np.ptp(recording.q, axis=0) > _MOVES
+    same = np.ptp(recording.tau, axis=0) <= _CONSTANT * np.abs(recording.tau).max(axis=0)
+    return {
+        name: float(recording.tau[0, joint])
+        for joint, name in enumerate(recording.names)
+        if moves[joint] and same[joint]
+    }
+
+
+def silent_note(silent: Mapping[str, float]) -> str:
+    """Return what `silent_efforts` found, in words; empty where it found nothing."""
+    if not silent:
+        return ""
+    which = ", ".join(f"{name} is {value:g}" for name, value in silent.items())
+    moves, none = ("it moves", "its driver") if len(silent) == 1 else ("they move", "their drivers")
+    return f"the effort of {which} in every sample, though {moves}: {none} publish{'es' * (len(silent) == 1)} none"
+
+
+def check_efforts(recording: Recording) -> None:
+    """Raise InputError where the effort of a joint that moves is one number, as read: what is fitted to it is nothing.
+
+    The way out is a recording in which that joint stands still, since its motion moves the others.
+    """
     if np.all(recording.tau == 0.0):
         raise InputError(f"{recording.source}: every torque is zero; the driver publishes no effort")
+    silent = silent_efforts(recording)
+    others = [name for name in recording.names if name not in silent]
+    if not silent:
+        return
+    way = (
+        ""
+        if not others
+        else f"; record with {', '.join(silent)} standing still, and identify --joints {','.join(others)}"
+    )
+    raise InputError(f"{recording.source}: {silent_note(silent)}{way}")
 
 
 def _check_speed(recording: Recording, robot: Robot) -> None:

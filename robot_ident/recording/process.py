@@ -7,6 +7,7 @@ from dataclasses import replace
 from robot_ident.errors import InputError
 from robot_ident.motion import Array
 from robot_ident.recording.arm_alone import arm_alone
+from robot_ident.recording.clipped import find_clipped, without_clipped
 from robot_ident.recording.clock import Clock, even_positions, read_clock, roughness
 from robot_ident.recording.continuous import low_passed
 from robot_ident.recording.cycle_average import averaged_cycles
@@ -15,21 +16,27 @@ from robot_ident.recording.effort import at_the_joints
 from robot_ident.recording.measurement import Measurement, Processing
 from robot_ident.recording.period import find_period, refine_period, steady_part
 from robot_ident.recording.periodic import averaged
-from robot_ident.recording.plausibility import check_plausible
+from robot_ident.recording.plausibility import check_efforts, check_plausible
 from robot_ident.recording.rate import rate_note
 from robot_ident.recording.recording import Recording
 from robot_ident.recording.repeats import better, disturbed, doubtful
+from robot_ident.recording.resolution import coarse_notes
 from robot_ident.robot.robot import Robot
 
 
-def process(recording: Recording, robot: Robot, processing: Processing | None = None) -> Measurement:
+def process(
+    recording: Recording, robot: Robot, processing: Processing | None = None, *, motion_only: bool = False
+) -> Measurement:
     """Return what a recording says of a robot: even time, derivatives, averaged torque and its noise.
 
-    Raises InputError on a missing joint, wrong units, a recording too short, or one that isn't periodic where it has
-    to be.
+    motion_only: its efforts aren't used, so that they may say nothing. Raises InputError on a missing joint, wrong
+    units, an effort that never changes, a recording too short, or one that isn't periodic where it has to be.
     """
     processing = processing or Processing()
     recording = recording.with_joints(robot.joints)
+    if not motion_only:
+        check_efforts(recording)
+    published = recording
     recording = at_the_joints(recording, robot)
     check_plausible(recording, robot)
     clock = read_clock(recording)
@@ -42,8 +49,11 @@ def process(recording: Recording, robot: Robot, processing: Processing | None = 
     made, note = _averaged(recording, clock, q, robot, processing)
     if made is None:
         made = low_passed(recording, clock, robot, processing)
+    if not motion_only and robot.effort.coupling is None:
+        made = without_clipped(made, published, find_clipped(published), clock)
     slow = rate_note(q, clock.dt, robot.joints)
-    said = [*recording.notes, *clock.notes, *(line for line in (slow, note) if line), *made.notes]
+    coarse = coarse_notes(recording.q, robot.drives.encoder_step, robot.joints)
+    said = [*recording.notes, *clock.notes, *(line for line in (slow, *coarse, note) if line), *made.notes]
     made = replace(
         made, stamps=clock.stamps, sample_rate=1.0 / clock.dt, start_ns=recording.start_ns, notes=tuple(said)
     )

@@ -10,15 +10,52 @@ _LARGEST = 64  # steps: differences beyond as many say little about one of them
 _OFF = 0.02  # of a step: how far a difference may lie from a whole number of steps
 _LEAST = 30  # differences that are needed
 _SHARE = 0.98  # of them that must be whole numbers of steps
+_VALUES = 8  # that a coarse encoder must have shown, at least
+_REPEATED = 4  # samples of each value, in the mean, from which on an encoder is coarse
+_FAR = 3.0  # times the step that is declared, from which on a step is worth a word
 
 
 def position_step(q: Array) -> Array:
     """Return the step [n] of positions q [N, n] of which all differences are multiples, 0 where there is none.
 
     The smallest difference between neighbours is taken for a step, and believed where nearly all other small
-    differences are whole multiples of it.
+    differences are whole multiples of it. Steps so coarse that no sample moves by two of them show in the values, of
+    which there are few, at equal distances.
     """
-    return np.array([_step(np.abs(np.diff(column))) for column in np.asarray(q, dtype=float).T])
+    columns = np.asarray(q, dtype=float).T
+    return np.array([_step(np.abs(np.diff(column))) or _spacing(column) for column in columns])
+
+
+def coarse_notes(q: Array, declared: Array, joints: tuple[str, ...]) -> list[str]:
+    """Return a line on the joints whose positions q [N, n] stand on far larger steps than are declared [n] (0: none).
+
+    Such steps repeat from period to period, where no scatter shows them, and velocity and acceleration have them too.
+    """
+    coarse = [
+        f"{name} {step:.3g} ({step / told:.0f} times)"
+        for name, step, told in zip(joints, position_step(q), declared, strict=True)
+        if step > _FAR * told > 0.0
+    ]
+    if not coarse:
+        return []
+    return [
+        f"positions stand on steps far larger than encoder_step: {', '.join(coarse)}; something rounds them on the way;"
+        " the rounding counts as their noise, and a finer topic or message tells more"
+    ]
+
+
+def _spacing(column: Array) -> float:
+    """Return the distance of few values that stand at equal distances, or whole multiples of it."""
+    values = np.unique(column)
+    if len(values) * _REPEATED > len(column):
+        return 0.0
+    apart = np.diff(values)
+    apart = apart[apart > 8 * np.finfo(float).eps * max(1.0, float(np.abs(values).max(initial=0.0)))]
+    if len(apart) < _VALUES:
+        return 0.0
+    step = float(np.median(apart))
+    near = apart / step
+    return step if np.mean(np.abs(near - np.round(near)) < _OFF) > _SHARE and np.all(near > 0.5) else 0.0
 
 
 def _step(differences: Array) -> float:

@@ -10,20 +10,24 @@ import numpy as np
 from robot_ident.errors import InputError
 from robot_ident.motion import Array
 from robot_ident.recording.average import Average, average
+from robot_ident.recording.clipped import clipped_notes, find_clipped
 from robot_ident.recording.clock import Clock, Stamps, even_positions, read_clock
 from robot_ident.recording.cycle_average import cycle_notes, mean_cycle
 from robot_ident.recording.cycles import Cycles, find_cycles
 from robot_ident.recording.period import find_period
+from robot_ident.recording.plausibility import silent_efforts, silent_note
 from robot_ident.recording.rate import rate_note
 from robot_ident.recording.recording import Recording
 from robot_ident.recording.repeats import better, doubtful
+from robot_ident.recording.resolution import position_step
 
 
 @dataclass(frozen=True)
 class Summary:
     """Facts about a recording: its periods, or the cycles that repeat, or neither.
 
-    Joint arrays [n]: range of q rad, top speed rad/s, largest torque Nm; noise variances of one sample or None.
+    Joint arrays [n]: range of q rad, top speed rad/s, largest torque Nm; noise variances of one sample or None; the
+    step rad on which positions stand, 0 where none shows.
     """
 
     joints: tuple[str, ...]
@@ -41,6 +45,7 @@ class Summary:
     top_torque: Array
     torque_variance: Array | None
     position_variance: Array | None
+    position_step: Array
     notes: tuple[str, ...]
 
     def to_dict(self) -> dict[str, Any]:
@@ -64,6 +69,7 @@ class Summary:
                     "top_torque": float(self.top_torque[k]),
                     "torque_variance": None if noise_tau is None else float(noise_tau[k]),
                     "position_variance": None if noise_q is None else float(noise_q[k]),
+                    "position_step": float(self.position_step[k]) or None,
                 }
                 for k, name in enumerate(self.joints)
             ],
@@ -77,7 +83,8 @@ def summarise(recording: Recording) -> Summary:
     q = even_positions(recording, clock)
     period, mean, periods, notes = find_period(q, clock.dt), None, None, [*recording.notes, *clock.notes]
     slow, cycles, trouble = rate_note(q, clock.dt, recording.names), None, ""
-    notes += [slow] if slow else []
+    silent = silent_note(silent_efforts(recording))
+    notes += [line for line in (slow, silent, *clipped_notes(recording, find_clipped(recording)).values()) if line]
     if period is not None:
         mean, periods, trouble = _mean_period(recording, clock, period)
     if mean is None or doubtful(mean.q_variance, mean.periods * len(mean.q), q):
@@ -115,6 +122,7 @@ def summarise(recording: Recording) -> Summary:
         top_torque=np.abs(recording.tau).max(axis=0),
         torque_variance=None if mean is None else mean.tau_variance,
         position_variance=None if mean is None else mean.q_variance,
+        position_step=position_step(recording.q),
         notes=tuple(notes),
     )
 

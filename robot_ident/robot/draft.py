@@ -82,12 +82,13 @@ def draft_robot(
     acceleration: Mapping[str, float] | None = None,
     held: Mapping[str, float] | None = None,
     evidence: Evidence | None = None,
+    topic: str | None = None,
 ) -> Draft:
     """Return the draft of a robot YAML.
 
     urdf: as it shall stand in the file. gravity [3] m/s^2, or the mount that implies it; held: angles at which joints
     of the chain are locked; acceleration: limits by joint, rad/s^2. evidence: what a recording says; joints of the
-    chain that it lacks are held.
+    chain that it lacks are held. topic: of the joint states, where bags hold several.
     """
     told = dict(held or {})
     present = None if evidence is None else set(evidence.joints)
@@ -102,7 +103,8 @@ def draft_robot(
     page.guess(f"end_effector: {_quoted(inventory.end_effector)}", "the last link of the chain")
     _gravity(page, mount, gravity)
     page.guess(
-        "effort: torque", "Nm on the joint side; current where the driver reports ampere (info --robot tests it)"
+        "effort: torque" if topic is None else f"effort: {{quantity: torque, topic: {json.dumps(topic)}}}",
+        "Nm on the joint side; current where the driver reports ampere (info --robot tests it)",
     )
     page.found("")
     page.found("joints:")
@@ -136,7 +138,10 @@ def _joint(page: _Page, joint: UrdfJoint, acceleration: float | None, evidence: 
     ]
     if joint.position is None:
         why = f"{unit}; the URDF sets no limit"
-        page.lacks("    position: [LOWER, UPPER]", f"position limits of {joint.name}", why)
+        if joint.reversed is not None:
+            why = f"{unit}; the URDF's lower = {joint.reversed[0]:g} is above its upper = {joint.reversed[1]:g}"
+        turned = ": the URDF's lower is above its upper" if joint.reversed is not None else ""
+        page.lacks("    position: [LOWER, UPPER]", f"position limits of {joint.name}{turned}", why)
     else:
         page.found(f"    position: [{joint.position[0]:g}, {joint.position[1]:g}]", f"{unit}, URDF")
     for key, value, of in limits:

@@ -25,7 +25,8 @@ class UrdfJoint:
     """A joint of a URDF; limits None where the URDF gives none (a velocity or effort that isn't a finite number above 0
     counts as none).
 
-    mimic: the joint that it follows, "" for none. gear_ratio: of its transmission, None without.
+    reversed: the lower and upper position limit of one whose lower is above its upper, None elsewhere. mimic: the joint
+    that it follows, "" for none. gear_ratio: of its transmission, None without.
     """
 
     name: str
@@ -37,6 +38,7 @@ class UrdfJoint:
     effort: float | None
     mimic: str
     gear_ratio: float | None
+    reversed: tuple[float, float] | None = None
 
     @property
     def moves(self) -> bool:
@@ -164,6 +166,7 @@ def _joint(element: ElementTree.Element, ratios: Mapping[str, float], source: Pa
         effort=_limit(numbers.get("effort", 0.0)),
         mimic="" if mimic is None else mimic.get("joint", "?"),
         gear_ratio=ratios.get(name),
+        reversed=(lower, upper) if kind != "continuous" and lower > upper else None,
     )
 
 

@@ -40,6 +40,7 @@ class JointFile(Closed):
     velocity: Positive | None = Field(None, description="largest speed, rad/s or m/s")
     acceleration: Positive | None = Field(None, description="largest acceleration, rad/s^2 or m/s^2")
     torque: Positive | None = Field(None, description="largest torque, Nm or N")
+    current: Positive | None = Field(None, description="largest current of the drive, A")
     gear_ratio: Positive = Field(1.0, description="motor turns per joint turn")
     armature: NotNegative = Field(0.0, description="rotor inertia on the joint side, kg m^2")
     encoder_step: NotNegative = Field(0.0, description="resolution of the position, rad or m")
@@ -329,7 +330,7 @@ def _limits(model: Any, records: list[JointFile]) -> Limits:
     newer = hasattr(model, "upperVelocityLimit")
     velocity = np.array(model.upperVelocityLimit if newer else model.velocityLimit)
     torque = np.array(model.upperEffortLimit if newer else model.effortLimit)
-    acceleration = np.full(len(records), np.inf)
+    acceleration, current = np.full((2, len(records)), np.inf)
     lower[lower <= -ENDLESS], upper[upper >= ENDLESS] = -np.inf, np.inf
     velocity[velocity <= 0] = np.inf
     torque[torque <= 0] = np.inf
@@ -339,7 +340,8 @@ def _limits(model: Any, records: list[JointFile]) -> Limits:
         velocity[k] = record.velocity or velocity[k]
         acceleration[k] = record.acceleration or acceleration[k]
         torque[k] = record.torque or torque[k]
-    return Limits(*(frozen_array(v, None) for v in (lower, upper, velocity, acceleration, torque)))
+        current[k] = record.current or current[k]
+    return Limits(*(frozen_array(v, None) for v in (lower, upper, velocity, acceleration, torque, current)))
 
 
 def _expand(effects: list[str], joints: tuple[str, ...]) -> tuple[str, ...]:

@@ -20,13 +20,16 @@ from robot_ident.robot.workspace import WorkspaceRule
 
 @dataclass(frozen=True)
 class Limits:
-    """Limits of every joint [n]: position rad, velocity rad/s, acceleration rad/s^2, torque Nm; inf where unknown."""
+    """Limits of every joint [n]: position rad, velocity rad/s, acceleration rad/s^2, torque Nm, current of its drive A;
+    inf where unknown.
+    """
 
     lower: Array
     upper: Array
     velocity: Array
     acceleration: Array
     torque: Array
+    current: Array
 
 
 @dataclass(frozen=True)

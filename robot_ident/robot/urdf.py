@@ -20,6 +20,7 @@ _NUMBERS = {
     "mass": {"value": 1},
     "inertia": {key: 1 for key in ("ixx", "iyy", "izz", "ixy", "ixz", "iyz")},
 }
+_NEVER_NEGATIVE = ("value", "ixx", "iyy", "izz")  # of a link's mass and inertia
 
 
 def parse_urdf(text: str, path: Path) -> Any:
@@ -43,6 +44,10 @@ def _check_numbers(tree: ElementTree.Element, path: Path) -> None:
                 if told is not None and not _are_numbers(told, count):
                     where = f"{path}: {branch.tag} {branch.get('name', '')!r}: <{element.tag} {key}={told[:60]!r}>"
                     raise InputError(f"{where}: {count} numbers of a possible size were expected")
+                if told is not None and key in _NEVER_NEGATIVE and float(told) < 0.0:
+                    what = "a mass" if key == "value" else "a moment of inertia"
+                    where = f"{path}: {branch.tag} {branch.get('name', '')!r}: <{element.tag} {key}={told[:60]!r}>"
+                    raise InputError(f"{where}: {what} is never negative")
     for joint in tree.findall("joint"):
         axis = joint.find("axis")
         told = "1 0 0" if axis is None else axis.get("xyz", "1 0 0")

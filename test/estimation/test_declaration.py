@@ -59,3 +59,49 @@ def test_a_joint_whose_load_is_lost_in_noise(arm: Any, recording: Any) -> None:
     rng = np.random.default_rng(0)
     quiet = replace(recording, tau=0.02 * recording.tau + rng.normal(0, 400.0, recording.tau.shape) * [1.0, 0.0, 0.0])
     assert verdicts(quiet, arm.robot)[0] == "not_told"
+
+
+def test_time_that_runs_backwards_is_seen_in_friction(arm: Any, recording: Any) -> None:
+    backwards = replace(recording, q=recording.q[::-1], tau=recording.tau[::-1])
+    found = judge_declaration(backwards, arm.robot)
+    assert [one.verdict for one in found] == ["driven"] * 3
+    assert all(one.friction < 0 for one in found)
+
+
+def test_a_joint_whose_urdf_takes_hardly_any_torque_is_not_judged(arm: Any, recording: Any) -> None:
+    """What friction and the rotor make is no share of the URDF's torque, whatever sign and size fit best."""
+    motion = arm.series.motion(recording.t - recording.t[0])
+    v, a = motion.dq[:, 2], motion.ddq[:, 2]
+    rng = np.random.default_rng(0)
+    model = arm.robot.rigid.inverse_dynamics(Motion(motion.q, motion.dq, motion.ddq))
+    tau = np.array(recording.tau)
+    tau[:, 2] = 0.02 * model[:, 2] + 20.0 * a + 10.0 * v + 30.0 * np.sign(v) + rng.normal(size=len(v))
+    found = judge_declaration(replace(recording, tau=tau), arm.robot)
+    assert [one.verdict for one in found] == ["consistent", "consistent", "not_told"]
+
+
+def test_a_rotor_that_the_urdf_lacks_does_not_bend_the_factor(arm: Any, recording: Any) -> None:
+    """In A, an estimate that leaves the rotor out would give half the torque constant or less."""
+    motion = arm.series.motion(recording.t - recording.t[0])
+    constant = np.array([20.0, 25.0, 15.0])
+    model = arm.robot.rigid.inverse_dynamics(Motion(motion.q, motion.dq, motion.ddq))
+    rotor = [20.0, 10.0, 4.0] * motion.ddq + 10.0 * motion.dq + 20.0 * np.sign(motion.dq)
+    rng = np.random.default_rng(0)
+    tau = (model + rotor + rng.normal(size=model.shape)) / constant
+    robot = replace(
+        arm.robot,
+        effort=Efforts(Effort("current")),
+        drives=replace(arm.robot.drives, torque_constant=np.full(3, np.nan)),
+    )
+    for one, true in zip(judge_declaration(replace(recording, tau=tau), robot), constant, strict=True):
+        assert one.verdict == "factor"
+        assert 1.0 / one.share == pytest.approx(true, rel=0.05), one
+        assert "+-" in one.hint
+
+
+def test_gravity_that_points_up(arm: Any, recording: Any) -> None:
+    still = np.zeros_like(recording.q)
+    weight = arm.robot.rigid.inverse_dynamics(Motion(recording.q, still, still))
+    found = judge_declaration(replace(recording, tau=recording.tau - 2.0 * weight), arm.robot)
+    assert [one.verdict for one in found] == ["consistent", "sign", "sign"]
+    assert "does gravity point the wrong way" in found[1].hint

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from dataclasses import replace
 from pathlib import Path
+from typing import Any
 
 import numpy as np
 import pytest
@@ -13,13 +14,16 @@ from robot_ident.bags import write_recording
 from robot_ident.cli.main import main
 from robot_ident.diagnosis.diagnose import diagnose
 from robot_ident.errors import InputError
+from robot_ident.estimation.gains import Gains, estimate_gains
 from robot_ident.estimation.gains_anew import extended_with_gains, tells_gains
 from robot_ident.estimation.identify import identify
 from robot_ident.model.model import Model
 from robot_ident.model.model_file import read_model, write_model
+from robot_ident.model.structure import Structure
 from robot_ident.recording import Processing, Recording, process
-from robot_ident.recording.conditions import Conditions, KnownPayload
+from robot_ident.recording.conditions import Conditions, KnownPayload, PayloadPart
 from robot_ident.robot import Robot, load_robot
+from robot_ident.robot.effort import Effort, Efforts
 from robot_ident.robot.load import definition_of
 from robot_ident.simulation.calibrate import standard_motions
 from robot_ident.simulation.periodic import Play
@@ -186,6 +190,45 @@ def test_what_needs_newton_metres_is_refused(
         identify(same, robots[1])
 
 
+def test_a_weighed_payload_tells_the_gains_and_is_found_with_them(
+    robots: tuple[Robot, Robot], recordings: tuple[Recording, Recording], model: Model
+) -> None:
+    weighed = Conditions(estimated=True, body="box", part=PayloadPart(mass=PAYLOAD.mass))
+    found = identify([recordings[0], replace(recordings[1], conditions=weighed)], robots[1])
+    assert found.gains is not None and model.gains is not None
+    value, std = (np.array([one[key] for one in found.gains]) for key in ("value", "std"))
+    np.testing.assert_allclose(value, GAINS, rtol=0.02)
+    assert np.all(np.abs(value - GAINS) < 4 * std)
+    assert np.all(std > 0.999 * np.array([one["std"] for one in model.gains])), "less is known, no more is told"
+    load = np.array([[one["payload_rms"] for one in m.gains or ()] for m in (found, model)])
+    np.testing.assert_allclose(load[0], load[1], rtol=0.05)
+    (box,) = found.payloads
+    assert box["mass"] == PAYLOAD.mass and box["given"] == ["mass"]
+    off = np.array(box["centre"]) - PAYLOAD.centre
+    assert np.all(np.abs(off) < 4 * np.array(box["centre_std"])) and np.abs(off).max() < 0.005
+    assert np.abs((found.values - found.structure.true_values()) / found.std).max() < 5.0
+    known = identify([recordings[0], replace(recordings[1], conditions=weighed)], robots[0])
+    surer = np.array(known.payloads[0]["centre_std"]) / box["centre_std"]
+    assert np.all(surer < 1.0), "what the gains leave open, the centre has too"
+
+
+def test_gains_and_payload_both_unknown_are_told_in_one_line(
+    robots: tuple[Robot, Robot], recordings: tuple[Recording, Recording]
+) -> None:
+    unknown = Conditions(estimated=True, body="box", part=PayloadPart(centre=PAYLOAD.centre))
+    with pytest.raises(InputError, match="data tell their product alone: weigh it") as caught:
+        identify([recordings[0], replace(recordings[1], conditions=unknown)], robots[1])
+    assert "{estimate: box, mass: KG}" in str(caught.value) and "\n" not in str(caught.value)
+    # one more recording, of a body that is known, sets the scale for both
+    again = replace(recordings[1], source="again", conditions=Conditions(estimated=True, body="box"))
+    found = identify([*recordings, again], robots[1])
+    (box,) = found.payloads
+    assert abs(box["mass"] - PAYLOAD.mass) < 4 * box["mass_std"] < 0.1 * PAYLOAD.mass
+    whole = [process(r, found.robot, Processing(**dict(found.processing))) for r in (*recordings, again)]
+    assert tells_gains(found, whole)
+    assert not tells_gains(found, [whole[0], whole[2]]), "without the known one nothing sets the scale"
+
+
 def test_the_command_line_takes_the_payload_from_the_sidecar(
     robots: tuple[Robot, Robot],
     recordings: tuple[Recording, Recording],
@@ -232,3 +275,29 @@ def test_a_drive_that_nothing_tells_of_does_not_harm_the_others(
     assert {found.parameters[k].unit for k in rigid} == {"kg m^2", "kg m"}
     error = (found.values - found.structure.true_values())[rigid] / found.std[rigid]
     assert np.abs(error).max() < 5.0
+
+
+def test_a_payload_stated_beside_the_wrong_recording(arm: Any) -> None:
+    """No gain is invented, and the exchange that would tell them is named."""
+    load = KnownPayload(30.0, (0.0, 0.1, 0.2))
+    constant = np.array([20.0, 25.0, 15.0])
+    bare, other = (arm.record(seed, periods=4, noise=0.2) for seed in (1, 2))
+    carried = load.torque(arm.robot, arm.series.motion(other.t - other.t[0] - 7.3))
+    first = replace(bare, tau=bare.tau / constant, source="bare")
+    second = replace(other, tau=(other.tau + carried) / constant, source="loaded")
+    drives = replace(arm.robot.drives, torque_constant=np.full(3, np.nan))
+    robot = replace(arm.robot, effort=Efforts(Effort("current")), drives=drives)
+    stated = Conditions(load)
+    structure = Structure.build(robot)
+
+    def gains(*recordings: Recording) -> Gains:
+        return estimate_gains([process(one, robot, Processing(periodic=True)) for one in recordings], structure)
+
+    right = gains(first, replace(second, conditions=stated))
+    assert "joint_2" not in right.unknown
+    assert right.values[1] == pytest.approx(25.0, abs=5.0 * right.std[1])
+    wrong = gains(replace(first, conditions=stated), second)
+    assert wrong.exchanged == "bare and loaded"
+    assert wrong.notes[0].startswith("the payloads that the conditions state tell no drive gain")
+    assert "exchanged between bare and loaded they would" in wrong.notes[0]
+    assert "+-" not in wrong.notes[0]

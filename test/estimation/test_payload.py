@@ -154,6 +154,23 @@ def test_the_command_line(
     assert told.mass == data["mass"]
 
 
+def test_an_empty_hand_is_written_as_one(
+    arm: Robot,
+    plays: tuple[list[Play], Play],
+    model: Model,
+    tmp_path: Path,
+    capsys: pytest.CaptureFixture[str],
+) -> None:
+    bag, file, out = tmp_path / "empty.npz", tmp_path / "model.yaml", tmp_path / "empty.npz.conditions.yaml"
+    write_recording(bag, plays[0][1].record(16, seed=77))
+    write_model(model, file)
+    assert main(["identify", str(bag), "--only", "payload", "--model", str(file), "-o", str(out)]) == 0
+    told = capsys.readouterr()
+    assert "nothing in the hand that the data tell (" in told.err
+    assert read_conditions(bag).payload is None
+    assert "nothing in the hand" in read_conditions(bag).note
+
+
 def test_predictions_carry_what_the_conditions_state(model: Model, plays: tuple[list[Play], Play]) -> None:
     stated = KnownPayload(MASS, (0.03, 0.02, 0.08))
     run = plays[1].record(2, seed=9)

@@ -13,7 +13,7 @@ from robot_ident.errors import InputError
 from robot_ident.excitation.fourier import FourierSeries
 from robot_ident.motion import Array, Motion
 from robot_ident.recording import Recording, process
-from robot_ident.recording.conditions import Conditions, KnownPayload, hand, read_conditions, sidecar
+from robot_ident.recording.conditions import Conditions, KnownPayload, PayloadPart, hand, read_conditions, sidecar
 from robot_ident.robot import Robot, load_robot
 from robot_ident.robot.rigid_body import RigidBody
 from robot_ident.simulation.calibrate import standard_motions
@@ -98,7 +98,9 @@ def test_the_sidecar_is_read_with_its_bag(robot: Robot, series: FourierSeries, t
         sidecar(bag).write_text(told.text(), encoding="utf-8")
         assert sidecar(bag).name == f"{bag.name}.conditions.yaml"
         assert read_recording(bag).conditions == told
-        for unknown in (Conditions(estimated=True), Conditions(estimated=True, body="box")):
+        part = PayloadPart(5.0, (0.0, 0.1, 0.0))
+        named = Conditions(estimated=True, body="box")
+        for unknown in (Conditions(estimated=True), named, replace(named, part=part)):
             sidecar(bag).write_text(unknown.text(), encoding="utf-8")
             assert read_recording(bag).conditions == unknown
             sidecar(bag).unlink()
@@ -110,7 +112,11 @@ def test_the_sidecar_is_read_with_its_bag(robot: Robot, series: FourierSeries, t
         ("payload: {mass: -1}", "payload"),
         ("payload: {mass: 1, inertia: [1, 0, 1, 0, 0, 5]}", "no body has these moments"),
         ("payload: {estimate: ''}", "payload.estimate"),
-        ("payload: {estimate: box, mass: 5}", "unknown key 'payload.mass'"),
+        ("payload: {estimate: box, mas: 5}", "unknown key 'payload.mas'"),
+        ("payload: {estimate: box, mass: -5}", "payload.mass = -5"),
+        ("payload: {estimate: box, mass: 5, inertia: [1, 0, 1, 0, 0, 5]}", "no body has these moments"),
+        ("payload: {estimate: box, mass: 5, centre: [0, 0, 0], inertia: [1, 0, 1, 0, 0, 1]}", "are all given"),
+        ("payload: {mass: 5, centre: estimate}", "left out beside a name: payload: {estimate: box, mass: 2.0}"),
         ("payload: heavy", "yaml: payload = 'heavy': Input should be 'estimate' or 'none'"),
         ("payload: {mass: 5 kg}", "yaml: payload.mass = '5 kg': Input should be a valid number"),
         ("payload: {mas: 5}", "'payload.mass' is missing; unknown key 'payload.mas'"),
@@ -127,3 +133,17 @@ def test_a_mistake_is_named(tmp_path: Path, line: str, told: str) -> None:
     with pytest.raises(InputError, match="bag.conditions.yaml") as caught:
         read_conditions(tmp_path / "bag")
     assert told in str(caught.value)
+
+
+@pytest.mark.parametrize("name", ["a.npz", "a.csv", "a.mcap", "a"])
+def test_a_sidecar_by_the_name_without_its_ending(tmp_path: Path, name: str) -> None:
+    text = "schema: robot_ident/conditions/1\ntool: gripper\n"
+    (tmp_path / "a.conditions.yaml").write_text(text, encoding="utf-8")
+    assert read_conditions(tmp_path / name).tool == "gripper"
+    assert read_conditions(tmp_path / "a.2.npz").tool == "", "a dot within a name ends nothing"
+    if name != "a":
+        (tmp_path / f"{name}.conditions.yaml").write_text(text, encoding="utf-8")
+        with pytest.raises(
+            InputError, match=f"{name}: its conditions stand in .*{name}.conditions.yaml and in .*keep one"
+        ):
+            read_conditions(tmp_path / name)

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from dataclasses import replace
 from typing import Any
 
 import numpy as np
@@ -152,3 +153,16 @@ def test_a_long_rest_is_no_period(arm: Any, before: float, after: float) -> None
     measured = process(Recording(r.names, t, pad(r.q, 4e-5), pad(r.tau, 20.0)), arm.robot)
     assert measured.periods == 3
     assert measured.base_frequency == pytest.approx(0.1, rel=1e-6)
+
+
+def test_what_is_left_out_before_the_periods_is_named(arm: Any) -> None:
+    """Four periods, then nothing for 100 s and two thirds of a period, then ten periods."""
+    r = arm.record(1, periods=14, lead=0.0)
+    late = np.arange(r.samples) >= 6000
+    paused = replace(r, t=r.t + 106.7 * late)
+    notes = process(paused, arm.robot, Processing(periodic=True)).notes
+    told = next(note for note in notes if "left out" in note)
+    assert "before the periods left out: no samples for 106.7 s from 39.99 s on" in told, notes
+    assert "4 periods that are not in step with the others" in told or "3 periods that" in told
+    usual = process(arm.record(1, periods=4, lead=7.3), arm.robot).notes
+    assert any("of approach and transient left out" in note for note in usual)

@@ -1,0 +1,101 @@
+"""Does friction take energy away? Where it gives some to a joint, the sign of effort, position or time is wrong."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+
+import numpy as np
+
+from robot_ident.effects import Effect
+from robot_ident.model.structure import Structure
+from robot_ident.motion import Array
+from robot_ident.recording.measurement import Measurement
+
+POSITIVE = ("viscous", "coulomb", "rotor_inertia")
+"""Effects whose coefficient is the amount of something, so that none below zero is possible."""
+
+_SURE = 5.0  # standard deviations
+
+
+@dataclass(frozen=True)
+class Driven:
+    """Joints that their friction drives, and coefficients that can't be negative and are; how many standard deviations
+    below zero by name.
+    """
+
+    joints: dict[str, float]
+    coefficients: dict[str, float]
+
+    @property
+    def notes(self) -> tuple[str, ...]:
+        """What is wrong, in words: of a joint that is driven its coefficients say nothing more."""
+        said = []
+        if self.joints:
+            which = ", ".join(f"{name} (by {size:.0f} sigma)" for name, size in self.joints.items())
+            said.append(
+                f"friction that drives instead of braking: {which}; the sign of the effort, of the position or of time"
+                " is wrong there"
+            )
+        if self.coefficients:
+            which = ", ".join(f"{name} (by {size:.0f} sigma)" for name, size in self.coefficients.items())
+            said.append(
+                f"negative, which it can't be: {which}; a sign is wrong, or it stands in for something that the model"
+                " lacks"
+            )
+        return tuple(said)
+
+
+def driven(structure: Structure, measurements: Sequence[Measurement], values: Array, covariance: Array) -> Driven:
+    """Return where friction drives: its mean power P = mean(dq tau_f) over all motions is negative beyond doubt.
+
+    tau_f: every effect on a joint whose sign turns with the motion's, save those that depend on torque; P is linear in
+    their coefficients, values [p or more] with covariance, so that its variance is w' C w.
+    """
+    power = friction_power(structure, measurements)
+    linear = len(structure.parameters)
+    theta, spread = values[:linear], covariance[:linear, :linear]
+    below: dict[str, float] = {}
+    for joint, name in enumerate(structure.robot.joints):
+        _note(below, name, float(power[joint] @ theta), float(power[joint] @ spread @ power[joint]))
+    single: dict[str, float] = {}
+    for effect, place in _places(structure):
+        others = [e for e, _ in _places(structure) if e.joint == effect.joint and e.name not in POSITIVE]
+        if effect.name not in POSITIVE or effect.place in below or others:
+            continue  # several kinds of friction on a joint are told apart only in their sum
+        _note(single, effect.label, float(theta[place]), float(spread[place, place]))
+    return Driven(below, single)
+
+
+def _note(found: dict[str, float], name: str, value: float, variance: float) -> None:
+    if value < 0.0 < variance and -value > _SURE * np.sqrt(variance):
+        found[name] = float(-value / np.sqrt(variance))
+
+
+def friction_power(structure: Structure, measurements: Sequence[Measurement]) -> Array:
+    """Return the mean power [n, p] W that a unit of each linear parameter takes from each joint, 0 where it is none of
+    friction.
+    """
+    out = np.zeros((structure.robot.n, len(structure.parameters)))
+    rows = sum(measured.motion.samples for measured in measurements)
+    for effect, place in _places(structure):
+        joint = effect.joint
+        for measured in measurements:
+            columns = effect.columns(measured.motion)[:, joint]
+            lost = measured.motion.dq[:, joint] @ columns / rows
+            out[joint, place : place + len(effect.coefficients)] += np.where(_brakes(effect), lost, 0.0)
+    return out
+
+
+def _brakes(effect: Effect) -> list[bool]:
+    return [(c.symmetry or effect.symmetry) == "dissipative" for c in effect.coefficients]
+
+
+def _places(structure: Structure) -> list[tuple[Effect, int]]:
+    """Return the effects on one joint that don't depend on torque, with the place of their first parameter."""
+    places, start = [], len(structure.base.columns)
+    for effect in structure.effects:
+        if effect.place is not None and not effect.uses_torque:
+            places.append((effect, start))
+        start += len(effect.coefficients)
+    return places

@@ -1,0 +1,49 @@
+"""Stamps of a clock that runs wrong: seen in inertia that is off alike on all joints beside weight that is right."""
+
+from __future__ import annotations
+
+import re
+from dataclasses import replace
+from typing import Any
+
+import numpy as np
+import pytest
+
+from robot_ident.estimation.declaration import judge_declaration
+
+
+@pytest.fixture(scope="module")
+def recording(arm: Any) -> Any:
+    return arm.record(1, periods=3, lead=0.0)
+
+
+def stretched(recording: Any, factor: float) -> Any:
+    """Return what is recorded where the clock of the stamps runs so many times as fast as it should."""
+    return replace(recording, t=recording.t[0] + (recording.t - recording.t[0]) * factor, dq=None)
+
+
+@pytest.mark.parametrize(("factor", "way"), [(1.5, "fast"), (1 / 1.5, "slow")])
+def test_the_clock_is_named_and_how_far_it_is_off(arm: Any, recording: Any, factor: float, way: str) -> None:
+    found = judge_declaration(stretched(recording, factor), arm.robot)
+    assert {one.verdict for one in found} == {"clock"}
+    for one in found:
+        told = re.search(rf"runs ([0-9.]+) times too {way}", one.hint)
+        assert told and float(told[1]) == pytest.approx(1.5, rel=0.05)
+    np.testing.assert_allclose([one.inertia for one in found], factor**2, rtol=0.1)
+
+
+def test_a_gain_is_no_clock(arm: Any, recording: Any) -> None:
+    """Weight is off as well."""
+    found = judge_declaration(replace(recording, tau=recording.tau * 2.25), arm.robot)
+    assert {one.verdict for one in found} == {"factor"}
+
+
+def test_heavier_rotors_are_no_clock(arm: Any, recording: Any) -> None:
+    """Rotors that the URDF lacks change the joints' inertia, each by its own."""
+    rotors = arm.series.motion(recording.t - recording.t[0]).ddq * [30.0, 40.0, 10.0]
+    found = judge_declaration(replace(recording, tau=recording.tau + rotors), arm.robot)
+    assert "clock" not in {one.verdict for one in found}
+
+
+def test_a_clock_a_little_off_stays_unsaid(arm: Any, recording: Any) -> None:
+    assert {one.verdict for one in judge_declaration(stretched(recording, 1.05), arm.robot)} == {"consistent"}
