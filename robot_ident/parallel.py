@@ -6,7 +6,9 @@ import importlib
 import os
 import pickle
 import signal
+import socket
 import threading
+import time
 import warnings
 from collections.abc import Callable, Generator, Iterator, Sequence
 from contextlib import closing, contextmanager
@@ -57,11 +59,31 @@ def on_cluster(address: str | None) -> Iterator[None]:
         client.close()
 
 
+def _require_listener(address: str) -> None:
+    """Raise InputError where an address is none, or nobody comes to listen there: Dask's own client leaves its threads
+    behind then. A scheduler that is just being started is waited for.
+    """
+    scheme, mark, place = address.rpartition("://")
+    host, colon, port = place.rpartition(":")
+    if not host or not port.isdigit() or int(port) > 65535 or (mark and not scheme.isalnum()):
+        raise InputError(f"--cluster {address}: HOST:PORT or tcp://HOST:PORT of a Dask scheduler was expected")
+    until = time.monotonic() + _CONNECT
+    while True:
+        try:
+            with socket.create_connection((host.strip("[]"), int(port)), timeout=_CONNECT):
+                return
+        except OSError as error:
+            if not isinstance(error, ConnectionRefusedError) or time.monotonic() > until:
+                raise InputError(f"--cluster {address}: no Dask scheduler answers there ({error})") from error
+        time.sleep(0.1)
+
+
 def _client(address: str) -> Any:
     try:
         distributed: Any = importlib.import_module("distributed")
     except ImportError:
         raise InputError("--cluster needs Dask: pip install 'robot_ident[cluster]'") from None
+    _require_listener(address)
     try:
         client = distributed.Client(address, timeout=_CONNECT, set_as_default=False)
     except (OSError, ValueError) as error:

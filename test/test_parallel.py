@@ -108,6 +108,14 @@ def test_a_scheduler_that_is_not_there_is_said(monkeypatch: pytest.MonkeyPatch) 
         pass
 
 
+@pytest.mark.parametrize("address", ["nonsense", "tcp://127.0.0.1", "127.0.0.1:port", "tcp://:8786", "127.0.0.1:99999"])
+def test_what_is_no_address_is_refused_before_anyone_is_called(monkeypatch: pytest.MonkeyPatch, address: str) -> None:
+    distributed = pytest.importorskip("distributed", reason="the extra [cluster] is not installed")
+    monkeypatch.setattr(distributed, "Client", None)
+    with pytest.raises(InputError, match="HOST:PORT of a Dask scheduler was expected"), on_cluster(address):
+        pass
+
+
 @pytest.mark.parametrize("place", ["processes", "cluster"])
 def test_workers_know_the_effects_of_a_users_file(place: str, cases: Any, tmp_path: Path) -> None:
     name, file = f"tight_spot_{place}", tmp_path / "sticky.py"

@@ -18,6 +18,7 @@ from robot_ident.recording.recording import Recording
 _BURSTS = 0.1  # of the samples: as many that come with another are no accident
 _CLOSE = 0.05  # of the long steps between stamps: what is nearer came in one burst
 _LONGEST = 100  # samples of a burst
+_BACKWARDS = 0.9  # of the steps between stamps: nothing that is late now and then goes back as often
 
 
 @dataclass(frozen=True)
@@ -45,6 +46,11 @@ def in_order(samples: Samples, place: str) -> tuple[Samples, list[str]]:
         return samples, notes
     if np.all(stamp == stamp[0]):
         raise InputError(f"{place}: all of its {len(stamp)} samples have the same time")
+    if np.mean(np.diff(stamp) < 0) > _BACKWARDS:
+        raise InputError(
+            f"{place}: its times run backwards, from {_seconds(stamp[0])} to {_seconds(stamp[-1])} s; sort its rows by"
+            " time where each stands beside its own, or turn the times round where they alone are reversed"
+        )
     if not np.all(np.diff(stamp) > 0):
         late = int(np.sum(stamp[1:] < np.maximum.accumulate(stamp)[:-1]))
         if late:
@@ -64,6 +70,10 @@ def in_order(samples: Samples, place: str) -> tuple[Samples, list[str]]:
         unlike = int(again.sum())
         notes.append(f"{unlike} samples have the stamp of another with different content; the first one is kept")
     return samples[~again] if again.any() else samples, notes
+
+
+def _seconds(stamp: float | np.int64) -> str:
+    return f"{float(stamp) / (1e9 if isinstance(stamp, np.int64) else 1.0):.3f}"
 
 
 def _once(samples: Samples, notes: list[str]) -> Samples:

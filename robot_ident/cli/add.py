@@ -6,7 +6,7 @@ import argparse
 from collections.abc import Sequence
 from typing import TYPE_CHECKING, Any
 
-from robot_ident.cli.output import print_json, say
+from robot_ident.cli.output import print_json, say, tell
 from robot_ident.errors import InputError
 
 if TYPE_CHECKING:
@@ -55,6 +55,8 @@ def run(args: argparse.Namespace) -> int:
             say(f"{p.name} = {value:.4g}{spread} {p.unit}".rstrip() + (" (at its bound)" if at_bound else ""))
     for one in last.gains or ():
         say(f"gain of {one['joint']} = {one['value']:.4g} ± {one['std']:.2g} {one['unit']}")
+    for line in steps[-1].troubles:
+        tell(line)
     if args.output:
         say(f"written: {args.output}")
     return 0
@@ -72,4 +74,5 @@ def _to_dict(steps: Sequence[Step]) -> dict[str, Any]:
         "validation_mse_before": steps[0].unseen,
         "validation_mse_after": steps[-1].unseen,
         "model": after.to_dict(),
+        "notes": list(steps[-1].troubles),
     }

@@ -13,12 +13,13 @@ if TYPE_CHECKING:
 def contradictions(measurements: Sequence[Measurement], robot: Robot, *, as_declared: bool) -> list[str]:
     """Return what in the data contradicts the declaration of effort.
 
-    Raises InputError, with the line of the robot YAML to change, unless the user goes on all the same. Where nothing
-    contradicts it once stated payloads are left out, the sidecars that state them are named instead. Recordings with an
-    unknown payload are not judged.
+    Raises InputError, with the line of the robot YAML to change, unless the user goes on all the same; of a clock that
+    runs wrong no line tells, and it is only said. Where nothing contradicts it once stated payloads are left out, the
+    sidecars that state them are named instead. Recordings with an unknown payload are not judged.
     """
     from robot_ident.configuration import line_of
     from robot_ident.errors import InputError
+    from robot_ident.estimation.clock_rate import clock_notes
     from robot_ident.estimation.contradiction import contradiction
     from robot_ident.estimation.coupling import coupling_contradiction
     from robot_ident.estimation.declaration import judge_all
@@ -30,7 +31,7 @@ def contradictions(measurements: Sequence[Measurement], robot: Robot, *, as_decl
         return []
     found = coupling_contradiction(measurements, robot) or contradiction(judge_all(measurements, robot), robot)
     if found is None:
-        return []
+        return clock_notes(measurements, robot)
     if as_declared:
         return [f"{found.in_words}; taken as declared"]
     stated = {str(sidecar(m.source)): m.conditions.payload for m in measurements if m.conditions.payload is not None}

@@ -64,7 +64,7 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
         "--sample-rate", type=within(1.0, 1e5), default=150.0, metavar="HZ", help="Hz (default %(default)s)"
     )
     parser.add_argument(
-        "--effect", action="append", default=[], metavar="NAME@JOINT", help="further effects to identify"
+        "--effect", action="extend", nargs="+", default=[], metavar="NAME@JOINT", help="further effects to identify"
     )
     parser.add_argument(
         "--model", metavar="MODEL", help="model.yaml whose parameters are designed for, at its estimates"

@@ -32,7 +32,7 @@ def within_runs(args: argparse.Namespace, robot: Robot, whole: Robot) -> Robot:
     motions, places = [], []
     for bag in args.run_before:
         recording = read_for(bag, robot)
-        measured = process(recording, robot, Processing(derivative_bandwidth=_BANDWIDTH))
+        measured = process(recording, robot, Processing(derivative_bandwidth=_BANDWIDTH), motion_only=True)
         edge = 0 if measured.base_frequency is not None else round(1.0 / (_BANDWIDTH * measured.dt))
         kept = measured.motion[slice(edge, measured.motion.samples - edge)]
         motions.append(Motion(kept.q, kept.dq, kept.ddq))

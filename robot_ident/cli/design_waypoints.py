@@ -66,6 +66,12 @@ def run_waypoints(args: argparse.Namespace, target: Target, files: Sequence[str]
     if tour.refused:
         words = ", ".join(f"{a} to {b}" for a, b in tour.refused)
         notes.append(f"left out, for they break a limit at every speed: {words}")
+    if tour.untold:
+        still = f" ({', '.join(tour.resting)} never moves)" if tour.resting else ""
+        notes.append(
+            f"the approved moves{still} leave undetermined: {', '.join(tour.untold)}; approve poses that differ in more"
+            " joints, or more of them"
+        )
     values, seconds = tour.evaluation, time.monotonic() - started
     if args.json:
         print_json(

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import argparse
+from dataclasses import replace
 from typing import TYPE_CHECKING, Any
 
 from robot_ident.cli.output import Progress, print_json, say, table, tell
@@ -50,6 +51,7 @@ def run(args: argparse.Namespace) -> int:
     steps = _added(found, inputs, args) if args.add_until_adequate else []
     if args.output:
         _write(steps[-1].model if steps else inputs.models[0], args)
+    found = replace(found, notes=(*found.notes, *_troubles(found, inputs, steps)))
     if args.json:
         print_json(_to_dict(found, steps))
         return 0
@@ -69,6 +71,27 @@ def _added(found: Diagnosis, inputs: Inputs, args: argparse.Namespace) -> list[S
 
     columns = [s.effect for s in found.missing if not s.effect.measuring]
     return steps_of(inputs, columns, args.validation, args.topic) if columns else []
+
+
+def _troubles(found: Diagnosis, inputs: Inputs, steps: list[Step]) -> tuple[str, ...]:
+    """Return on which recordings kept aside the model is worse than none, with what was added if something was."""
+    from robot_ident.cli.loop import troubles
+    from robot_ident.estimation.unusable import residual_on
+
+    if steps:
+        return steps[-1].troubles
+    lines = troubles(inputs.models[0], inputs.validation)
+    after = found.missing[-1].validation_after if found.missing else None
+    if not lines or after is None:
+        return lines
+    held = [residual_on(inputs.models[0], measured) for measured in inputs.validation]
+    torque = {
+        joint: sum(one[joint].mse / size**2 for one in held if joint in one and (size := one[joint].relative))
+        for joint in after
+    }
+    worse = any(len(held) * after[joint] > torque[joint] for joint in after)
+    told = "still errs by more" if worse else "errs by less"
+    return (*lines, f"with what is missing added it {told} than the torque itself")
 
 
 def _write(model: Model, args: argparse.Namespace) -> None:

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import argparse
 from collections.abc import Callable, Mapping
+from dataclasses import asdict, dataclass, replace
 from pathlib import Path
 from typing import TYPE_CHECKING
 
@@ -11,7 +12,10 @@ from robot_ident.cli.output import add_json, print_json, say, table, tell, withi
 
 if TYPE_CHECKING:
     from robot_ident.export.exported import Exported
-    from robot_ident.model.model import Model
+    from robot_ident.model.model import Fit, Model
+
+
+_UNCERTAIN = 5.0  # standard deviations by which parameters may be impossible and do no harm to a torque
 
 
 def add_arguments(parser: argparse.ArgumentParser) -> None:
@@ -29,15 +33,23 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
         help="C code: speed below which dry friction is smoothed, rad/s or m/s (default %(default)s)",
     )
     parser.add_argument(
-        "--validation", metavar="BAG", help="a recording along which the torque of what is left out is measured"
+        "--validation",
+        metavar="BAG",
+        help="a recording along which the model's error and the torque of what is left out are measured",
     )
     parser.add_argument("--topic", metavar="T", help="topic of the joint states")
+    parser.add_argument(
+        "--anyway",
+        action="store_true",
+        help="write a model that is worse than none on --validation, or C code of one that no links can have",
+    )
     parser.add_argument("--force", action="store_true", help="replace what is there")
     add_json(parser)
 
 
 def run(args: argparse.Namespace) -> int:
     """Write a model in another format and say what the format can't carry."""
+    from robot_ident.cli.identify import fit_table
     from robot_ident.errors import InputError
     from robot_ident.files import refuse_existing, write_text
     from robot_ident.model.model_file import read_model
@@ -56,29 +68,39 @@ def run(args: argparse.Namespace) -> int:
             " them, or a torque_constant in the robot YAML"
         )
     made = FORMATS[form](model, args)
-    cost = _cost(model, made, args)
+    held = _held_against(model, made, args)
+    if held.trouble and not args.anyway:
+        raise InputError(f"{args.model}: {held.trouble} (--anyway writes it all the same)")
+    notes = (*made.notes, *([held.trouble] if held.trouble else []))
     if "" in made.files:
         write_text(target, made.files[""], force=args.force)
     else:
         _write_folder(target, made.files, force=args.force)
     if args.json:
-        left = [{"effect": label, "rms": cost.get(label)} for label in made.left]
+        left = [{"effect": label, "rms": held.left_out.get(label)} for label in made.left]
         data = {
             "schema": "robot_ident/export/1",
             "format": form,
             "path": str(target),
             "files": [str(target / name) for name in sorted(made.files)],
         }
-        print_json({**data, "carried": list(made.carried), "left_out": left, "notes": list(made.notes)})
+        residual = {joint: asdict(one) for joint, one in held.residual.items()} if args.validation else None
+        print_json(
+            {**data, "carried": list(made.carried), "left_out": left, "residual": residual, "notes": list(notes)}
+        )
         return 0
-    for note in made.notes:
+    for note in notes:
         tell(note)
     say(f"carried: the links{''.join(f', {label}' for label in made.carried)}")
     if made.left:
         say(f"left out: {', '.join(made.left)}")
-    if cost:
-        say(table(("left out", *model.robot.joints), [(label, *rms.values()) for label, rms in cost.items()]))
+    if held.left_out:
+        rows = [(label, *rms.values()) for label, rms in held.left_out.items()]
+        say(table(("left out", *model.robot.joints), rows))
         say("Nm (N) rms along the recording")
+    if held.residual:
+        say(fit_table(model.robot, held.residual))
+        say("the whole model's error along the recording")
     say(f"written: {target}")
     return 0
 
@@ -98,27 +120,47 @@ def _mjcf(model: Model, args: argparse.Namespace) -> Exported:
 
 
 def _c(model: Model, args: argparse.Namespace) -> Exported:
+    from robot_ident.errors import InputError
     from robot_ident.export.c_code import to_c
+    from robot_ident.export.full_inertias import impossible
 
-    return to_c(model, args.smoothing)
+    made = to_c(model, args.smoothing)
+    found = None if model.physical_inertias is not None else impossible(model)
+    if found is None:
+        return made
+    sigmas, why = found
+    if sigmas > _UNCERTAIN and not args.anyway:
+        raise InputError(f"{args.model}: {why}; --anyway writes the C code all the same")
+    return replace(made, notes=(*made.notes, f"{why}; they are {sigmas:.2g} standard deviations from some that can"))
 
 
 FORMATS: dict[str, Callable[[Model, argparse.Namespace], Exported]] = {"urdf": _urdf, "mjcf": _mjcf, "c": _c}
 
 
-def _cost(model: Model, made: Exported, args: argparse.Namespace) -> dict[str, dict[str, float]]:
-    """Return the rms torque by joint of each effect that is left out; nothing without a recording."""
-    if not args.validation:
-        return {}
-    from robot_ident.bags import read_for
-    from robot_ident.export.left_out import torque_of
-    from robot_ident.recording.measurement import Processing
-    from robot_ident.recording.process import process
+@dataclass(frozen=True)
+class _Held:
+    """A model along a recording: its error by joint, the rms torque by joint of each effect that is left out, and why
+    it can't be used; empty without a recording.
+    """
 
-    processing = Processing(**dict(model.processing)) if model.processing else Processing()
-    measured = process(read_for(args.validation, model.robot, topic=args.topic), model.robot, processing)
-    found = torque_of(model, made.left, measured.motion)
-    return {label: dict(zip(model.robot.joints, map(float, rms), strict=True)) for label, rms in found.items()}
+    residual: Mapping[str, Fit]
+    left_out: Mapping[str, Mapping[str, float]]
+    trouble: str | None
+
+
+def _held_against(model: Model, made: Exported, args: argparse.Namespace) -> _Held:
+    if not args.validation:
+        return _Held({}, {}, None)
+    from robot_ident.bags import read_for
+    from robot_ident.estimation.for_model import measured_for
+    from robot_ident.estimation.unusable import residual_on, unusable
+    from robot_ident.export.left_out import torque_of
+
+    measured = measured_for(model, read_for(args.validation, model.robot, topic=args.topic))
+    residual = residual_on(model, measured)
+    left = torque_of(model, made.left, measured.motion)
+    by_joint = {label: dict(zip(model.robot.joints, map(float, rms), strict=True)) for label, rms in left.items()}
+    return _Held(residual, by_joint, unusable(model, args.validation, residual))
 
 
 def _write_folder(target: Path, files: Mapping[str, str], *, force: bool) -> None:

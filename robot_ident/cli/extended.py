@@ -6,7 +6,7 @@ from collections.abc import Sequence
 from dataclasses import dataclass
 from typing import TYPE_CHECKING
 
-from robot_ident.cli.loop import Inputs, validated_for
+from robot_ident.cli.loop import Inputs, troubles, validated_for
 from robot_ident.cli.output import table
 
 if TYPE_CHECKING:
@@ -17,10 +17,14 @@ if TYPE_CHECKING:
 
 @dataclass(frozen=True)
 class Step:
-    """A model and, by joint, its mean square error (Nm)^2 over the recordings kept aside; None where there are none."""
+    """A model and, by joint, its mean square error (Nm)^2 over the recordings kept aside; None where there are none.
+
+    troubles: a line for each of those on which it is worse than none.
+    """
 
     model: Model
     unseen: dict[str, float] | None
+    troubles: tuple[str, ...]
 
 
 def steps_of(inputs: Inputs, effects: Sequence[Effect], validation: Sequence[str], topic: str | None) -> list[Step]:
@@ -39,7 +43,7 @@ def steps_of(inputs: Inputs, effects: Sequence[Effect], validation: Sequence[str
         effects,
     )
     unseen = [validated_for(m, validation, topic) if measured_anew(m) else inputs.validation for m in fitted]
-    return [Step(m, unseen_errors(m, aside)) for m, aside in zip(fitted, unseen, strict=True)]
+    return [Step(m, unseen_errors(m, aside), troubles(m, aside)) for m, aside in zip(fitted, unseen, strict=True)]
 
 
 def unseen_errors(model: Model, validation: Sequence[Measurement]) -> dict[str, float] | None:

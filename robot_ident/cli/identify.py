@@ -8,6 +8,7 @@ from collections.abc import Mapping
 from dataclasses import replace
 from typing import TYPE_CHECKING, Any
 
+from robot_ident.cli.effect_option import add_bags_and_effects, bags_of
 from robot_ident.cli.identify_payload import add_only, body_table, run_only
 from robot_ident.cli.output import add_json, add_output, add_robot, print_json, say, table, tell
 from robot_ident.cli.some_joints import add_joints, held_in_recordings, held_note
@@ -22,15 +23,12 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
     """Add the verb's options."""
     from robot_ident.cli.processing import add_processing
 
-    parser.add_argument("bags", nargs="+", metavar="BAG", help="recordings, periodic or not")
+    add_bags_and_effects(parser)
     add_robot(parser)
     parser.add_argument(
         "--estimator",
         default="wls",
         help="ls (eq. 10), wls (eq. 7), ml (eqs. 3 to 6) or iv (instrumental variables); default %(default)s",
-    )
-    parser.add_argument(
-        "--effect", action="append", default=[], metavar="NAME@JOINT", help="further effects in the model"
     )
     parser.add_argument(
         "--physical", action="store_true", help="the nearest parameters that a real arm can have (needs clarabel)"
@@ -59,6 +57,7 @@ def run(args: argparse.Namespace) -> int:
     from robot_ident.recording.process import process
     from robot_ident.robot import load_robot
 
+    args.bags = bags_of(args)
     if args.only:
         return run_only(args)
     if args.model:
@@ -165,8 +164,8 @@ def fit_table(robot: Robot, residual: Mapping[str, Fit]) -> str:
             joint,
             fit.rms,
             None if fit.noise_variance is None else fit.noise_variance**0.5,
-            None if fit.noise_variance is None else fit.mse / fit.noise_variance,
-            f"{100 * fit.relative:.2f} %",
+            fit.mse / fit.noise_variance if fit.noise_variance else None,
+            None if fit.relative is None else f"{100 * fit.relative:.2f} %",
             robot.torque_unit(robot.joint_index(joint)),
         )
         for joint, fit in residual.items()

@@ -42,6 +42,7 @@ def run_only(args: argparse.Namespace) -> int:
 
     from robot_ident.bags import read_for
     from robot_ident.cli.declared import contradictions
+    from robot_ident.estimation.held_body import part_of
     from robot_ident.estimation.payload import bare, identify_payload
     from robot_ident.files import refuse_existing, refuse_twice, write_text
     from robot_ident.model.model_file import read_model
@@ -66,8 +67,11 @@ def run_only(args: argparse.Namespace) -> int:
     bared = [replace(recording, conditions=bare(recording.conditions)) for recording in recordings]
     measurements = [process(recording, model.robot, processing) for recording in bared]
     doubts = contradictions(measurements, model.robot, as_declared=args.as_declared)
-    found = identify_payload(measurements, model, next(iter(stated)))
+    part = part_of([(recording.source, recording.conditions) for recording in recordings])
+    found = identify_payload(measurements, model, next(iter(stated)), part)
     found = replace(found, notes=(*doubts, *(n for m in measurements for n in m.notes), *found.notes))
+    if _empty(found):
+        found = replace(found, notes=(*found.notes, f"{_empty(found)}: no payload to write"))
     if args.output:
         write_text(args.output, _conditions(found), force=args.force)
     if args.json:
@@ -78,23 +82,38 @@ def run_only(args: argparse.Namespace) -> int:
 
 
 def _conditions(found: PayloadFit) -> str:
-    """Return the payload as the conditions of a recording."""
+    """Return the payload as the conditions of a recording, none where the data tell of nothing in the hand."""
     from robot_ident.recording.conditions import Conditions, KnownPayload
 
+    empty = _empty(found)
+    if empty:
+        return Conditions(note=empty).text()
     known = found.body.known
     note = "payload identified; its own inertia is left out"
     return Conditions(KnownPayload(known.mass, known.centre), note=note).text()
+
+
+def _empty(found: PayloadFit) -> str:
+    """Return in words that a mass can't be told from zero, nothing where it can."""
+    if found.body.mass > 0 and found.body.to_dict()["mass_interval"][0] > 0:
+        return ""
+    return f"nothing in the hand that the data tell ({found.body.mass:.2g} +- {found.body.mass_std:.2g} kg)"
 
 
 def body_table(body: Mapping[str, Any]) -> str:
     """Return mass, centre and inertia of a payload with their standard deviations."""
     from robot_ident.estimation.body import NOTHING
 
-    rows = [("mass", body["mass"], body["mass_std"], "kg")]
-    rows += [(f"centre {a}", c, s, "m") for a, c, s in zip("xyz", body["centre"], body["centre_std"], strict=True)]
+    def row(name: str, value: float, std: float, unit: str, what: str) -> tuple[str, str, str, str]:
+        if what in body["given"]:
+            return name, f"{value:.5f}", "given", unit
+        return (name, f"{value:.5f}", f"{std:.5f}", unit) if std < NOTHING else (name, "not told", "", unit)
+
+    centre = zip("xyz", body["centre"], body["centre_std"], strict=True)
     moments = zip(_MOMENTS, body["inertia"], body["inertia_std"], strict=True)
-    rows += [(name, value, std, "kg m^2") for name, value, std in moments]
-    listed = [(n, f"{v:.5f}", f"{s:.5f}", u) if s < NOTHING else (n, "not told", "", u) for n, v, s, u in rows]
+    listed = [row("mass", body["mass"], body["mass_std"], "kg", "mass")]
+    listed += [row(f"centre {axis}", value, std, "m", "centre") for axis, value, std in centre]
+    listed += [row(name, value, std, "kg m^2", "inertia") for name, value, std in moments]
     return table(("payload", "value", "sigma", "unit"), listed)
 
 

@@ -26,7 +26,9 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
 def run(args: argparse.Namespace) -> int:
     """Describe a bag: its topics, and the joint states in it."""
     from robot_ident.bags import describe, read_for, read_recording
+    from robot_ident.recording.effort import at_the_joints
     from robot_ident.recording.plausibility import check_plausible
+    from robot_ident.recording.resolution import coarse_notes
     from robot_ident.recording.summary import summarise
     from robot_ident.robot import load_robot
 
@@ -39,10 +41,11 @@ def run(args: argparse.Namespace) -> int:
         recording = read_for(args.bag, robot, topic=args.topic) if robot else read_recording(args.bag, topic=args.topic)
         if robot is not None:
             recording = recording.with_joints(robot.joints)
-            check_plausible(recording, robot)
+            check_plausible(at_the_joints(recording, robot), robot)
         summary = summarise(recording)
         if robot is not None:
             declared, coupled = _judged(recording, robot)
+            coupled += coarse_notes(recording.q, robot.drives.encoder_step, robot.joints)
     except InputError as error:
         if robot is not None or args.topic:
             raise
@@ -80,17 +83,27 @@ def run(args: argparse.Namespace) -> int:
         _print(summary)
     if declared:
         say("\neffort against the rigid model of the URDF (share 1: torque in the declared unit)")
-        rows = [(one.joint, f"{one.share:.3f}", f"{one.std:.3f}", one.verdict, one.hint) for one in declared]
+        rows = [(one.joint, *_share(one), one.verdict, one.hint) for one in declared]
         say(table(("joint", "share", "sigma", "verdict", "look at"), rows))
     for note in coupled:
         tell(note)
     return 0
 
 
+def _share(declared: Declared) -> tuple[float | str, float | str]:
+    """Return share and standard deviation in words, where they are told."""
+    if declared.verdict == "not_told":
+        return "-", "-"
+    return f"{declared.share:.3f}", f"{declared.std:.3f}"
+
+
 def _judged(recording: Recording, robot: Robot) -> tuple[list[Declared], list[str]]:
     """Return by joint how effort and rigid model go together, and what else there is to say of it."""
     from robot_ident.estimation.declaration import judge_declaration
+    from robot_ident.recording.plausibility import silent_efforts
 
+    if silent_efforts(recording):
+        return [], ["effort is not held against the URDF: some of it was never measured"]
     if recording.conditions.estimated:
         return [], ["effort is not held against the URDF: its payload is unknown; a recording without one tells"]
     return judge_declaration(recording, robot), _coupling(recording, robot)
@@ -127,8 +140,19 @@ def _print(summary: Summary) -> None:
             float(summary.top_torque[k]),
             None if noise_tau is None else float(noise_tau[k]) ** 0.5,
             None if noise_q is None else float(noise_q[k]) ** 0.5,
+            float(summary.position_step[k]) or None,
         )
         for k, name in enumerate(summary.joints)
     ]
-    say(table(("joint", "lowest", "highest", "top speed", "top torque", "torque noise", "position noise"), rows))
+    header = (
+        "joint",
+        "lowest",
+        "highest",
+        "top speed",
+        "top torque",
+        "torque noise",
+        "position noise",
+        "position step",
+    )
+    say(table(header, rows))
     say("positions rad (m), speeds rad/s (m/s), torques Nm (N); noise: standard deviation of one sample")

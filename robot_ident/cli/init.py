@@ -4,15 +4,19 @@ from __future__ import annotations
 
 import argparse
 import os
+from dataclasses import replace
 from pathlib import Path
 from typing import TYPE_CHECKING
 
 from robot_ident.cli.output import add_json, add_output, print_json, say, tell
 from robot_ident.errors import InputError, did_you_mean
 
+_NO_INERTIA = 1e-9  # of the moments about the joint: what rounding leaves of zero
+
 if TYPE_CHECKING:
     from robot_ident.robot.draft import Draft, Evidence
     from robot_ident.robot.inventory import Inventory
+    from robot_ident.robot.robot import Robot
 
 
 def add_arguments(parser: argparse.ArgumentParser) -> None:
@@ -42,8 +46,9 @@ def run(args: argparse.Namespace) -> int:
 
     output = Path(args.output)
     refuse_existing(output, force=args.force)
-    evidence = _evidence(args.bag, args.topic) if args.bag else None
     text, source = _urdf(args)
+    topic = _topic(args, [joint.name for joint in read_inventory(text, source).joints if joint.moves])
+    evidence = _evidence(args.bag, topic) if args.bag else None
     inventory = read_inventory(text, source, evidence.joints if evidence else ())
     name = args.name or inventory.robot or output.stem
     urdf = Path(args.urdf) if args.urdf else output.with_name(f"{output.stem}.urdf")
@@ -62,12 +67,16 @@ def run(args: argparse.Namespace) -> int:
         acceleration=_by_joint(args.acceleration, moving),
         held=held,
         evidence=evidence,
+        topic=topic,
     )
     if not args.urdf:
         write_text(urdf, text, force=args.force)
     write_text(output, draft.text, force=args.force)
-    if _check(output) and args.bag:
-        _test_effort(output, args.bag, args.topic)
+    robot = _check(output)
+    if robot is not None:
+        draft = replace(draft, missing=(*draft.missing, *_weightless(robot)))
+    if robot is not None and args.bag:
+        _test_effort(output, args.bag, topic)
     if args.json:
         print_json(_to_dict(draft, inventory, name, output))
         return 0
@@ -89,6 +98,18 @@ def _urdf(args: argparse.Namespace) -> tuple[str, str]:
     from robot_ident.bags import read_robot_description
 
     return read_robot_description(args.bag), args.bag
+
+
+def _topic(args: argparse.Namespace, joints: list[str]) -> str | None:
+    """Return the topic of the robot's states, where it was asked for or there are several; None where a bag says."""
+    if not args.bag:
+        return None
+    from robot_ident.bags import topic_of_joints
+
+    topic, line = topic_of_joints(args.bag, joints, args.topic)
+    if line:
+        tell(line)
+    return topic
 
 
 def _evidence(bag: str, topic: str | None) -> Evidence:
@@ -147,16 +168,30 @@ def _by_joint(text: str | None, moving: list[str]) -> dict[str, float]:
     return dict(zip(moving, values * len(moving) if len(values) == 1 else values, strict=True))
 
 
-def _check(output: Path) -> bool:
-    """Load what was written, so that what is still wrong with the robot is told now; return whether it can be used."""
+def _check(output: Path) -> Robot | None:
+    """Load what was written, so that what is still wrong with the robot is told now; return it if it can be used."""
     from robot_ident.robot import load_robot
 
     try:
-        load_robot(output)
+        return load_robot(output)
     except InputError as error:
         tell(f"written, but it can't be used yet: {error}")
-        return False
-    return True
+        return None
+
+
+def _weightless(robot: Robot) -> list[str]:
+    """Return what the URDF lacks of the links that move: mass, or moments of inertia about the centre of mass."""
+    import numpy as np
+
+    out = []
+    for joint, ten in zip(robot.joints, robot.rigid.parameters.reshape(-1, 10), strict=True):
+        mass, first, moments = ten[0], ten[1:4], ten[[4, 6, 9]]
+        about_centre = moments.sum() - 2.0 * first @ first / mass if mass > 0 else moments.sum()
+        lacks = [] if mass > 0 else ["mass"]
+        lacks += [] if about_centre > _NO_INERTIA * np.abs(moments).sum() else ["moments of inertia"]
+        if lacks:
+            out.append(f"{' and '.join(lacks)} of what {joint} moves: zero in the URDF")
+    return out
 
 
 def _test_effort(output: Path, bag: str, topic: str | None) -> None:
@@ -176,7 +211,8 @@ def _test_effort(output: Path, bag: str, topic: str | None) -> None:
     if found is not None:
         line = line_of(output, found.entry)
         place = output if line is None else f"{output}:{line}"
-        tell(f"{place}: {found.in_words}; change it to '{found.change}'")
+        kept = f" (its topic stays: {topic})" if topic and found.entry.startswith("effort") else ""
+        tell(f"{place}: {found.in_words}; change it to '{found.change}'{kept}")
 
 
 def _to_dict(draft: Draft, inventory: Inventory, name: str, output: Path) -> dict[str, object]:

@@ -72,21 +72,22 @@ def _refuse_fitted(bags: Sequence[str], validation: Sequence[str]) -> None:
 
 def _refuse_stranger(model: Model, bag: str, measured: Measurement) -> None:
     """Raise InputError for a recording of which the model predicts nothing: joints of other robots have like names."""
-    import numpy as np
+    from robot_ident.estimation.unusable import residual_on, unusable
 
-    from robot_ident.estimation.extend import mean_square_errors
-
-    used = measured.used[measured.rows]
-    torque = np.sum(np.where(used, measured.passed(measured.torque) ** 2, 0.0), axis=0) / np.maximum(
-        used.sum(axis=0), 1
-    )
-    error = mean_square_errors(model, measured)
-    if used.any() and np.all(error > torque):
-        unit = model.robot.torque_unit(0)
+    found = residual_on(model, measured)
+    if found and all(one.relative is None or one.relative > 1.0 for one in found.values()):
         raise InputError(
             f"{bag}: a recording of another robot than {model.robot.name}? at every joint the model errs by more than"
-            f" the torque itself ({measured.joints[0]}: by {error[0] ** 0.5:.3g} {unit} rms of {torque[0] ** 0.5:.3g})"
+            f" the torque itself; if it is of this one: {unusable(model, bag, found) or 'nothing in it moves'}"
         )
+
+
+def troubles(model: Model, validation: Sequence[Measurement]) -> tuple[str, ...]:
+    """Return a line for every recording kept aside on which the model is worse than none."""
+    from robot_ident.estimation.unusable import residual_on, unusable
+
+    lines = (unusable(model, measured.source, residual_on(model, measured)) for measured in validation)
+    return tuple(line for line in lines if line)
 
 
 def _measured(model: Model, bag: str, topic: str | None) -> Measurement:

@@ -5,8 +5,12 @@ from __future__ import annotations
 import argparse
 import importlib
 import os
+import signal
 import sys
-from collections.abc import Sequence
+import threading
+from collections.abc import Iterator, Sequence
+from contextlib import contextmanager
+from types import FrameType
 
 from robot_ident import __version__
 from robot_ident.cli.effects_from import add_effects_from, register_effects
@@ -68,7 +72,7 @@ def main(argv: Sequence[str] | None = None) -> int:
         args = build_parser(verb if verb in VERBS else "").parse_args(words)
         refuse_own_input(args)
         register_effects(getattr(args, "effects_from", []))
-        with on_cluster(getattr(args, "cluster", None)):
+        with _released_on_sigterm(), on_cluster(getattr(args, "cluster", None)):
             return int(importlib.import_module(f"robot_ident.cli.{args.verb}").run(args) or 0)
     except RobotIdentError as error:
         print(f"robot_ident {verb}: {error}", file=sys.stderr)
@@ -79,6 +83,23 @@ def main(argv: Sequence[str] | None = None) -> int:
     except KeyboardInterrupt:
         print(f"robot_ident {verb}: stopped; nothing was written", file=sys.stderr)
         return 130
+
+
+@contextmanager
+def _released_on_sigterm() -> Iterator[None]:
+    """Let SIGTERM end a verb like any error: what it holds (nodes, workers, half written files) is released."""
+
+    def end(number: int, frame: FrameType | None) -> None:
+        raise SystemExit(128 + number)
+
+    if threading.current_thread() is not threading.main_thread():
+        yield
+        return
+    former = signal.signal(signal.SIGTERM, end)
+    try:
+        yield
+    finally:
+        signal.signal(signal.SIGTERM, former)
 
 
 def entry() -> None:

@@ -14,6 +14,7 @@ if TYPE_CHECKING:
     from robot_ident.model.model import Model
 
 _SAMPLE_RATE = 150.0  # Hz at which moves from point to point are looked at
+_MOST_SAMPLES = 1_000_000  # of a planned motion: the columns of every one are held
 
 
 def add_arguments(parser: argparse.ArgumentParser) -> None:
@@ -48,7 +49,7 @@ def run(args: argparse.Namespace) -> int:
         tell(note)
     units = [model.robot.torque_unit(k) for k in range(model.robot.n)]
     rows = [(name, *values.values(), unit) for (name, values), unit in zip(joints.items(), units, strict=True)]
-    say(table(("joint", "torque rms", "largest", "sigma rms", "misfit rms", "95 % band +-", "unit"), rows))
+    say(table(("joint", "torque rms", "largest", "sigma rms", "misfit rms", "95 % band rms +-", "unit"), rows))
     say("sigma: by the parameters' uncertainty; misfit: what the model left unexplained where it was identified")
     say(f"written: {args.output}")
     return 0
@@ -69,6 +70,12 @@ def _planned(path: str, model: Model) -> Prediction | None:
     from robot_ident.motion import Motion
 
     motion = load_motion(path)
+    rate = motion.sample_rate if isinstance(motion, Excitation) else _SAMPLE_RATE
+    seconds = motion.period if isinstance(motion, Excitation) else motion.duration
+    if not seconds * rate <= _MOST_SAMPLES:
+        raise InputError(
+            f"{path}: a motion of {seconds:.4g} s at {rate:g} Hz is too long: at most {_MOST_SAMPLES / rate:.4g} s"
+        )
     if isinstance(motion, Excitation):
         t, state = motion.times(), motion.samples()
     else:
@@ -95,5 +102,5 @@ def _of_joint(found: Prediction, k: int) -> dict[str, float]:
         "largest": float(np.abs(torque).max()),
         "std_rms": float(np.sqrt(np.mean(std**2))),
         "misfit_rms": float(found.misfit[k]),
-        "band_mean": float(band.mean()),
+        "band_rms": float(np.sqrt(np.mean(band**2))),
     }

@@ -43,7 +43,7 @@ def add_processing(parser: argparse.ArgumentParser) -> None:
     )
     parser.add_argument(
         "--decimate",
-        type=within(1, 1_000_000, int),
+        type=within(1, 1000, int),
         default=1,
         metavar="K",
         help="keep every K-th row after the low pass",

@@ -45,6 +45,8 @@ def run(args: argparse.Namespace) -> int:
         if result.standstill:
             say("\nnear standstill, where stiction leaves the torque undetermined")
             say(fit_table(model.robot, result.standstill))
+        if result.trouble:
+            tell(result.trouble)
     worst = max(result.residual, key=lambda joint: result.residual[joint].rms)
     if args.max_rms is not None and result.residual[worst].rms > args.max_rms:
         unit = model.robot.torque_unit(model.robot.joint_index(worst))

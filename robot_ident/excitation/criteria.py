@@ -15,6 +15,7 @@ if TYPE_CHECKING:
     from robot_ident.model.structure import Structure
 
 PERIODS = 16  # periods that the paper averages
+_OPEN = 1e-6  # of a direction that no torque tells: a part of it that is no rounding
 ASSUMED_NOISE = 0.01  # of the torque limit, where a robot gives no noise variance
 
 
@@ -70,6 +71,18 @@ def standard_deviations(columns: Array, variances: Array) -> Array:
     if len(values) < len(length) or not np.isfinite(log10_det_covariance(columns, variances)):
         return np.full(len(length), np.inf)
     return np.asarray(np.linalg.norm(vt / values[:, None], axis=0) / length)
+
+
+def untold(columns: Array, variances: Array) -> Array:
+    """Return which parameters [p] a motion leaves open: those that some direction v with F v = 0 moves.
+
+    columns F [N, n, p], variances [n] (Nm)^2.
+    """
+    normalised, length = _weighted(columns, variances)
+    _, values, vt = np.linalg.svd(np.linalg.qr(normalised, mode="r"), full_matrices=True)
+    rounding = values[0] * max(normalised.shape) * np.finfo(float).eps
+    rank = int(np.count_nonzero(values > rounding))
+    return np.asarray((np.abs(vt[rank:]) > _OPEN).any(axis=0) | (length == 0))
 
 
 def noise_variances(robot: Robot) -> tuple[Array, tuple[str, ...]]:

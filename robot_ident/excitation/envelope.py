@@ -39,6 +39,7 @@ def within_envelope(robot: Robot, motions: Sequence[Motion], places: Array) -> R
         velocity=frozen_array(np.minimum(robot.limits.velocity, speed)),
         acceleration=frozen_array(np.minimum(robot.limits.acceleration, acceleration)),
         torque=robot.limits.torque,
+        current=robot.limits.current,
     )
     return replace(robot, limits=limits, workspace=(*robot.workspace, tool_volume(robot.end_effector, places)))
 

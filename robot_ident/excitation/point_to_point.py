@@ -25,6 +25,7 @@ from robot_ident.robot.robot import Robot
 
 SCHEMA = "robot_ident/point_to_point/1"
 LAWS = ("fastest", "smooth")
+LONGEST_PAUSE = 3600.0  # s
 _STRICT = 1.0 - 1e-9  # share of the limits that a move may use
 Positive = Annotated[float, Field(gt=0)]
 
@@ -227,7 +228,7 @@ class PointToPointFile(Closed):
     law: str = Field(
         "fastest", description="fastest: largest acceleration and speed; smooth: without jumps of acceleration"
     )
-    pause: float = Field(0.0, ge=0, description="rest at each point, s")
+    pause: float = Field(0.0, ge=0, le=LONGEST_PAUSE, description="rest at each point, s")
     velocity: list[Positive] = Field(description="largest speed by joint, rad/s")
     acceleration: list[Positive] = Field(description="largest acceleration by joint, rad/s^2")
     pace: list[Annotated[float, Field(gt=0, le=1)]] = Field([], description="share of the speed that each move uses")

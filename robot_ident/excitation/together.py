@@ -12,6 +12,7 @@ import numpy as np
 
 from robot_ident.errors import InputError
 from robot_ident.excitation.cases import fallback, random_determinant
+from robot_ident.excitation.feasibility import overloaded
 from robot_ident.excitation.multi_start import Run, search_from_starts
 from robot_ident.excitation.problem import Problem
 from robot_ident.excitation.search import Found
@@ -140,6 +141,14 @@ def _determinant_first(
 def nothing_found(run: Run, setting: Setting, floor: float | None) -> InputError:
     """Return what to say where no motion was found."""
     robot = setting.robot.name
+    heavy = overloaded(setting.robot)
+    if heavy:
+        return InputError(f"{setting.robot.source}: no pose can be held: {heavy} (by the masses of the URDF)")
+    if time.monotonic() > run.deadline and run.done:
+        return InputError(
+            f"{robot}: none of {run.done} searches led to a trajectory that keeps the limits, and the time limit ended"
+            " the others: wider limits, a lower --base-frequency, or more time (--time-limit)"
+        )
     if time.monotonic() > run.deadline:
         floored = " and is no worse in the determinant than random ones" if setting.criterion == "condition" else ""
         return InputError(

@@ -11,11 +11,11 @@ from pydantic import Field
 
 from robot_ident.configuration import Closed, read, schema
 from robot_ident.errors import InputError, did_you_mean
-from robot_ident.excitation.criteria import Evaluation, evaluate_rows
+from robot_ident.excitation.criteria import Evaluation, evaluate_rows, untold
 from robot_ident.excitation.feasibility import require_limits
 from robot_ident.excitation.limits import Certifier
 from robot_ident.excitation.margins import Margins
-from robot_ident.excitation.point_to_point import LAWS, PointToPoint
+from robot_ident.excitation.point_to_point import LAWS, LONGEST_PAUSE, PointToPoint
 from robot_ident.excitation.target import Target
 from robot_ident.excitation.validation import moves
 from robot_ident.motion import Array
@@ -23,6 +23,7 @@ from robot_ident.robot.robot import Robot
 
 PACES = (1.0, 0.6, 0.35)  # shares of the speed that a move may use: friction shows in how torque changes with it
 _RIDGE = 1e-9  # of a column's largest information: keeps a tour that tells not all parameters comparable with others
+_ALIKE = 1e-4  # rad or m: no move at all
 _ROUNDS = 2500  # proposals of the annealing, times the number of starts
 _STARTS = 3
 
@@ -75,7 +76,7 @@ class WaypointsFile(Closed):
         None, description="approved straight moves [from, to]; default: between any two poses"
     )
     law: str = Field("smooth", description="smooth: without jumps of acceleration; fastest: trapezoid of the speed")
-    pause: float = Field(0.3, ge=0, description="rest at each pose, s")
+    pause: float = Field(0.3, ge=0, le=LONGEST_PAUSE, description="rest at each pose, s")
 
 
 @dataclass(frozen=True)
@@ -83,7 +84,8 @@ class Tour:
     """A closed tour of moves, repeated as often as asked.
 
     names [K + 1]: its poses, the first one last again; paces [K]. cycle: one tour; motion: all of them. evaluation: of
-    the mean of the repetitions.
+    the mean of the repetitions. untold: parameters that no sequence of these moves tells apart. resting: joints that
+    never move.
     """
 
     names: tuple[str, ...]
@@ -93,6 +95,8 @@ class Tour:
     evaluation: Evaluation
     margins: Margins
     refused: tuple[tuple[str, str], ...]
+    untold: tuple[str, ...] = ()
+    resting: tuple[str, ...] = ()
 
 
 @dataclass(frozen=True)
@@ -139,11 +143,24 @@ def plan_tour(
     motion = replace(cycle, points=again, pace=np.tile(paces, repeats), seed=seed)
     rows = np.concatenate([leg.rows for leg in best]) * np.sqrt(repeats)
     names = (*(leg.start for leg in best), best[0].start)
-    return Tour(names, tuple(paces.tolist()), cycle, motion, evaluate_rows(rows), certifier.margins(cycle), refused)
+    open_ = untold(rows[:, None, :], np.ones(1))
+    return Tour(
+        names,
+        tuple(paces.tolist()),
+        cycle,
+        motion,
+        evaluate_rows(rows),
+        certifier.margins(cycle),
+        refused,
+        tuple(name for name, is_open in zip(target.structure.names, open_, strict=True) if is_open),
+        tuple(name for name, reach in zip(robot.joints, np.ptp(points, axis=0), strict=True) if reach == 0.0),
+    )
 
 
 def _outside(waypoints: Waypoints, robot: Robot) -> str:
-    """Return the first pose beyond a joint's limits, in words."""
+    """Return why no move is left: poses that are alike, or the first one beyond a joint's limits, in words."""
+    if all(np.abs(waypoints.poses[a] - waypoints.poses[b]).max() < _ALIKE for a, b in waypoints.moves):
+        return ": the poses that they join are alike"
     for name, pose in waypoints.poses.items():
         for joint, angle, lower, upper in zip(robot.joints, pose, robot.limits.lower, robot.limits.upper, strict=True):
             if not lower <= angle <= upper:
@@ -161,9 +178,11 @@ def _legs(
     for start, goal in waypoints.moves:
         pair = np.array([waypoints.poses[start], waypoints.poses[goal]])
         kept = []
+        if np.abs(pair[1] - pair[0]).max() < _ALIKE:
+            continue
         for pace in PACES:
             move = moves(target.robot, pair, law=waypoints.law, pace=np.array([pace]))
-            if move.duration > 0.0 and certifier.keeps(move):
+            if move.duration > 0.5 / sample_rate and certifier.keeps(move):
                 kept.append((pace, move))
         if not kept:
             refused.append((start, goal))

@@ -79,14 +79,27 @@ def _free(structure: Structure) -> Mask:
     return np.asarray(~structure.base.regrouping[:, 10 * n :].any(axis=0))
 
 
+def impossible(model: Model) -> tuple[float, str] | None:
+    """Return by how many standard deviations no links can have a model's parameters, and why; None where some can."""
+    _, _, squared = _nearest(model)
+    return None if squared <= NEAR else (float(np.sqrt(squared)), _refusal(model.structure, model.linear))
+
+
+def _nearest(model: Model) -> tuple[Array, Array, float]:
+    """Return what gives the nearest possible parameters [11 n], these [p], and how far they are, squared."""
+    structure = model.structure
+    p = len(structure.parameters)
+    program = Nearest.of(structure, model.linear, model.covariance[:p, :p], never_negative(structure))
+    x, values = program.to(model.linear)
+    return x, values, program.squared_distance(values - model.linear)
+
+
 def _possible(model: Model) -> tuple[Array, Array]:
     """Return standard inertias and rotors of a model that was not asked to be possible; InputError where it isn't."""
     structure = model.structure
-    p, n = len(structure.parameters), structure.robot.n
-    covariance = model.covariance[:p, :p]
-    program = Nearest.of(structure, model.linear, covariance, never_negative(structure))
-    x, values = program.to(model.linear)
-    if program.squared_distance(values - model.linear) > NEAR:
+    n = structure.robot.n
+    x, _, squared = _nearest(model)
+    if squared > NEAR:
         raise InputError(_refusal(structure, model.linear))
     rotors = np.where(_free(structure), 0.0, x[10 * n : 11 * n])
     for parameter, value in zip(structure.parameters, model.linear, strict=True):

@@ -9,6 +9,7 @@ from typing import Any
 from robot_ident.diagnosis.diagnose import diagnose
 from robot_ident.diagnosis.diagnosis import Diagnosis
 from robot_ident.diagnosis.staircase import Foreseen, Level, Step, foresee, staircase
+from robot_ident.estimation.unusable import residual_on, unusable
 from robot_ident.excitation.excitation import Excitation
 from robot_ident.excitation.limits import certify
 from robot_ident.excitation.margins import Margins
@@ -31,7 +32,7 @@ class Findings:
     """Models in their order beside recordings, and what the first and the last of them lack.
 
     training: recordings to compare with; validation: those that no fit has seen. diagnoses: by the number of the model,
-    from 0. command: what was typed.
+    from 0. command: what was typed. troubles: a line for each validation on which the last model is worse than none.
     """
 
     steps: tuple[Step, ...]
@@ -40,6 +41,7 @@ class Findings:
     diagnoses: Mapping[int, Diagnosis]
     played: tuple[Played, ...] = ()
     command: str = ""
+    troubles: tuple[str, ...] = ()
 
     @property
     def robot(self) -> Robot:
@@ -81,7 +83,7 @@ class Findings:
             "recordings": [_source(source) for source in self.training],
             "validation": [_source(source) for source in self.validation],
             "excitations": [{"path": one.path, "kept": one.margins.kept} for one in self.played],
-            "notes": list(dict.fromkeys((*self.diagnosis.notes, *self.last.comparison.notes))),
+            "notes": list(dict.fromkeys((*self.troubles, *self.diagnosis.notes, *self.last.comparison.notes))),
         }
 
 
@@ -123,4 +125,7 @@ def gather(
     for path, excitation in excitations:
         heard(f"certifying {path}")
         played.append(Played(path, excitation, certify(excitation, steps[0].model.robot)))
-    return Findings(steps, tuple(training), tuple(validation), diagnoses, tuple(played), command)
+    last = steps[-1].model
+    lines = (unusable(last, one.path, residual_on(last, one.measured)) for one in validation)
+    troubles = tuple(line for line in lines if line)
+    return Findings(steps, tuple(training), tuple(validation), diagnoses, tuple(played), command, troubles)

@@ -13,7 +13,7 @@ from robot_ident.robot.robot import Robot
 
 def verdict(found: Findings) -> str:
     """Return one sentence that a reader who stops here can act on."""
-    parts = [part for part in (_gained(found), _lacking(found)) if part]
+    parts = [part for part in (_gained(found), _lacking(found), *found.troubles) if part]
     text = "; ".join(parts)
     return text[0].upper() + text[1:] + "."
 

@@ -21,6 +21,7 @@ from robot_ident.simulation.sensors import Sensors
 from robot_ident.simulation.servo import BANDWIDTH, Servo
 from robot_ident.simulation.trace import Steady, trace
 
+_MOST_SAMPLES = 10_000_000  # of a recording: 2 GB with the trace beneath it
 STEP_RATE = 1500.0
 """Steps a second, at least: a tenth of a sample at 150 Hz."""
 
@@ -161,8 +162,14 @@ def _check(robot: Robot, reference: Reference) -> None:
 
 
 def _samples(reference: Reference, sample_rate: float, steady: Steady | None) -> int:
+    end = reference.duration if steady is None else steady.end
+    if not end * sample_rate <= _MOST_SAMPLES:
+        raise InputError(
+            f"a motion of {end:.4g} s at {sample_rate:g} Hz is too long to simulate: at most"
+            f" {_MOST_SAMPLES / sample_rate:.4g} s at this sample rate"
+        )
     if steady is None:
-        return int(np.floor(reference.duration * sample_rate + 1e-6)) + 1
+        return int(np.floor(end * sample_rate + 1e-6)) + 1
     if steady.periods < 1 or steady.period <= 0 or steady.transient < 0:
         raise InputError(
             f"{steady.periods} periods of {steady.period:g} s after {steady.transient:g} s: nothing to simulate"

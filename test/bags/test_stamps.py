@@ -70,3 +70,9 @@ def test_times_before_1970_and_after_2038(tmp_path: Path) -> None:
     with pytest.raises(InputError, match="the stamps of ROS 2 end in 2038"):
         write_recording(tmp_path / "late", late)
     assert not (tmp_path / "late").exists()
+
+
+def test_times_that_run_backwards(tmp_path: Path) -> None:
+    """Whether each row stands beside its own time can't be seen, and sorting turns friction round where it doesn't."""
+    with pytest.raises(InputError, match=r"a.npz: its times run backwards, from 3.993 to 0.000 s; sort its rows"):
+        read_recording(written(tmp_path / "a.npz", np.arange(600)[::-1] / 150))

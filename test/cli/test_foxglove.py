@@ -46,15 +46,18 @@ def drawn(layout: Any, words: str) -> set[tuple[str, int]]:
 
 def published(checkout: Path) -> set[str]:
     """Return the topics of joint states that the estimator publishes and hears, as its source names them."""
-    tree = ast.parse((checkout / "robot_ident/nodes/estimator.py").read_text(encoding="utf-8"))
+    nodes = checkout / "robot_ident/nodes"
+    tree = ast.parse("".join((nodes / name).read_text(encoding="utf-8") for name in ("intake.py", "estimator.py")))
     assigned = [n for n in ast.walk(tree) if isinstance(n, ast.AnnAssign)]
     declared = [n.value for n in assigned if ast.unparse(n.target) == "node_name"]
     assert isinstance(declared[0], ast.Constant)
     node, out = declared[0].value, set()
     for call in (n for n in ast.walk(tree) if isinstance(n, ast.Call)):
         made = ast.unparse(call.func).rpartition(".")[2]
-        if made in ("create_publisher", "create_subscription") and ast.unparse(call.args[0]) == "JointState":
-            topic = ast.literal_eval(call.args[1])
+        publishes = made == "create_publisher" and ast.unparse(call.args[0]) == "JointState"
+        hears = made == "_listen" and isinstance(call.args[0], ast.Constant)
+        if publishes or hears:
+            topic = ast.literal_eval(call.args[1 if publishes else 0])
             out.add(topic.replace("~", f"/{node}") if topic.startswith("~") else f"/{topic}")
     return out
 

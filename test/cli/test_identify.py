@@ -7,9 +7,13 @@ from pathlib import Path
 from typing import Any
 
 import numpy as np
+import pytest
 
 from robot_ident.bags import write_recording
+from robot_ident.cli.effect_option import bags_of
 from robot_ident.cli.identify import to_the_digit
+from robot_ident.cli.main import build_parser
+from robot_ident.errors import InputError
 from robot_ident.estimation.violations import violations
 from robot_ident.model.model import Model
 from robot_ident.recording import Recording
@@ -82,3 +86,17 @@ def test_exports_as_scripts_use_them(run: Run, bag: Path, tmp_path: Path) -> Non
     assert run("export", model, "--c", code, "--force").code == 0
     assert run("export", model).code == 2
     assert run("export", bag, "--urdf", tmp_path / "x.urdf").code == 2
+
+
+def test_several_effects_after_one_option(bag: Path) -> None:
+    def told(*words: str) -> tuple[list[str], list[str]]:
+        args = build_parser("identify").parse_args(["identify", *words])
+        return bags_of(args), args.effect
+
+    a, b, one = "torque_offset@joint_1", "torque_offset@joint_2", str(bag)
+    assert told(one, "--effect", a, b) == ([one], [a, b])
+    assert told(one, "--effect", a, "--effect", b, "-o", "model.yaml") == ([one], [a, b])
+    assert told("--effect", a, b, one) == ([one], [a, b]), "a recording stays one behind them"
+    assert told("--robot", "kuka_ir361", one, "--effect", a) == ([one], [a])
+    with pytest.raises(InputError, match="required: BAG"):
+        told("--effect", a)

@@ -80,6 +80,31 @@ def test_from_a_bag_alone(run: Run, bag: Path, tmp_path: Path) -> None:
     np.testing.assert_allclose(robot.drives.encoder_step, 1e-4, rtol=1e-3)
 
 
+def two_states(path: Path) -> Path:
+    """A cell's bag: the arm's states and, on a topic of like name, the gripper's, both with efforts."""
+    t = np.arange(0.0, 4.0, 0.01)
+    stamps = 1_700_000_000_000_000_000 + np.rint(1e9 * t).astype(np.int64)
+    names = {"/cell/joint_states": ("joint_2", "joint_1", "joint_3"), "/gripper/joint_states": ("finger",)}
+    topics = [Topic(name, "sensor_msgs/msg/JointState", qos=qos_text([Qos()])) for name in names]
+    with BagWriter(path, topics, chunked=True, shown_as=path) as writer:
+        for name, joints in names.items():
+            q = np.sin(t)[:, None] * np.linspace(0.1, 0.3, len(joints))
+            writer.write_joint_states(name, joints, stamps, q, None, np.ones_like(q))
+    return path
+
+
+def test_the_topic_with_the_robots_joints_is_taken_and_kept(run: Run, tmp_path: Path) -> None:
+    bag, out = two_states(tmp_path / "cell"), tmp_path / "robot.yaml"
+    done = run("init", "--urdf", KUKA, "--bag", bag, "-o", out)
+    assert done.code == 0
+    assert "/cell/joint_states holds 3 joints of the URDF, /gripper/joint_states (0): its states are taken" in done.err
+    assert load_robot(out).effort.topic == "/cell/joint_states"
+    assert run("info", bag, "--robot", out).code == 0, "later commands find it"
+    named = tmp_path / "named.yaml"
+    assert run("init", "--urdf", KUKA, "--bag", bag, "--topic", "cell/joint_states", "-o", named).code == 0
+    assert load_robot(named).effort.topic == "/cell/joint_states"
+
+
 def test_what_is_refused(run: Run, bag: Path, tmp_path: Path) -> None:
     out = str(tmp_path / "robot.yaml")
     for words, why in (
@@ -145,3 +170,52 @@ def test_lines_edited_by_hand(run: Run, robots_folder: Path, tmp_path: Path, fil
     for mount, gravity in (("wall", [-9.81, 0, 0]), ("ceiling", [0, 0, 9.81])):
         run("init", "--urdf", str(robots_folder / file), "--mount", mount, "-o", str(out), "--force")
         np.testing.assert_allclose(load_robot(out).rigid.model.gravity.linear, gravity)
+
+
+def changed(tmp_path: Path, old: str, new: str) -> Path:
+    """Return the KUKA's URDF with another text at the first place where one stands."""
+    text = Path(KUKA).read_text()
+    assert old in text
+    path = tmp_path / "changed.urdf"
+    path.write_text(text.replace(old, new, 1))
+    return path
+
+
+def test_limits_the_wrong_way_round_are_said(run: Run, tmp_path: Path) -> None:
+    urdf = changed(tmp_path, 'lower="-1.6" upper="1.6"', 'lower="1.6" upper="-1.6"')
+    done = run("init", "--urdf", urdf, "--acceleration", 3, "-o", tmp_path / "robot.yaml")
+    assert "missing: position limits of joint_1: the URDF's lower is above its upper" in done.out
+    assert "the URDF's lower = 1.6 is above its upper = -1.6" in (tmp_path / "robot.yaml").read_text()
+    refused = run("design", "--robot", tmp_path / "robot.yaml", "--time-limit", 5)
+    assert refused.code == 2
+    assert "joint 'joint_1': its lower position limit 1.6 is not below its upper -1.6" in refused.err
+
+
+@pytest.mark.parametrize(
+    ("old", "new", "said"),
+    [
+        ('mass value="100"', 'mass value="-100"', "link 'link_2': <mass value='-100'>: a mass is never negative"),
+        ('ixx="10.273"', 'ixx="-1"', "link 'link_3': <inertia ixx='-1'>: a moment of inertia is never negative"),
+    ],
+)
+def test_negative_masses_are_named(run: Run, tmp_path: Path, old: str, new: str, said: str) -> None:
+    refused = run("design", "--robot", changed(tmp_path, old, new), "--time-limit", 5)
+    assert refused.code == 2
+    assert said in refused.err
+
+
+def test_links_without_inertia_are_said(run: Run, tmp_path: Path) -> None:
+    zero = '<inertia ixx="0" ixy="0" ixz="0" iyy="0" iyz="0" izz="0"/>'
+    urdf = changed(tmp_path, '<inertia ixx="1.6016" ixy="0" ixz="0" iyy="1.6016" iyz="0" izz="1.6016"/>', zero)
+    data = run("init", "--urdf", urdf, "--acceleration", 3, "-o", tmp_path / "robot.yaml", "--json").json
+    assert data["missing"] == ["moments of inertia of what joint_1 moves: zero in the URDF"]
+
+
+def test_an_arm_too_heavy_for_its_motors_is_named(run: Run, tmp_path: Path) -> None:
+    urdf = changed(tmp_path, 'effort="443"', 'effort="1e-9"')
+    assert run("init", "--urdf", urdf, "--acceleration", 3, "-o", tmp_path / "robot.yaml").code == 0
+    refused = run("design", "--robot", tmp_path / "robot.yaml", "--time-limit", 4)
+    assert refused.code == 2
+    assert "joint_2 takes" in refused.err
+    assert "no pose can be held" in refused.err
+    assert "give it more" not in refused.err

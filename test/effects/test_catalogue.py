@@ -23,7 +23,7 @@ ARMS = ("kuka", "six_axes", "slide")
 ISSUED = """viscous coulomb torque_offset viscous_asymmetric stribeck viscous_nonlinear presliding load_friction
 position_friction torque_ripple backlash joint_elasticity cable gravity_spring base_tilt torque_saturation time_delay
 encoder_eccentricity rotor_inertia payload joint_coupling temperature_drift end_stop wrist_coupling
-effort_gain effort_filter link_length stamp_jitter"""
+effort_gain effort_filter link_length stamp_jitter mirrored_joint exchanged_joints"""
 
 
 def test_names_stay_as_users_write_them() -> None:

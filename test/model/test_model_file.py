@@ -50,6 +50,7 @@ def broken(data: dict[str, Any], change: Callable[[dict[str, Any]], object]) -> 
 CHANGES: dict[str, Callable[[dict[str, Any]], object]] = {
     "estimator = 'wsl'": lambda d: d.update(estimator="wsl"),
     "processing.decimate = 0": lambda d: d["processing"].update(decimate=0),
+    "processing.decimate = 100000": lambda d: d["processing"].update(decimate=100_000),
     "processing.low_pass = -3": lambda d: d["processing"].update(low_pass=-3),
     "unknown key 'processing.filter'": lambda d: d["processing"].update(filter=3),
     "processing.minimum_speed must have 3 values": lambda d: d["processing"].update(minimum_speed=[0.1]),
@@ -62,6 +63,19 @@ CHANGES: dict[str, Callable[[dict[str, Any]], object]] = {
     "physical.inertias.joint_2 must hold m, mx": lambda d: d["physical"]["inertias"]["joint_2"].pop("Ixy"),
     "physical.covariance = 'none'": lambda d: d["physical"].update(covariance="none"),
     "its parameters are not those of robot kuka_ir361": lambda d: d["parameters"][0].update(name="p99"),
+    "parameters.0.unit = 'furlong': of p1 it is 'kg m^2'": lambda d: d["parameters"][0].update(unit="furlong"),
+    "parameters.16.joint = 'joint_3': of viscous@joint_2 it is 'joint_2'": lambda d: d["parameters"][16].update(
+        joint="joint_3"
+    ),
+    "parameters.18.effect = 'viscous'": lambda d: d["parameters"][18].update(effect="viscous"),
+    "effects lacks coulomb@joint_3": lambda d: d["effects"].remove("coulomb@joint_3"),
+    "noise.torque_variance.1 = 0": lambda d: d["noise"]["torque_variance"].__setitem__(1, 0.0),
+    "chi_square = -1": lambda d: d.update(chi_square=-1.0),
+    "dof = 0": lambda d: d.update(dof=0),
+    "recordings = []": lambda d: d.update(recordings=[]),
+    "recordings.0.reach: 'joint_9' is no joint": lambda d: d["recordings"][0]["reach"].update(joint_9=[0.0, 1.0, 1.0]),
+    "recordings.0.reach.joint_1 = [2, ": lambda d: d["recordings"][0]["reach"].update(joint_1=[2.0, 1.0, 1.0]),
+    "recordings.0.taken_as = 'guess'": lambda d: d["recordings"][0].update(taken_as="guess"),
     "parameters.4.value = inf": lambda d: d["parameters"][4].update(value=float("inf")),
 }
 
