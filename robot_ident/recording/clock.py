@@ -22,6 +22,7 @@ _FASTEST, _SLOWEST = 1e-6, 1.0  # s between samples: all else is another unit
 _SPARSE = 20.0  # places of the grid for each sample, above which the stamps make no grid
 _GAP = 10.0  # times its length: no recording has a longer hole
 _TELLS = 25.0  # (dq e)^2 over the positions' noise, summed: below, noise hides which clock is right
+_NEAR, _FAR = 9, 51  # samples of which most must be shifted for samples to be lost: few, where many are, and many
 _ROUGHNESS = 9  # samples of the local cubic fit that tells roughness from motion
 
 
@@ -162,32 +163,33 @@ def _grid(t: Array) -> tuple[np.ndarray, float, float]:
     steps = np.diff(t)
     median = float(np.median(steps))
     mean = float(steps[steps < 1.5 * median].mean())  # jitter cancels in it, lost samples aren't in it
-    tried = [_grown(t, guess, length) for guess in (median, mean) for length in (40, 100)]
+    tried = [_grown(t, guess, length, _NEAR) for guess in (median, mean) for length in (40, 100)]
+    tried.append(_grown(t, float(steps.mean()), len(t), _FAR))  # right where nothing is lost, however late stamps are
     return min(tried, key=lambda grid: float(np.mean((t - grid[1] - grid[2] * grid[0]) ** 2)) / grid[2] ** 2)
 
 
-def _grown(t: Array, dt: float, length: int) -> tuple[np.ndarray, float, float]:
+def _grown(t: Array, dt: float, length: int, around: int) -> tuple[np.ndarray, float, float]:
     """Return the grid that grows from a first guess of dt: the stretch that sets dt doubles until it is all of t."""
     start, length = float(t[0]), min(len(t), length)
     while True:
-        index = _place(t[:length], start, dt)
+        index = _place(t[:length], start, dt, around)
         dt, start = (float(c) for c in np.polyfit(index, t[:length], 1))
         if length == len(t):
             break
         length = min(2 * length, len(t))
-    index = _place(t, start, dt)
+    index = _place(t, start, dt, around)
     dt, start = (float(c) for c in np.polyfit(index, t, 1))
     return index - index[0], start + dt * index[0], dt
 
 
-def _place(t: Array, start: float, dt: float) -> np.ndarray:
-    """Return strictly increasing places on the grid: lost samples shift all later ones, a jump that comes back shifts
-    none.
+def _place(t: Array, start: float, dt: float, around: int) -> np.ndarray:
+    """Return strictly increasing places on the grid: lost samples shift all later ones, a jump that comes back
+    within half of `around` samples shifts none.
     """
     from scipy.ndimage import median_filter
 
     order = np.arange(len(t))
-    shift = median_filter(np.rint((t - start) / dt).astype(np.int64) - order, size=9, mode="nearest")
+    shift = median_filter(np.rint((t - start) / dt).astype(np.int64) - order, size=around, mode="nearest")
     return np.asarray(np.maximum.accumulate(shift) + order)
 
 

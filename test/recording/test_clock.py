@@ -10,7 +10,7 @@ import pytest
 from robot_ident.errors import InputError
 from robot_ident.motion import Array
 from robot_ident.recording import Recording, process
-from robot_ident.recording.clock import read_clock
+from robot_ident.recording.clock import _grid, read_clock
 
 
 def test_even_stamps_need_no_word(arm: Any) -> None:
@@ -95,3 +95,14 @@ def test_the_choice_is_the_smaller_residual(arm: Any) -> None:
         assert stamps.stamped is not None
         assert (stamps.kind == "late") == (stamps.even < stamps.stamped)
         assert stamps.jitter == pytest.approx(1e-3, rel=0.5)
+
+
+@pytest.mark.parametrize("seed", [0, 2, 8, 10])
+def test_late_stamps_of_a_long_recording_stretch_no_time(seed: int) -> None:
+    """Of 24 000 stamps some neighbours are all late: that is no gap, and the rate is that of all of them."""
+    random, count, dt = np.random.default_rng(seed), 24_000, 1 / 150
+    late = random.gamma(2.0, random.uniform(1.3e-3, 2e-3) / np.sqrt(2.0), count)
+    stamps = np.maximum.accumulate(np.arange(count) * dt + late) + 1e-12 * np.arange(count)
+    index, _, found = _grid(stamps - stamps[0])
+    assert found == pytest.approx(dt, rel=1e-6)
+    assert index[-1] - (count - 1) <= 1
