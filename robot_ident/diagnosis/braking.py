@@ -20,10 +20,9 @@ def with_doubt(found: Diagnosis, evidence: Evidence) -> Diagnosis:
     """
     phi = np.concatenate([columns.reshape(-1, columns.shape[2]) for columns in evidence.phi])
     covariance = np.linalg.pinv(phi.T @ phi, hermitian=True)
-    measurements = list({id(t.measured): t.measured for t in evidence.trajectories}.values())
-    wrong = driven(evidence.structure, measurements, evidence.values, covariance)
+    wrong = driven(evidence.structure, evidence.recordings, evidence.values, covariance)
     if found.verdict != "adequate":
         wrong = replace(wrong, coefficients={})
     verdict = "not_decidable" if found.verdict == "adequate" and wrong.notes else found.verdict
-    cut_off = [f"{measured.source}: {note}" for measured in measurements for note in measured.clipped]
+    cut_off = [f"{measured.source}: {note}" for measured in evidence.recordings for note in measured.clipped]
     return replace(found, verdict=verdict, notes=(*wrong.notes, *cut_off, *found.notes))

@@ -175,7 +175,7 @@ def _stands_out(member: Score, first: Stage, share: Array) -> bool:
 
     Parts left out of one motion are extrapolated to, so that even a cause doesn't explain them whole.
     """
-    if len({id(t.measured) for t in first.evidence.trajectories}) > 1:
+    if len(first.evidence.recordings) > 1:
         return False
     joints = list(member.columns.joints)
     mine = next((s.held_out for s in first.scores if s.label == member.label), 0.0)

@@ -59,7 +59,7 @@ def drift_tests(evidence: Evidence) -> tuple[DriftTest, ...]:
     Where they scatter as all lines tell, a gain far beyond chance needs no more periods than it has.
     """
     robot = evidence.structure.robot
-    known = [m for m in recordings(evidence) if _known_one_by_one(m)]
+    known = [m for m in evidence.recordings if _known_one_by_one(m)]
     return tuple(_drift_test(known, make_effect(f"{DRIFT}@{name}", robot)) for name in robot.joints)
 
 
@@ -117,11 +117,6 @@ def _course(measured: Measurement, effect: Effect) -> tuple[Array, Array] | None
     return b - b.mean(), w
 
 
-def recordings(evidence: Evidence) -> tuple[Measurement, ...]:
-    """Return the measurements of an evidence, each once where parts of it are left out in turn."""
-    return tuple({id(t.measured): t.measured for t in evidence.trajectories}.values())
-
-
 def without_trends(
     measurements: Sequence[Measurement], structure: Structure, validation: Sequence[Measurement]
 ) -> tuple[Sequence[Measurement], Structure, Sequence[Measurement]]:
@@ -160,8 +155,7 @@ def drift_suspect(evidence: Evidence, joint: int, test: DriftTest, validation: S
     """
     robot = evidence.structure.robot
     effect = make_effect(f"{DRIFT}@{robot.joints[joint]}", robot)
-    seen = recordings(evidence)
-    single = gather(apart(seen, [effect]), evidence.structure)
+    single = gather(apart(evidence.recordings, [effect]), evidence.structure)
     folds = Folds.of(base_gram(single))
     found = refined(score(candidate_of(effect, single), single, folds), single, folds)
     after = extended(single, [found.effect])

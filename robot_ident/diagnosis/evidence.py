@@ -72,6 +72,11 @@ class Evidence:
     memory: dict[Hashable, object] = field(default_factory=dict, compare=False, repr=False)
 
     @property
+    def recordings(self) -> tuple[Measurement, ...]:
+        """The measurements, each once where parts of it are left out in turn."""
+        return tuple({id(t.measured): t.measured for t in self.trajectories}.values())
+
+    @property
     def residual(self) -> tuple[Array, ...]:
         """Weighed residual [N, n] of each trajectory."""
         return tuple(t.y - phi @ self.values for t, phi in zip(self.trajectories, self.phi, strict=True))

@@ -47,7 +47,7 @@ def link_lengths(evidence: Evidence, folds: Folds) -> list[Finding]:
 
 def payloads(evidence: Evidence, base: BaseGram) -> list[Finding]:
     """Return for every recording the load by which it differs from the others; needs two recordings."""
-    sources = list({id(t.measured): t.measured for t in evidence.trajectories}.values())
+    sources = evidence.recordings
     if len(sources) < 2:
         return []
     everything = range(len(base.power))

@@ -53,7 +53,7 @@ def gains(evidence: Evidence, base: BaseGram) -> list[Finding]:
 def single_gains(evidence: Evidence, base: BaseGram) -> list[Finding]:
     """Return for every recording and joint the gain by which the effort of that recording alone differs."""
     joints, everything = evidence.structure.robot.joints, range(len(base.power))
-    sources = list({id(t.measured): t.measured for t in evidence.trajectories}.values())
+    sources = evidence.recordings
     if len(sources) < 2:
         return []
     before, out = fitted_loss(base, everything), []

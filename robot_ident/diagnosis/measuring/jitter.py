@@ -26,8 +26,7 @@ def jitter_suspect(evidence: Evidence) -> Suspect | None:
     """
     from scipy.special import ndtr
 
-    seen = list({id(t.measured): t.measured for t in evidence.trajectories}.values())
-    told = [(m, m.off_clock) for m in seen if m.off_clock is not None]
+    told = [(m, m.off_clock) for m in evidence.recordings if m.off_clock is not None]
     if not told:
         return None
     sigmas = sum(found.sigmas for _, found in told) / len(told) ** 0.5
