@@ -6,7 +6,6 @@ import argparse
 import time
 from collections.abc import Sequence
 from dataclasses import replace
-from functools import partial
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
@@ -141,14 +140,17 @@ def run(args: argparse.Namespace) -> int:
     if args.tell:
         from robot_ident.cli.design_tell import run_tell
 
-        return run_tell(args, target, prior, deadline, files, partial(moved_alone, robot=whole, held=held))
+        def finished(excitation: Excitation) -> Excitation:
+            return _moved_alone(_with_sources(excitation, args), whole, held)
+
+        return run_tell(args, target, prior, deadline, files, finished)
     found = _design(args, robot, target, prior, band, until_bound(args, deadline))
     try:
         found, bound = bounded(args, found, target, prior, deadline)
     except KeyboardInterrupt:  # what was designed is kept, without a bound
         found, bound = replace(found, interrupted=True), None
-    found = replace(found, excitations=tuple(with_sources(one, args) for one in found.excitations))
-    written = [moved_alone(one, whole, held) for one in found.excitations]
+    found = replace(found, excitations=tuple(_with_sources(one, args) for one in found.excitations))
+    written = [_moved_alone(one, whole, held) for one in found.excitations]
     for file, excitation in zip(files, written, strict=bool(files)):
         excitation.write(file, force=args.force)
     needed = precision(args, target, found.excitations, prior)
@@ -273,7 +275,7 @@ def _design(
         )
 
 
-def moved_alone(excitation: Excitation, robot: Robot, held: dict[str, float]) -> Excitation:
+def _moved_alone(excitation: Excitation, robot: Robot, held: dict[str, float]) -> Excitation:
     """Return an excitation of some joints as one of the whole robot, the others held."""
     if not held:
         return excitation
@@ -282,7 +284,7 @@ def moved_alone(excitation: Excitation, robot: Robot, held: dict[str, float]) ->
     return whole_motion(excitation, robot, held)
 
 
-def with_sources(excitation: Excitation, args: argparse.Namespace) -> Excitation:
+def _with_sources(excitation: Excitation, args: argparse.Namespace) -> Excitation:
     """Return the excitation with the files in it that it was designed from."""
     given = {"model": args.model, "prior": args.prior, "from": args.run_before}
     return replace(

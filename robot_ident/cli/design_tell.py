@@ -6,7 +6,6 @@ import argparse
 from collections.abc import Callable, Sequence
 from typing import TYPE_CHECKING, Any
 
-from robot_ident.cli.design import with_sources
 from robot_ident.cli.margin_table import margin_table
 from robot_ident.cli.output import Progress, print_json, say, tell
 from robot_ident.errors import InputError
@@ -26,7 +25,7 @@ def run_tell(
     files: Sequence[str],
     finished: Callable[[Excitation], Excitation],
 ) -> int:
-    """Design the motion that tells two effects apart; finished: what makes a file of it for the whole robot."""
+    """Design the motion that tells two effects apart; finished: what makes of it what is written."""
     from robot_ident.excitation.tell import NEEDED, tell_apart
 
     if args.trajectories > 1 or args.symmetric or args.bandwidth or args.harmonics:
@@ -53,7 +52,7 @@ def run_tell(
             deadline=float("inf") if deadline is None else deadline,
             progress=show,
         )
-    excitation = finished(with_sources(found.excitation, args))
+    excitation = finished(found.excitation)
     for file in files:
         excitation.write(file, force=args.force)
     if args.json:

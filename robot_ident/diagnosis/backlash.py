@@ -12,7 +12,7 @@ from robot_ident.diagnosis.evidence import Evidence, Trajectory, fitted, kept_be
 from robot_ident.diagnosis.hidden_path import residual_beside_hidden_path
 from robot_ident.diagnosis.scan import add, columns_of, gram
 from robot_ident.diagnosis.unseen import Unseen
-from robot_ident.effects import Effect, Inner
+from robot_ident.effects import Effect
 from robot_ident.effects.backlash import Backlash
 from robot_ident.motion import Array, Mask
 
@@ -72,12 +72,11 @@ def _fitted(effect: Effect, evidence: Evidence, folds: Folds) -> Effect:
 
     torques = evidence.torques
     axes = [inner for inner in effect.inner if inner.continuous]
-    low, high = (np.array([_scaled(i, getattr(i, side)) for i in axes]) for side in ("lower", "upper"))
+    low, high = (np.array([i.scaled(getattr(i, side)) for i in axes]) for side in ("lower", "upper"))
 
     def at(x: Array) -> Effect:
-        places = dict(zip(axes, low + (high - low) * np.clip(x, 0.0, 1.0), strict=True))
-        values = {i.name: float(np.exp(place)) if i.logarithmic else float(place) for i, place in places.items()}
-        return effect.at({i.name: float(np.clip(values[i.name], i.lower, i.upper)) for i in axes})
+        places = low + (high - low) * np.clip(x, 0.0, 1.0)
+        return effect.at({i.name: i.unscaled(place) for i, place in zip(axes, places.tolist(), strict=True)})
 
     def rest(x: Array) -> Array:
         columns = columns_of(at(x), evidence, torques)
@@ -90,13 +89,9 @@ def _fitted(effect: Effect, evidence: Evidence, folds: Folds) -> Effect:
             out.append(left.ravel())
         return np.concatenate(out)
 
-    start = (np.array([_scaled(i, effect.setting[i.name]) for i in axes]) - low) / (high - low)
+    start = (np.array([i.scaled(effect.setting[i.name]) for i in axes]) - low) / (high - low)
     found = least_squares(rest, np.clip(start, 1e-6, 1 - 1e-6), bounds=(0.0, 1.0), diff_step=STEP, max_nfev=STEPS)
     return at(found.x)
-
-
-def _scaled(inner: Inner, value: float) -> float:
-    return float(np.log(value)) if inner.logarithmic else value
 
 
 def muted(

@@ -53,17 +53,14 @@ class _Axis:
     @classmethod
     def of(cls, inner: Inner, effect: Effect) -> _Axis:
         """Lay it about an effect's own value."""
-        value, points = effect.setting[inner.name], np.array(inner.grid)
-        if inner.logarithmic:
-            value, points = np.log(value), np.log(points)
+        value, points = inner.scaled(effect.setting[inner.name]), np.array([inner.scaled(p) for p in inner.grid])
         apart = np.abs(points - value)
         apart = apart[apart > 1e-3 * np.ptp(points)]
-        return cls(inner, float(value), float(apart.min()) if len(apart) else 0.1 * max(abs(value), 1e-3))
+        return cls(inner, value, float(apart.min()) if len(apart) else 0.1 * max(abs(value), 1e-3))
 
     def at(self, x: float) -> float:
         """Return the parameter at x in -1..1 of the stretch, within its bounds."""
-        value = self.value + self.reach * x
-        return float(np.clip(np.exp(value) if self.inner.logarithmic else value, self.inner.lower, self.inner.upper))
+        return self.inner.unscaled(self.value + self.reach * x)
 
 
 def _at(effect: Effect, axes: Sequence[_Axis], x: Array) -> Effect:

@@ -86,6 +86,14 @@ class Inner:
             return value <= self.lower * (1.0 + _RESTS) or value >= self.upper * (1.0 - _RESTS)
         return not _RESTS < (value - self.lower) / (self.upper - self.lower) < 1.0 - _RESTS
 
+    def scaled(self, value: float) -> float:
+        """Return a value as it is searched: of a scale, its logarithm."""
+        return float(np.log(value)) if self.logarithmic else float(value)
+
+    def unscaled(self, place: float) -> float:
+        """Return the value that `scaled` brings to a place, within its bounds."""
+        return float(np.clip(np.exp(place) if self.logarithmic else place, self.lower, self.upper))
+
     @property
     def middle(self) -> float:
         """The value in the middle of the grid."""

@@ -116,15 +116,20 @@ def _refine(problem: Problem, structure: Structure) -> Structure:
     if not free.any():
         return structure
     settings = structure.settings.copy()
-    scale = np.array([inner.logarithmic for effect in structure.effects for inner in effect.inner], dtype=bool)[free]
-    lowest, range_ = _scaled(lower[free], scale), _scaled(upper[free], scale) - _scaled(lower[free], scale)
+    searched = [inner for effect in structure.effects for inner in effect.inner if inner.continuous]
+
+    def scaled(values: Array) -> Array:
+        return np.array([inner.scaled(value) for inner, value in zip(searched, values[free].tolist(), strict=True)])
+
+    lowest = scaled(lower)
+    range_ = scaled(upper) - lowest
 
     def at(x: Array) -> Structure:
-        moved, place = settings.copy(), lowest + range_ * x
-        moved[free] = np.clip(np.where(scale, np.exp(np.where(scale, place, 0.0)), place), lower[free], upper[free])
+        moved, places = settings.copy(), lowest + range_ * x
+        moved[free] = [inner.unscaled(place) for inner, place in zip(searched, places.tolist(), strict=True)]
         return structure.with_settings(moved)
 
-    start = np.clip((_scaled(settings[free], scale) - lowest) / range_, 1e-6, 1 - 1e-6)
+    start = np.clip((scaled(settings) - lowest) / range_, 1e-6, 1 - 1e-6)
     unexplained: Array | None = None
     near = _near(problem, structure)
 
@@ -140,8 +145,3 @@ def _refine(problem: Problem, structure: Structure) -> Structure:
 
     found = least_squares(rest, start, bounds=(0.0, 1.0), diff_step=STEP, max_nfev=_MOST_STEPS, xtol=1e-5, ftol=1e-7)
     return at(found.x)
-
-
-def _scaled(values: Array, logarithmic: np.ndarray) -> Array:
-    """Return inner parameters as they are searched: scales by their logarithm."""
-    return np.asarray(np.where(logarithmic, np.log(np.where(logarithmic, values, 1.0)), values))

@@ -18,7 +18,7 @@ from robot_ident.robot import load_robot  # noqa: E402
 
 AT_REST = 5e-3  # rad/s; an encoder step in a sample is a fraction of it
 SIMULATED = {"use_sim_time": True}
-PATIENT = {"state_timeout": 4.0, "tracking_error": "[0.3]"}
+PATIENT = {"state_timeout": 4.0, "stall": 4.0, "tracking_error": "[0.3]"}
 
 
 @pytest.fixture
