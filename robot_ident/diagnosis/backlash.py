@@ -22,6 +22,7 @@ SHARE_NEAR = 0.65  # of the fast energy that must lie after a reversal of the lo
 CHANCE = 0.3  # beyond the share that chance would put there
 AFTER = 0.25  # s after a reversal within which its burst dies away
 RINGS = 0.4  # s after a reversal within which hardly anything of it is left
+SIGN = 6.0  # chi-square units that it must gain at a glance, over a part of its grid
 GAIN = 40.0  # chi-square units that the column of a gap must gain
 SHARE_OF_BLOW = 0.4  # of the blow that a gap makes which must be there; as many times more is too much
 STEPS, STEP = 5, 2e-3  # of the search for a gap's inner parameters: how many, and the differences' in their ranges
@@ -42,10 +43,22 @@ def best_gap(evidence: Evidence, folds: Folds, joints: Collection[int]) -> Score
     robot = evidence.structure.robot
     possible = [Backlash(robot, joint) for joint in joints if not Backlash.available(robot, joint)]
     effects = [effect for effect in possible if effect.label not in evidence.structure.labels]
-    candidates = [candidate_of(effect, evidence) for effect in effects if not effect.unseen]
-    scores = [score(candidate, evidence, folds) for candidate in candidates if candidate.columns]
+    scores = [found for e in effects if not e.unseen and (found := _of_grid(e, evidence, folds)) is not None]
     best = max(scores, key=lambda s: s.gain, default=None)
     return None if best is None or best.gain < GAIN / 2 else gap_near(best.effect, evidence, folds)
+
+
+def _of_grid(effect: Effect, evidence: Evidence, folds: Folds) -> Score | None:
+    """Return a gap at the best setting of its grid; None where, at the first value of all but its width, it gains no
+    more than chance at any.
+    """
+    settings = effect.settings()
+    first = settings[0]
+    plain = [s for s in settings if all(value == first[name] for name, value in s.items() if name != "gap")]
+    glance = candidate_of(effect, evidence, plain)
+    if not glance.columns or score(glance, evidence, folds).gain < SIGN:
+        return None
+    return score(candidate_of(effect, evidence), evidence, folds)
 
 
 def gap_near(effect: Effect, evidence: Evidence, folds: Folds) -> Score | None:

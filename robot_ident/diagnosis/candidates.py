@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 
 import numpy as np
@@ -54,10 +54,12 @@ def enumerate_candidates(evidence: Evidence, leave_out: Sequence[str] = ()) -> l
     return [candidate for candidate in made if candidate.columns]
 
 
-def candidate_of(effect: Effect, evidence: Evidence) -> Candidate:
-    """Return an effect with the columns of those of its settings that the motions show."""
+def candidate_of(
+    effect: Effect, evidence: Evidence, settings: Sequence[Mapping[str, float]] | None = None
+) -> Candidate:
+    """Return an effect with the columns of those of its settings (all, unless told) that the motions show."""
     longest = max((t.motion for t in evidence.trajectories), key=lambda motion: motion.samples)
-    settings = effect.settings(longest) or [{}]
+    settings = effect.settings(longest) or [{}] if settings is None else settings
     columns = [remembered(effect.at(setting), evidence, evidence.torques) for setting in settings]
     return Candidate(effect.label, tuple(c for c in columns if c.joints))
 

@@ -28,6 +28,7 @@ UNSEEN_IN_MEANS = (
 _LEAST = 4  # periods in which a trend is looked for
 _CERTAIN = 40.0  # chi-square units beyond which a trend is no chance of noise whose variance all samples tell
 _LIKE_NOISE = 0.01  # chance of a scatter about the course from which on it is no more than that
+_HOPELESS = 0.1  # chance of the gain on a grid of time constants beyond which none between them is looked for
 _FINE = 0.1  # of log T0: how near the best time constant is looked for
 
 
@@ -72,11 +73,12 @@ def _drift_test(known: Sequence[Measurement], effect: Effect) -> DriftTest:
         return _with_time_constant(known, effect.at({span.name: float(np.exp(place))}))
 
     tests = [at(float(np.log(point))) for point in span.grid]
-    if all(test.gain <= 0.0 for test in tests):
-        return DriftTest(0.0, 1.0)
+    nearest = min(tests, key=lambda test: test.p_value)
+    if nearest.p_value > _HOPELESS:  # a finer search gains little
+        return DriftTest(nearest.gain, min(1.0, nearest.p_value * len(tests) * effect.robot.n))
     bounds = (float(np.log(span.lower)), float(np.log(span.upper)))
     found = minimize_scalar(lambda x: -at(float(x)).gain, bounds=bounds, method="bounded", options={"xatol": _FINE})
-    best = min([*tests, at(float(found.x))], key=lambda test: test.p_value)
+    best = min([nearest, at(float(found.x))], key=lambda test: test.p_value)
     return DriftTest(best.gain, min(1.0, best.p_value * len(tests) * effect.robot.n))
 
 

@@ -13,6 +13,7 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from dataclasses import dataclass
+from functools import cached_property
 from itertools import combinations
 
 import numpy as np
@@ -22,6 +23,7 @@ from robot_ident.effects import Effect
 from robot_ident.motion import Array
 
 _FAINT = 0.01  # weight of a trajectory that is left out
+_OPEN = 1e-11  # of the largest eigenvalue of the scaled Gram matrix: below, the data leave a direction open
 _RIDGE = 1e-9  # of a candidate's own norm: with less than this left after projection the model holds it already
 
 
@@ -48,6 +50,15 @@ class Gram:
     own: Array
     torque: Array
 
+    @cached_property
+    def _of_trajectories(self) -> tuple[Array, Array, Array]:
+        return self.base.sum(axis=1), self.own.sum(axis=1), self.torque.sum(axis=1)
+
+    def weighed(self, weights: Array) -> tuple[Array, Array, Array]:
+        """Return the three summed over joints and, by weights [T], over trajectories."""
+        base, own, torque = self._of_trajectories
+        return _weighed(weights, base), _weighed(weights, own), _weighed(weights, torque)
+
 
 @dataclass(frozen=True)
 class BaseGram:
@@ -56,6 +67,19 @@ class BaseGram:
     own: Array
     torque: Array
     power: Array
+
+    @cached_property
+    def _of_trajectories(self) -> tuple[Array, Array, Array]:
+        return self.own.sum(axis=1), self.torque.sum(axis=1), self.power.sum(axis=1)
+
+    def weighed(self, weights: Array) -> tuple[Array, Array, Array]:
+        """Return the three summed over joints and, by weights [T], over trajectories."""
+        own, torque, power = self._of_trajectories
+        return _weighed(weights, own), _weighed(weights, torque), weights @ power
+
+
+def _weighed(weights: Array, parts: Array) -> Array:
+    return (weights @ parts.reshape(len(parts), -1)).reshape(parts.shape[1:])
 
 
 def base_gram(evidence: Evidence) -> BaseGram:
@@ -113,15 +137,18 @@ class BaseFit:
         """Fit to the trajectories `train`; the others are left out."""
         weights = np.full(len(base.power), _FAINT)
         weights[list(train)] = 1.0
-        own, torque = (np.tensordot(weights, g.sum(axis=1), 1) for g in (base.own, base.torque))
+        own, torque, _ = base.weighed(weights)
         scale = np.sqrt(np.maximum(np.diag(own), 1e-300))
-        inverse = np.linalg.pinv(own / np.outer(scale, scale), rcond=1e-11, hermitian=True) / np.outer(scale, scale)
+        values, vectors = np.linalg.eigh(own / scale[:, None] / scale)
+        told = values > _OPEN * values[-1]
+        root = vectors[:, told] / np.sqrt(values[told]) / scale[:, None]
+        inverse = root @ root.T
         return cls(weights, inverse, inverse @ torque)
 
     def loss(self, base: BaseGram, on: int) -> Array:
         """Return the squared error [n] on a trajectory."""
         v = self.values
-        return base.power[on] - 2.0 * base.torque[on] @ v + np.einsum("p,jpq,q->j", v, base.own[on], v)
+        return np.asarray(base.power[on] + ((base.own[on] @ v) - 2.0 * base.torque[on]) @ v)
 
 
 @dataclass(frozen=True)
@@ -137,7 +164,7 @@ class Addition:
 
 def add(gram_: Gram, fit: BaseFit, positive: Sequence[bool]) -> Addition:
     """Return the gain of a candidate fitted beside the base; coefficients that must not be negative aren't."""
-    cross, own, torque = (np.tensordot(fit.weights, g.sum(axis=1), 1) for g in (gram_.base, gram_.own, gram_.torque))
+    cross, own, torque = gram_.weighed(fit.weights)
     projected = own - cross.T @ fit.inverse @ cross
     right = torque - cross.T @ fit.values
     coefficients = _solve(projected, right, np.diag(own), positive)
@@ -148,9 +175,8 @@ def add(gram_: Gram, fit: BaseFit, positive: Sequence[bool]) -> Addition:
 def loss_with(gram_: Gram, base: BaseGram, addition: Addition, on: int) -> Array:
     """Return the squared error [n] on a trajectory of base and candidate."""
     v, c = addition.values, addition.coefficients
-    plain = base.power[on] - 2.0 * base.torque[on] @ v + np.einsum("p,jpq,q->j", v, base.own[on], v)
-    mixed = 2.0 * np.einsum("p,jpk,k->j", v, gram_.base[on], c) - 2.0 * gram_.torque[on] @ c
-    return np.asarray(plain + mixed + np.einsum("k,jkl,l->j", c, gram_.own[on], c))
+    plain = base.power[on] + ((base.own[on] @ v) - 2.0 * base.torque[on]) @ v
+    return np.asarray(plain + (2.0 * (v @ gram_.base[on]) - 2.0 * gram_.torque[on] + gram_.own[on] @ c) @ c)
 
 
 def _solve(projected: Array, right: Array, size: Array, positive: Sequence[bool]) -> Array:
@@ -159,6 +185,9 @@ def _solve(projected: Array, right: Array, size: Array, positive: Sequence[bool]
     """
     k = len(right)
     alive = [i for i in range(k) if projected[i, i] > _RIDGE * size[i]]
+    if k == 1:
+        only = right[0] / projected[0, 0] if alive else 0.0
+        return np.array([0.0 if positive[0] and only < 0.0 else only])
     best, best_gain = np.zeros(k), 0.0
     for count in range(len(alive), 0, -1):
         for chosen in combinations(alive, count):
