@@ -27,6 +27,7 @@ LOAD, TOTAL = -80.0, 120.0
         ("viscous_nonlinear@joint_2", {"form": 0.0, "bend": 2.0}, [-0.16]),
         ("viscous_nonlinear@joint_2", {"form": 1.0, "bend": 0.3}, [-tanh(0.4 / 0.3)]),
         ("load_friction@joint_2", {}, [-80.0, -32.0]),
+        ("load_friction@joint_2", {"form": 1.0}, [-120.0, -48.0]),
         ("position_friction@joint_2", {"h": 2.0}, [-cos(1.4), -sin(1.4)]),
         ("torque_ripple@joint_2", {"h": 0.5}, [cos(0.5 * 103.235 * Q), sin(0.5 * 103.235 * Q)]),
         ("cable@joint_2", {}, [Q, 1.0]),
