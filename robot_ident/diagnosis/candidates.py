@@ -13,6 +13,10 @@ from robot_ident.diagnosis.unseen import Unseen
 from robot_ident.effects import Effect, candidates_of
 from robot_ident.motion import Array
 
+_ASIDE = (
+    0.25  # of an effect's gain on the joint that it gains most on: with less, a joint has its excess from elsewhere
+)
+
 
 @dataclass(frozen=True)
 class Score:
@@ -35,6 +39,12 @@ class Score:
     def label(self) -> str:
         """`name@joint`."""
         return self.effect.label
+
+    @property
+    def mainly(self) -> list[int]:
+        """The joints in which it gains as much as anywhere, or not far less."""
+        gains = self.held_out_by_joint
+        return [int(j) for j in np.flatnonzero(gains >= _ASIDE * gains.max())]
 
 
 @dataclass(frozen=True)

@@ -20,7 +20,7 @@ from robot_ident.diagnosis.diagnosis import Diagnosis, Suspect, Verdict
 from robot_ident.diagnosis.drift import DRIFT, UNSEEN_IN_MEANS, drift_suspect, drift_tests, without_trends
 from robot_ident.diagnosis.evidence import Evidence, extended, gather, split
 from robot_ident.diagnosis.impossible import possible
-from robot_ident.diagnosis.lack_of_fit import lack_of_fit
+from robot_ident.diagnosis.lack_of_fit import LackOfFit, lack_of_fit
 from robot_ident.diagnosis.measuring.first import Fault, measuring_fault, undecidable
 from robot_ident.diagnosis.measuring.jitter import with_jitter
 from robot_ident.diagnosis.progress import Tell, silent
@@ -41,7 +41,8 @@ from robot_ident.recording.measurement import Measurement
 SHARE = 0.35  # of a joint's excess that its members must explain on trajectories not seen
 STRICTER = 0.37  # more than that where what remains is seen beside the noise: a proxy leaves much, a cause little
 _SEEN = 0.25  # of the noise of the mean: what remains is seen as clearly as need be
-_SHADOW = 0.08  # of what another joint still lacks, that a member must explain: less may be the shadow of that
+_SURE = 60.0  # decades of its p-value, that are as clear
+_SHADOW = 0.2  # of what another joint still lacks, that a member must explain: less may be the shadow of that
 ALONE = 0.4  # of its held-out gain that any other effect may reach, where there is one recording only
 
 
@@ -146,7 +147,7 @@ def _ground(whole: Evidence, found: Search, gaps: Sequence[Suspect], validation:
 
 
 def _trusted(found: Search, failing: Sequence[int]) -> list[Score]:
-    """Return the members that, all together, explain more than needed of the excess on one of their joints.
+    """Return the members that, all together, explain more than needed of the excess on a joint that they are made for.
 
     As much as the least that is wanted, and more the farther what remains stands above the noise of the mean; on
     trajectories left out in turn or on recordings kept aside. What another joint lacks far more of casts its shadow on
@@ -157,17 +158,24 @@ def _trusted(found: Search, failing: Sequence[int]) -> list[Score]:
     if first.unseen_excess is not None and last.unseen_excess is not None:
         aside = 1.0 - last.unseen_excess / np.maximum(first.unseen_excess, 1e-300)
         share = np.where(first.unseen_excess >= GAIN, np.maximum(share, aside), share)
-    seen = np.array([np.clip((fit.statistic - 1.0) / _SEEN, 0.0, 1.0) if fit.fails else 0.0 for fit in last.fits])
-    surplus = share - SHARE - STRICTER * seen
+    surplus = share - SHARE - STRICTER * np.array([_seen(fit) for fit in last.fits])
 
     def enough(member: Score) -> bool:
-        joints = [j for j in member.columns.joints if j in failing]
+        joints = [j for j in member.mainly if j in failing]
         if not joints or float(np.max(surplus[joints])) < 0.0:
             return False
         elsewhere = np.delete(last.excess, list(member.columns.joints))
         return float(member.held_out_by_joint[joints].sum()) >= _SHADOW * float(elsewhere.max(initial=0.0))
 
     return [m for m in found.members if enough(m) or _stands_out(m, first, share)]
+
+
+def _seen(fit: LackOfFit) -> float:
+    """Return how clearly it is seen that something remains on a joint, 0 to 1."""
+    if not fit.fails:
+        return 0.0
+    decades = -float(np.log10(max(fit.p_value, 1e-300)))
+    return float(np.clip(max((fit.statistic - 1.0) / _SEEN, decades / _SURE), 0.0, 1.0))
 
 
 def _stands_out(member: Score, first: Stage, share: Array) -> bool:

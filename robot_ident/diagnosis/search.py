@@ -11,7 +11,7 @@ from robot_ident.diagnosis.backlash import best_gap, gap_behind, muted
 from robot_ident.diagnosis.candidates import Score
 from robot_ident.diagnosis.evidence import Evidence
 from robot_ident.diagnosis.progress import Tell, after
-from robot_ident.diagnosis.stage import MOSTLY, PART, Stage, choose, least_torque, mainly, much_is_left, reconsider
+from robot_ident.diagnosis.stage import MOSTLY, PART, Stage, choose, least_torque, much_is_left, reconsider
 from robot_ident.effects import Effect
 
 MOST = 6  # members
@@ -93,7 +93,7 @@ class Search:
         """
         evidence, gains = self.last.evidence, gap.held_out_by_joint
         power = np.sum([np.sum(t.weight**2, axis=0) for t in evidence.trajectories], axis=0)
-        joints = mainly(gains)
+        joints = gap.mainly
         enough = any(gains[j] >= power[j] * least_torque(evidence, j) ** 2 for j in joints)
         return enough and float(gains[joints].sum()) >= share * float(self.last.surely[joints].sum())
 

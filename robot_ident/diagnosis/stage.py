@@ -21,10 +21,11 @@ from robot_ident.motion import Array
 GAIN = 40.0  # chi-square units that a member must gain
 PART = 0.35  # of the present excess on its joints that every member must explain, seen by trajectories left out
 AGAIN = 0.5  # the same where a joint has a member already: what an imperfect column leaves looks like another effect
+ALIKE = 0.75  # the same where that member is the same effect, of all joints or of the one
 LATER = 0.08  # of the excess that there was at first, which a further member on a joint must explain, too
 KEPT_ASIDE = 0.6  # of the excess on recordings that no fit sees, and of that on the fitted ones: enough by itself
 OWN = 0.4  # of its gain that an effect must keep beside what the hidden part of the path may make
-_ASIDE = 0.25  # of its gain on the joint that it gains most on: with less, a joint has its excess from elsewhere
+CERTAIN = 160.0  # the same in chi-square units: enough where the effect explains nearly all of its joints' excess
 NEARLY_ALL = 0.8  # the same from which on the hidden part isn't in question, whether its joints lack fit or not
 MOSTLY = 0.6  # of a joint's excess, explained where there is one recording only; or by a column, so no gap made it
 _EXACT = 3  # candidates that are refined before recordings kept aside judge them
@@ -144,7 +145,7 @@ def _worthwhile(candidate: Score, stage: Stage, rattling: Collection[int]) -> bo
         for j in candidate.columns.joints
         if not (candidate.effect.brief and j in rattling)
         and (stage.fits[j].fails or (gains[j] >= GAIN / 2 and not _touched(held, [j])))
-        and j in mainly(gains)
+        and j in candidate.mainly
     ]
     if candidate.gain < GAIN or not joints or not _possible(candidate, stage):
         return False
@@ -158,12 +159,9 @@ def _worthwhile(candidate: Score, stage: Stage, rattling: Collection[int]) -> bo
     own = gain_beside_hidden_path(candidate, stage.evidence)
     if own < NEARLY_ALL * candidate.gain and not any(stage.fits[j].fails for j in joints):
         return False  # beside the hidden path these joints lack nothing
+    if own >= CERTAIN and _removed(candidate, joints) >= NEARLY_ALL * stage.surely[joints].sum():
+        return True
     return own >= max(GAIN, OWN * candidate.gain)
-
-
-def mainly(gains: Array) -> list[int]:
-    """Return the joints in which an effect gains as much as anywhere, or not far less."""
-    return [int(j) for j in np.flatnonzero(gains >= _ASIDE * gains.max())]
 
 
 def _possible(candidate: Score, stage: Stage) -> bool:
@@ -174,10 +172,15 @@ def _possible(candidate: Score, stage: Stage) -> bool:
 
 def _explains(candidate: Score, stage: Stage, joints: Sequence[int]) -> bool:
     """Return whether a candidate explains enough of some joints' excess on all that is predicted."""
-    removed = candidate.held_out_by_joint[joints].sum()
-    if not _touched(added(stage.evidence.structure), joints):
+    removed, held = _removed(candidate, joints), added(stage.evidence.structure)
+    if not _touched(held, joints):
         return bool(removed >= PART * stage.surely[joints].sum())
-    return bool(removed >= max(AGAIN * stage.excess[joints].sum(), LATER * stage.initial.excess[joints].sum()))
+    share = ALIKE if any(effect.name == candidate.effect.name for effect in held) else AGAIN
+    return bool(removed >= max(share * stage.excess[joints].sum(), LATER * stage.initial.excess[joints].sum()))
+
+
+def _removed(candidate: Score, joints: Sequence[int]) -> float:
+    return float(candidate.held_out_by_joint[joints].sum())
 
 
 def _told(candidate: Score, stage: Stage, joints: Sequence[int]) -> bool:

@@ -26,11 +26,7 @@ def tied(best: Score, scores: Sequence[Score], evidence: Evidence, folds: Folds)
     reference = block_losses(best, evidence, folds)
     out = []
     for rival in scores:
-        if (
-            rival is best
-            or rival.held_out < _RIVAL * best.held_out
-            or not set(rival.columns.joints) & set(best.columns.joints)
-        ):
+        if rival is best or rival.held_out < _RIVAL * best.held_out or not set(rival.mainly) & set(best.mainly):
             continue
         if best.label.partition("@")[0] in type(rival.effect).contains:
             continue  # what holds the best as a part can't be told from it, and says nothing more

@@ -9,12 +9,16 @@ from robot_ident.effects.effect import Coefficient, Effect, Mathematics, Signals
 
 
 class Cable(Effect):
-    """A bundle of cables that is bent by the joint: tau = k q + t0, a straight line over position."""
+    """A bundle of cables that is bent by the joint: tau = k q + t0, a straight line over position.
+
+    Beside gravity on the same axis, which holds most of a line, k tells how the bundle departs from a sine: one that
+    gives way as it is pulled has a negative k there.
+    """
 
     name = "cable"
     equation = "k q + t0"
     meaning = "pull of cables and hoses"
-    coefficients = (Coefficient("stiffness", "Nm/rad", "N/m", positive=True), Coefficient("offset", "Nm", "N"))
+    coefficients = (Coefficient("stiffness", "Nm/rad", "N/m"), Coefficient("offset", "Nm", "N"))
     symmetry = "conservative"
     signature = "static in position, a straight line"
     confused_with = ("gravity_spring", "base_tilt", "end_stop", "encoder_eccentricity", "torque_offset")

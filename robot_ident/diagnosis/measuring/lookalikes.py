@@ -26,6 +26,7 @@ LIKE = CATALOGUE[NAME].confused_with
 """Names of the effects that look like a low pass."""
 
 _DELAY = "time_delay"  # of these the one that is of the measuring, too, and has less parameters
+_CLEAR = 0.08  # of its held-out gain by which a low pass must lead a delay: a joint that sticks turns steps into ramps
 _HEARD = 0.4  # of a low pass's held-out gain from which on an effect is held against it
 
 
@@ -50,7 +51,7 @@ class LowPasses:
         score = refined(mine, self.evidence, self.folds)
         low_pass = exact(given, self.evidence, self.folds.base)
         lead = block_losses_of(low_pass, self.evidence) - block_losses(score, self.evidence, self.folds)
-        if not alike(lead, score.held_out):
+        if float(lead.sum()) > 0.0 and not alike(lead, score.held_out):
             return suspect
         experiment = suspect.experiment or low_pass.effect.experiment
         return replace(suspect, tied_with=(*suspect.tied_with, low_pass.label), experiment=experiment)
@@ -59,9 +60,9 @@ class LowPasses:
 def holds(low_pass: Finding, scores: Sequence[Score], evidence: Evidence, given: Folds, lead: float) -> bool:
     """Return whether a low pass is what the data tell for.
 
-    It must lead every effect by a margin, but those that look like it: it must predict better than a delay beyond what
-    the noise makes, and not worse than friction does: what the drive does to its signal is asked for before the arm is
-    blamed. lead: the margin, in units of chi-square.
+    It must lead every effect by a margin, but those that look like it: it must predict better than a delay by more than
+    stiction makes it, beyond what the noise makes, and not worse than friction does: what the drive does to its signal
+    is asked for before the arm is blamed. lead: the margin, in units of chi-square.
     """
     sharp = _sharp(low_pass, scores, evidence, given)
     if not sharp:
@@ -71,7 +72,7 @@ def holds(low_pass: Finding, scores: Sequence[Score], evidence: Evidence, given:
         return low_pass.held_out - rival.held_out >= lead
     behind = block_losses_of(low_pass, evidence) - block_losses(rival, evidence, given)
     if rival.effect.name == _DELAY:
-        return float(behind.sum()) < 0.0 and not alike(behind, low_pass.held_out)
+        return float(behind.sum()) < -_CLEAR * low_pass.held_out and significant(behind)
     return float(behind.sum()) <= 0.0 or not significant(behind)
 
 
