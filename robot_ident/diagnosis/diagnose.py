@@ -29,7 +29,7 @@ from robot_ident.diagnosis.search import Search
 from robot_ident.diagnosis.shapes import doubted
 from robot_ident.diagnosis.stage import GAIN, MOSTLY, Stage
 from robot_ident.diagnosis.suspects import Ground, further, gap_suspects, suspect
-from robot_ident.diagnosis.unexplained import explain_by_variables
+from robot_ident.diagnosis.unexplained import explain_by_variables, stiction_note
 from robot_ident.diagnosis.unseen import Unseen
 from robot_ident.diagnosis.weighed_by_residual import tells_noise
 from robot_ident.diagnosis.white_lines import whitened
@@ -132,12 +132,15 @@ def _conclude(
     others = further(_ground(whole, found, gaps, validation), {s.label for s in suspects}, failing)
     open_joints = [j for j, fit in enumerate(fits) if fit.fails and j not in found.rattling]
     worst = max(open_joints, key=lambda j: fits[j].statistic, default=None)
+    rest = None if worst is None else explain_by_variables(with_all, worst)
+    if rest is not None and verdict == "unexplained":
+        notes = [*notes, *stiction_note(rest, with_all)]
     return Diagnosis(
         verdict,
         tuple(suspects),
         tuple(others),
         {name: float(np.sqrt(fit.excess)) for name, fit in zip(robot.joints, fits, strict=True)},
-        None if worst is None else explain_by_variables(with_all, worst),
+        rest,
         tuple(notes),
     )
 

@@ -11,6 +11,7 @@ from robot_ident.diagnosis.diagnosis import Unexplained
 from robot_ident.diagnosis.evidence import Evidence
 from robot_ident.diagnosis.regions import Region, densest
 
+_SLOW = 0.02  # rad/s or m/s: slower than this a joint may stick
 _OTHERS = 0.02  # of the error that another joint's motion must explain to be listed
 
 
@@ -35,6 +36,23 @@ def explain_by_variables(evidence: Evidence, joint: int, *, floor: bool = True) 
     listed = own(shares, _OTHERS)
     where = "spread over the whole motion" if region is None else region.in_words(robot, joint)
     return Unexplained(robot.joints[joint], listed, where)
+
+
+def stiction_note(found: Unexplained, evidence: Evidence) -> list[str]:
+    """Return how to leave out the rows near rest, where what remains follows a joint's reversals and they are used.
+
+    A joint that sticks rests on an undetermined torque, and breaks away with a jerk that noise hides.
+    """
+    joint = evidence.structure.robot.joint_index(found.joint)
+    first = max(found.depends_on, key=lambda name: found.depends_on[name])
+    speeds = [np.abs(t.motion.dq[t.measured.rows, joint])[t.weight[:, joint] > 0] for t in evidence.trajectories]
+    slow = any(np.any(speed < _SLOW) for speed in speeds)
+    if first != "time_since_reversal" or found.depends_on[first] <= 0.0 or not slow:
+        return []
+    return [
+        f"what remains of {found.joint} follows its reversals; where it sticks there, no model tells its torque:"
+        f" identify with --minimum-speed {_SLOW:g} (rad/s or m/s) and diagnose again"
+    ]
 
 
 def _along(evidence: Evidence, joint: int) -> list[dict[str, Variable]]:

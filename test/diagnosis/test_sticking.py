@@ -10,8 +10,10 @@ import numpy as np
 import pytest
 
 from robot_ident.diagnosis.diagnose import diagnose
-from robot_ident.diagnosis.diagnosis import Diagnosis
-from robot_ident.recording import Recording, process
+from robot_ident.diagnosis.diagnosis import Diagnosis, Unexplained
+from robot_ident.diagnosis.evidence import gather
+from robot_ident.diagnosis.unexplained import stiction_note
+from robot_ident.recording import Processing, Recording, process
 from robot_ident.simulation.periodic import Play
 from robot_ident.simulation.physics import plant_physics
 from robot_ident.simulation.servo import Servo
@@ -60,3 +62,13 @@ def test_a_delay_of_a_joint_is_named(found: Callable[[Hidden], Diagnosis], delay
 
 def test_a_delay_of_all_joints_is_not_named_twice(found: Callable[[Hidden], Diagnosis]) -> None:
     assert [suspect.label for suspect in found(late(slice(None), 0.007)).missing] == ["time_delay"]
+
+
+def test_a_remainder_at_reversals_says_how_to_leave_them_out(bench: Any) -> None:
+    every, fast = (process(bench.record((), 0), bench.robot, Processing(minimum_speed=v)) for v in (None, (0.02,) * 3))
+    at_reversals = Unexplained("joint_1", {"position": 0.1, "time_since_reversal": 0.2}, "")
+    (note,) = stiction_note(at_reversals, gather([every], bench.structure))
+    assert "joint_1" in note and "--minimum-speed 0.02" in note
+    assert not stiction_note(at_reversals, gather([fast], bench.structure))
+    elsewhere = replace(at_reversals, depends_on={"position": 0.3, "time_since_reversal": 0.2})
+    assert not stiction_note(elsewhere, gather([every], bench.structure))
