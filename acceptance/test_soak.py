@@ -27,6 +27,7 @@ pytest.importorskip("rclpy")
 SIMULATED = float(os.environ.get("ROBOT_IDENT_SOAK", "3600"))
 REAL = float(os.environ.get("ROBOT_IDENT_SOAK_REAL", "600"))
 SPEED = 4.0
+COARSE = {"rate": 50.0, "ahead": 0.04}  # of simulated time: every step of it wakes every node
 GROWTH = 1.02, 3.0  # factor and MB by which memory may differ between the second quarter and the last
 SLOW = 0.01  # share by which a rate may be missed in real time, on a machine that has nothing else to do
 EVEN = 1e-3  # periods by which stamps may miss their grid
@@ -95,7 +96,7 @@ def play(folder: Path, seconds: float, rate: float, speed: float | None) -> Watc
         ("estimator", {"trajectory": excitation, "memory": seconds / 12, "automatic": "false", **simulated}),
     ]
     if speed:
-        nodes.append(("simulated_clock", {"speed": speed}))
+        nodes.append(("simulated_clock", {"speed": speed, **COARSE}))
     last = {"trajectory": excitation, "periods": round(seconds), "rate": rate, "autostart": "true"}
     # a loaded machine is to show in the periods, not to end the run
     patient = {"state_timeout": 10.0, "stall": 10.0, "tracking_error": "[10.0]", "effort_limit": 0.0}

@@ -22,7 +22,7 @@ SHARE_NEAR = 0.65  # of the fast energy that must lie after a reversal of the lo
 CHANCE = 0.3  # beyond the share that chance would put there
 AFTER = 0.25  # s after a reversal within which its burst dies away
 RINGS = 0.4  # s after a reversal within which hardly anything of it is left
-SIGN = 6.0  # chi-square units that it must gain at a glance, over a part of its grid
+SIGN = 6.0  # chi-square units that a gap's column must gain at a glance, over a part of its grid
 GAIN = 40.0  # chi-square units that the column of a gap must gain
 SHARE_OF_BLOW = 0.4  # of the blow that a gap makes which must be there; as many times more is too much
 STEPS, STEP = 5, 2e-3  # of the search for a gap's inner parameters: how many, and the differences' in their ranges
@@ -72,7 +72,7 @@ def gap_near(effect: Effect, evidence: Evidence, folds: Folds) -> Score | None:
         return None
     inner = gram(columns, evidence)
     found = score_grams(Candidate(effect.label, (columns,)), [inner], folds)
-    share = float(add(inner, folds.whole, effect.signs).coefficients[0])
+    share = float(add(inner, folds.whole, effect.ranges).coefficients[0])
     as_large = SHARE_OF_BLOW <= share <= 1.0 / SHARE_OF_BLOW
     return found if as_large and found.gain >= GAIN and found.held_out >= GAIN / 2 else None
 
@@ -94,7 +94,7 @@ def _fitted(effect: Effect, evidence: Evidence, folds: Folds) -> Effect:
     def rest(x: Array) -> Array:
         columns = columns_of(at(x), evidence, torques)
         joints = list(columns.joints)
-        addition = add(gram(columns, evidence), folds.whole, effect.signs)
+        addition = add(gram(columns, evidence), folds.whole, effect.ranges)
         out = []
         for t, phi, part in zip(evidence.trajectories, evidence.phi, columns.parts, strict=True):
             left = t.y - phi @ addition.values

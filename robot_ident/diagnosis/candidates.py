@@ -13,9 +13,7 @@ from robot_ident.diagnosis.unseen import Unseen
 from robot_ident.effects import Effect, candidates_of
 from robot_ident.motion import Array
 
-_ASIDE = (
-    0.25  # of an effect's gain on the joint that it gains most on: with less, a joint has its excess from elsewhere
-)
+_ASIDE = 0.25  # of an effect's gain where it gains most: with less, a joint has its excess from elsewhere
 
 
 @dataclass(frozen=True)
@@ -116,13 +114,13 @@ def score(candidate: Candidate, evidence: Evidence, folds: Folds) -> Score:
 
 def score_grams(candidate: Candidate, grams: Sequence[Gram], folds: Folds) -> Score:
     """Return a candidate's score from Gram matrices that are known already."""
-    signs = [columns.effect.signs for columns in candidate.columns]
-    whole = [add(g, folds.whole, sign) for g, sign in zip(grams, signs, strict=True)]
+    ranges = [columns.effect.ranges for columns in candidate.columns]
+    whole = [add(g, folds.whole, limits) for g, limits in zip(grams, ranges, strict=True)]
     gains = [addition.gain for addition in whole]
     best = int(np.argmax(gains))
     by_joint = np.zeros(folds.base.power.shape[1])
     for left, fit in enumerate(folds.without):
-        additions = [add(g, fit, sign) for g, sign in zip(grams, signs, strict=True)]
+        additions = [add(g, fit, limits) for g, limits in zip(grams, ranges, strict=True)]
         chosen = int(np.argmax([addition.gain for addition in additions]))
         by_joint += folds.loss[left] - loss_with(grams[chosen], folds.base, additions[chosen], left)
     effect, unseen = candidate.columns[best].effect, None

@@ -37,7 +37,7 @@ def gain_beside_hidden_path(found: Score, evidence: Evidence) -> float:
     if beside is None:
         return found.gain
     with_hidden, fit = beside
-    return add(gram(found.columns, with_hidden), fit, found.effect.signs).gain
+    return add(gram(found.columns, with_hidden), fit, found.effect.ranges).gain
 
 
 def residual_beside_hidden_path(evidence: Evidence) -> tuple[Array, ...]:

@@ -42,7 +42,7 @@ def possible(members: Sequence[Score], whole: Evidence) -> tuple[list[Score], li
 
 
 def _signs(effect: Effect) -> list[bool]:
-    return [positive or effect.name in POSITIVE for positive in effect.signs]
+    return [least == 0.0 or effect.name in POSITIVE for least, _ in effect.ranges]
 
 
 def _has_sign(effect: Effect) -> bool:

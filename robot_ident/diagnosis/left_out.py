@@ -52,7 +52,7 @@ class View:
         falls: list[float] = []
         for left, fit in enumerate(self.folds.without):
             t, phi = evidence.trajectories[left], evidence.phi[left][:, joints]
-            addition = add(inner, fit, candidate.effect.signs)
+            addition = add(inner, fit, candidate.effect.ranges)
             before = t.y[:, joints] - phi @ fit.values
             after = t.y[:, joints] - phi @ addition.values - columns.parts[left] @ addition.coefficients
             seen = t.weight[:, joints].any(axis=1)

@@ -80,7 +80,7 @@ def _search(effect: Effect, axes: Sequence[_Axis], evidence: Evidence, folds: Fo
     def loss(x: Array) -> float:
         moved = _at(effect, axes, np.atleast_1d(x))
         columns = columns_of(moved, evidence, torques)
-        return -add(gram(columns, evidence), folds.whole, moved.signs).gain if columns.joints else 0.0
+        return -add(gram(columns, evidence), folds.whole, moved.ranges).gain if columns.joints else 0.0
 
     if len(axes) == 1:
         found = minimize_scalar(loss, bounds=(-1.0, 1.0), method="bounded", options={"xatol": _FINE, "maxiter": 20})

@@ -22,6 +22,9 @@ from robot_ident.diagnosis.evidence import Evidence, weighed_once
 from robot_ident.effects import Effect
 from robot_ident.motion import Array
 
+Ranges = Sequence[tuple[float, float]]
+"""The least and the largest that each coefficient can be."""
+
 _FAINT = 0.01  # weight of a trajectory that is left out
 _OPEN = 1e-11  # of the largest eigenvalue of the scaled Gram matrix: below, the data leave a direction open
 _RIDGE = 1e-9  # of a candidate's own norm: with less than this left after projection the model holds it already
@@ -162,12 +165,12 @@ class Addition:
     values: Array
 
 
-def add(gram_: Gram, fit: BaseFit, positive: Sequence[bool]) -> Addition:
-    """Return the gain of a candidate fitted beside the base; coefficients that must not be negative aren't."""
+def add(gram_: Gram, fit: BaseFit, ranges: Ranges) -> Addition:
+    """Return the gain of a candidate fitted beside the base, no coefficient out of its range."""
     cross, own, torque = gram_.weighed(fit.weights)
     projected = own - cross.T @ fit.inverse @ cross
     right = torque - cross.T @ fit.values
-    coefficients = _solve(projected, right, np.diag(own), positive)
+    coefficients = _solve(projected, right, np.diag(own), ranges)
     gain = float(2.0 * coefficients @ right - coefficients @ projected @ coefficients)
     return Addition(gain, coefficients, fit.values - fit.inverse @ (cross @ coefficients))
 
@@ -179,15 +182,15 @@ def loss_with(gram_: Gram, base: BaseGram, addition: Addition, on: int) -> Array
     return np.asarray(plain + (2.0 * (v @ gram_.base[on]) - 2.0 * gram_.torque[on] + gram_.own[on] @ c) @ c)
 
 
-def _solve(projected: Array, right: Array, size: Array, positive: Sequence[bool]) -> Array:
-    """Solve the small normal equations; columns that the base holds already get zero, signs are enforced by trying
-    subsets.
+def _solve(projected: Array, right: Array, size: Array, ranges: Ranges) -> Array:
+    """Solve the small normal equations; columns that the base holds already get zero, and those that would need what
+    no robot has are left out, by trying subsets.
     """
     k = len(right)
     alive = [i for i in range(k) if projected[i, i] > _RIDGE * size[i]]
     if k == 1:
         only = right[0] / projected[0, 0] if alive else 0.0
-        return np.array([0.0 if positive[0] and only < 0.0 else only])
+        return np.array([only if ranges[0][0] <= only <= ranges[0][1] else 0.0])
     best, best_gain = np.zeros(k), 0.0
     for count in range(len(alive), 0, -1):
         for chosen in combinations(alive, count):
@@ -195,7 +198,7 @@ def _solve(projected: Array, right: Array, size: Array, positive: Sequence[bool]
             block = projected[np.ix_(rows, rows)]
             scale = np.sqrt(np.diag(block))
             solution = np.linalg.lstsq(block / np.outer(scale, scale), right[rows] / scale, rcond=1e-8)[0] / scale
-            if any(positive[i] and value < 0.0 for i, value in zip(rows, solution, strict=True)):
+            if any(not ranges[i][0] <= value <= ranges[i][1] for i, value in zip(rows, solution, strict=True)):
                 continue
             gain = float(solution @ right[rows])
             if gain > best_gain:

@@ -12,7 +12,7 @@ from robot_ident.diagnosis.evidence import Evidence, added, extended
 from robot_ident.diagnosis.hidden_path import gain_beside_hidden_path
 from robot_ident.diagnosis.lack_of_fit import LackOfFit, lack_of_fit
 from robot_ident.diagnosis.refine import refined, sharpened
-from robot_ident.diagnosis.scan import add, base_gram
+from robot_ident.diagnosis.scan import base_gram
 from robot_ident.diagnosis.ties import tied
 from robot_ident.diagnosis.unseen import Unseen
 from robot_ident.effects import Effect
@@ -147,7 +147,7 @@ def _worthwhile(candidate: Score, stage: Stage, rattling: Collection[int]) -> bo
         and (stage.fits[j].fails or (gains[j] >= GAIN / 2 and not _touched(held, [j])))
         and j in candidate.mainly
     ]
-    if candidate.gain < GAIN or not joints or not _possible(candidate, stage):
+    if candidate.gain < GAIN or not joints:
         return False
     if not (_explains(candidate, stage, joints) or _told(candidate, stage, joints)):
         return False
@@ -162,12 +162,6 @@ def _worthwhile(candidate: Score, stage: Stage, rattling: Collection[int]) -> bo
     if own >= CERTAIN and _removed(candidate, joints) >= NEARLY_ALL * stage.surely[joints].sum():
         return True
     return own >= max(GAIN, OWN * candidate.gain)
-
-
-def _possible(candidate: Score, stage: Stage) -> bool:
-    """Return whether a robot may be so far off as a candidate's coefficients would have it."""
-    found = add(candidate.gram, stage.folds.whole, candidate.effect.signs).coefficients
-    return all(abs(x) <= c.largest for x, c in zip(found, candidate.effect.coefficients, strict=True))
 
 
 def _explains(candidate: Score, stage: Stage, joints: Sequence[int]) -> bool:

@@ -52,13 +52,13 @@ def block_losses(score: Score, evidence: Evidence, folds: Folds) -> Array:
     inner = gram(columns, evidence)
     losses = []
     for left, fit in enumerate(folds.without):
-        addition = add(inner, fit, score.effect.signs)
+        addition = add(inner, fit, score.effect.ranges)
         trajectory = evidence.trajectories[left]
         residual = trajectory.y - evidence.phi[left] @ addition.values
         residual[:, columns.joints] -= columns.parts[left] @ addition.coefficients
         losses += in_blocks(residual, trajectory)
     if folds.unseen is not None:
-        rests = folds.unseen.residuals(score.effect, add(inner, folds.whole, score.effect.signs))
+        rests = folds.unseen.residuals(score.effect, add(inner, folds.whole, score.effect.ranges))
         for residual, trajectory in zip(rests, folds.unseen.trajectories, strict=True):
             losses += in_blocks(residual, trajectory)
     return np.array(losses)

@@ -310,9 +310,9 @@ class Effect(ABC):
         return [dict(zip(names, values, strict=True)) for values in product(*(inner.grid for inner in self.inner))]
 
     @property
-    def signs(self) -> tuple[bool, ...]:
-        """Which coefficients have no physical meaning where they are negative, at these inner parameters."""
-        return tuple(c.positive for c in self.coefficients)
+    def ranges(self) -> tuple[tuple[float, float], ...]:
+        """The least and the largest that each coefficient can be, at these inner parameters."""
+        return tuple((0.0 if c.positive else -c.largest, c.largest) for c in self.coefficients)
 
     @property
     def size(self) -> int:

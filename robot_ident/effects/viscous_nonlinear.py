@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
+from math import inf
 from typing import Any
 
 from robot_ident.effects.effect import DRIVE_SIDE, Coefficient, Effect, Inner, Mathematics, Signals
@@ -51,9 +52,10 @@ class ViscousNonlinear(Effect):
         return [{"form": _POWER, "bend": p} for p in _POWERS] + [{"form": _TANH, "bend": v} for v in speeds]
 
     @property
-    def signs(self) -> tuple[bool, ...]:
+    def ranges(self) -> tuple[tuple[float, float], ...]:
         """Only what bends at high speed may bend either way."""
-        return (self.setting["form"] == _TANH or self.setting["bend"] < 1.0,)
+        bends_down = self.setting["form"] == _TANH or self.setting["bend"] < 1.0
+        return ((0.0, inf),) if bends_down else super().ranges
 
     def full_terms(self, x: Signals, m: Mathematics) -> Sequence[dict[int, Any]]:
         """Return the column of the chosen form."""

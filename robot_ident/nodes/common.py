@@ -16,12 +16,14 @@ from typing import Any, ClassVar
 import rclpy
 from diagnostic_msgs.msg import DiagnosticArray, DiagnosticStatus, KeyValue
 from rclpy.clock import Clock, ClockType
+from rclpy.exceptions import InvalidHandle
 from rclpy.executors import ExternalShutdownException, SingleThreadedExecutor
 from rclpy.logging import get_logger
 from rclpy.node import Node
 from rclpy.qos import DurabilityPolicy, HistoryPolicy, QoSProfile, ReliabilityPolicy
 from rclpy.qos_overriding_options import QoSOverridingOptions
 from rclpy.signals import SignalHandlerOptions
+from rclpy.subscription import Subscription
 from rclpy.timer import Timer
 from rclpy.topic_endpoint_info import TopicEndpointInfo
 from rclpy.utilities import remove_ros_args
@@ -32,6 +34,7 @@ from robot_ident.playing.ticker import follow_at, follow_no_more
 
 OK, WARN, ERROR = DiagnosticStatus.OK, DiagnosticStatus.WARN, DiagnosticStatus.ERROR
 _SWITCH = 0.001  # s for which one thread may keep another from running; Python's own 5 ms are most of a tick at 150 Hz
+_AT_ONCE = 200  # messages that are taken in one go, before timers and services have their turn
 _WAKE = 0.1  # s between looks at whether the node is to end; a signal doesn't interrupt the wait for messages
 
 
@@ -122,6 +125,42 @@ class BaseNode(Node):
     def every(self, seconds: float, callback: Callable[[], None]) -> Timer:
         """Call back every so many seconds of real time, whatever the node's clock says."""
         return self.create_timer(seconds, callback, clock=self._steady)
+
+    def hear(self, kind: type, topic: str, take: Callable[[Any], None], profile: QoSProfile) -> Subscription:
+        """Hand every message of a topic to `take`, all that wait at once."""
+        return self._hear(kind, topic, lambda message, _: take(message), profile, raw=False)
+
+    def hear_raw(
+        self, kind: type, topic: str, take: Callable[[bytes, dict[str, Any]], None], profile: QoSProfile
+    ) -> Subscription:
+        """Hand every serialized message of a topic, and what the middleware tells of it, to `take`, all that wait at
+        once.
+        """
+        return self._hear(kind, topic, take, profile, raw=True)
+
+    def _hear(
+        self, kind: type, topic: str, take: Callable[[Any, dict[str, Any]], None], profile: QoSProfile, *, raw: bool
+    ) -> Subscription:
+        """Subscribe so that one wake of the executor takes all messages that wait: on a loaded machine a node catches
+        up before any is lost.
+        """
+
+        def take_all(message: Any, info: dict[str, Any]) -> None:
+            take(message, info)
+            for _ in range(_AT_ONCE):
+                try:
+                    with subscription.handle:
+                        waiting = subscription.handle.take_message(kind, raw)
+                except InvalidHandle:
+                    return  # `take` listens no more
+                if waiting is None:
+                    return
+                take(*waiting)
+
+        subscription = self.create_subscription(
+            kind, topic, take_all, profile, raw=raw, qos_overriding_options=overridable()
+        )
+        return subscription
 
     def tick_priority(self) -> int:
         """Return the priority of the thread that keeps real time, and let this one follow it; 0 in simulated time, or

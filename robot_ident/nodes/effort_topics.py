@@ -6,6 +6,7 @@ import math
 import time
 from collections.abc import Callable, Mapping
 from dataclasses import dataclass, field, replace
+from functools import partial
 from typing import Any
 
 from rclpy.serialization import deserialize_message
@@ -15,7 +16,7 @@ from std_msgs.msg import Float64MultiArray
 
 from robot_ident.bags import JOINT_STATE, NUMBERS
 from robot_ident.errors import InputError
-from robot_ident.nodes.common import BaseNode, offered, overridable
+from robot_ident.nodes.common import BaseNode, offered
 from robot_ident.nodes.joint_states import stamp_of
 from robot_ident.robot import Robot
 from robot_ident.robot.effort import EffortSource
@@ -108,13 +109,11 @@ class EffortTopics:
         for topic in set(self._kinds) - set(self._subscriptions):
             offers = [one for one in self._offers(topic) if one.topic_type == self._kinds[topic]]
             if offers:
-                self._subscriptions[topic] = self._node.create_subscription(
+                self._subscriptions[topic] = self._node.hear_raw(
                     KINDS[self._kinds[topic]],
                     topic,
-                    lambda data, info, topic=topic: self._receive(topic, data, info),
+                    partial(self._receive, topic),
                     offered(offers, self._depth),
-                    raw=True,
-                    qos_overriding_options=overridable(),
                 )
 
     def _offers(self, topic: str) -> list[Any]:

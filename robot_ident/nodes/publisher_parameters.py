@@ -99,6 +99,6 @@ TABLE: tuple[Parameter, ...] = (
         10.0,
         unit="s",
     ),
-    Parameter("depth", 10, "commands that may wait to be sent", 1, 10_000),
+    Parameter("depth", 100, "commands that a slow reader may leave waiting", 1, 10_000),
     THREAD_PRIORITY,
 )

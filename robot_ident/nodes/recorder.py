@@ -18,7 +18,7 @@ from std_srvs.srv import Trigger
 
 from robot_ident.bags import BagWriter, Qos, Topic, qos_text
 from robot_ident.errors import InputError, RobotIdentError
-from robot_ident.nodes.common import ERROR, OK, WARN, BaseNode, offered, overridable, reliable, run
+from robot_ident.nodes.common import ERROR, OK, WARN, BaseNode, offered, reliable, run
 from robot_ident.nodes.definitions import definition_of
 from robot_ident.nodes.effort_topics import sources_of, topics_of
 from robot_ident.nodes.parameters import Parameter
@@ -181,9 +181,7 @@ class Recorder(BaseNode):
             self._streams[full] = stream
             if self._bag is not None:
                 self._bag.add_topic(topic)
-        self._subscribed[full] = self.create_subscription(
-            message, name, receive, profile, raw=True, qos_overriding_options=overridable()
-        )
+        self._subscribed[full] = self.hear_raw(message, name, receive, profile)
 
     # --- recording
 

@@ -18,7 +18,7 @@ from robot_ident.excitation.playback import approach, stop_from
 from robot_ident.excitation.reference import Reference
 from robot_ident.motion import Array, Motion
 from robot_ident.nodes.action_output import ActionOutput
-from robot_ident.nodes.common import BaseNode, overridable, reliable
+from robot_ident.nodes.common import BaseNode, reliable
 from robot_ident.nodes.effort_topics import EffortMessage, EffortTopics, sources_of
 from robot_ident.nodes.joint_states import stamp_of
 from robot_ident.nodes.outputs import Output, SampleOutput, TrajectoryOutput
@@ -62,10 +62,7 @@ class Session:
         sources = [(JointState, "joint_states", self._on_state, _DEPTH)]
         if scaling:
             sources.append((Float64, scaling, self._on_speed_scaling, 10))
-        return [
-            node.create_subscription(kind, topic, callback, reliable(depth), qos_overriding_options=overridable())
-            for kind, topic, callback, depth in sources
-        ]
+        return [node.hear(kind, topic, callback, reliable(depth)) for kind, topic, callback, depth in sources]
 
     def _plan_approach(self, q: Array) -> Reference:
         return approach(

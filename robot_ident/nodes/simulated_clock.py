@@ -5,6 +5,7 @@ from __future__ import annotations
 import threading
 import time
 from collections.abc import Sequence
+from functools import partial
 from typing import ClassVar
 
 from rosgraph_msgs.msg import Clock
@@ -56,20 +57,17 @@ class SimulatedClock(BaseNode):
         self._patience: float = self.value("patience")
         self._clock_topic = self.create_publisher(Clock, "/clock", reliable(10))
         for topic in ("joint_states", "joint_command"):
-            self.create_subscription(
-                JointState, topic, lambda message, topic=topic: self._heard(topic, stamp_of(message)), reliable(1000)
-            )
+            self.hear(JointState, topic, partial(self._heard, topic, 0), reliable(1000))
         if self.value("controller"):
             topic = f"{self.value('controller').rstrip('/')}/joint_trajectory"
             due_ns = round(1e9 * (TrajectoryOutput.lead + 1.5 * TrajectoryOutput.every))  # from a window's first point
-            self.create_subscription(
-                JointTrajectory, topic, lambda message: self._heard(topic, stamp_of(message) + due_ns), reliable(10)
-            )
+            self.hear(JointTrajectory, topic, partial(self._heard, topic, due_ns), reliable(10))
         self._thread = threading.Thread(target=self._run, name="clock", daemon=True)
         self._thread.start()
 
-    def _heard(self, topic: str, stamp_ns: int) -> None:
-        self._newest[topic] = (stamp_ns, time.monotonic())
+    def _heard(self, topic: str, later_ns: int, message: JointState | JointTrajectory) -> None:
+        """Note how far the sender of a message has come: `later_ns` after its stamp."""
+        self._newest[topic] = (stamp_of(message) + later_ns, time.monotonic())
 
     def _run(self) -> None:
         """Publish one step after another; a step waits for real time and for the slowest stream."""

@@ -9,8 +9,8 @@ import pytest
 
 from robot_ident.diagnosis import ties
 from robot_ident.diagnosis.evidence import gather
-from robot_ident.diagnosis.scan import BaseFit, BaseGram
-from robot_ident.diagnosis.stage import Stage, _possible
+from robot_ident.diagnosis.scan import BaseFit, BaseGram, add
+from robot_ident.diagnosis.stage import Stage
 from robot_ident.diagnosis.white_lines import whitened
 from robot_ident.motion import Array
 
@@ -73,11 +73,11 @@ def test_a_plainer_effect_that_fits_all_data_as_well_ties(bench: Any, monkeypatc
 
 
 def test_an_encoder_off_by_ten_degrees_is_none(bench: Any) -> None:
-    def worst(amplitude: float) -> bool:
+    def found(amplitude: float) -> Array:
         hidden = f"encoder_eccentricity@joint_2:encoder_eccentricity={amplitude},position=-0.17,harmonic=2"
         stage = Stage.of(whitened(gather(bench.measure((hidden,), [0, 1], noise=AS_OF_16), bench.structure)))
-        found = next(score for score in stage.scores if score.label == "encoder_eccentricity@joint_2")
-        return _possible(found, stage)
+        score = next(score for score in stage.scores if score.label == "encoder_eccentricity@joint_2")
+        return add(score.gram, stage.folds.whole, score.effect.ranges).coefficients  # mrad
 
-    assert worst(0.008)
-    assert not worst(0.2)
+    assert np.hypot(*found(0.008)) == pytest.approx(8.0, rel=0.3)
+    assert np.max(np.abs(found(0.2))) <= 100.0

@@ -1,0 +1,86 @@
+"""All messages that wait are taken at one wake of the executor, by a node in this process."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+from typing import Any, ClassVar
+
+import pytest
+
+pytest.importorskip("rclpy")
+
+import rclpy
+from rclpy.duration import Duration
+from rclpy.executors import SingleThreadedExecutor
+from rclpy.serialization import deserialize_message
+from sensor_msgs.msg import JointState
+
+from robot_ident.nodes.common import BaseNode, reliable
+from robot_ident.nodes.parameters import Parameter
+
+COUNT = 50
+
+
+class Listener(BaseNode):
+    """Listens to what a test has it listen to."""
+
+    node_name: ClassVar[str] = "listener"
+    description: ClassVar[str] = "listens"
+    table: ClassVar[tuple[Parameter, ...]] = ()
+
+
+@pytest.fixture
+def listener(domain: int) -> Iterator[Listener]:
+    rclpy.init(domain_id=domain)
+    node = Listener()
+    yield node
+    node.destroy_node()
+    rclpy.shutdown()
+
+
+def send(node: BaseNode) -> None:
+    """Publish messages numbered by their position, and wait until all of them wait to be taken."""
+    sender = node.create_publisher(JointState, "numbers", reliable(COUNT))
+    for number in range(COUNT):
+        sender.publish(JointState(position=[float(number)]))
+    assert sender.wait_for_all_acked(Duration(seconds=20))
+
+
+def wake(node: BaseNode, taken: list[float]) -> None:
+    """Spin until something is taken, and not once more."""
+    executor = SingleThreadedExecutor()
+    executor.add_node(node)
+    for _ in range(1000):
+        executor.spin_once(timeout_sec=0.1)
+        if taken:
+            return
+
+
+@pytest.mark.parametrize("raw", [False, True])
+def test_one_wake_takes_all_that_wait(listener: Listener, raw: bool) -> None:
+    taken: list[float] = []
+
+    def take_raw(data: bytes, info: dict[str, Any]) -> None:
+        assert info["source_timestamp"] > 0
+        taken.append(deserialize_message(data, JointState).position[0])
+
+    if raw:
+        listener.hear_raw(JointState, "numbers", take_raw, reliable(COUNT))
+    else:
+        listener.hear(JointState, "numbers", lambda message: taken.append(message.position[0]), reliable(COUNT))
+    send(listener)
+    wake(listener, taken)
+    assert taken == [float(number) for number in range(COUNT)]
+
+
+def test_who_listens_no_more_is_handed_nothing(listener: Listener) -> None:
+    taken: list[float] = []
+
+    def take(message: JointState) -> None:
+        taken.append(message.position[0])
+        listener.destroy_subscription(subscription)
+
+    subscription = listener.hear(JointState, "numbers", take, reliable(COUNT))
+    send(listener)
+    wake(listener, taken)
+    assert taken == [0.0]
