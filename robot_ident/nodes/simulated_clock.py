@@ -56,12 +56,14 @@ class SimulatedClock(BaseNode):
         self._newest: dict[str, tuple[int, float]] = {}
         self._patience: float = self.value("patience")
         self._clock_topic = self.create_publisher(Clock, "/clock", reliable(10))
-        for topic in ("joint_states", "joint_command"):
-            self.hear(JointState, topic, partial(self._heard, topic, 0), reliable(1000))
+        self._polled = [
+            self.poll(JointState, topic, partial(self._heard, topic, 0), reliable(1000))
+            for topic in ("joint_states", "joint_command")
+        ]
         if self.value("controller"):
             topic = f"{self.value('controller').rstrip('/')}/joint_trajectory"
             due_ns = round(1e9 * (TrajectoryOutput.lead + 1.5 * TrajectoryOutput.every))  # from a window's first point
-            self.hear(JointTrajectory, topic, partial(self._heard, topic, due_ns), reliable(10))
+            self._polled.append(self.poll(JointTrajectory, topic, partial(self._heard, topic, due_ns), reliable(10)))
         self._thread = threading.Thread(target=self._run, name="clock", daemon=True)
         self._thread.start()
 
@@ -79,6 +81,8 @@ class SimulatedClock(BaseNode):
             due = max(due + step_ns * 1e-9 / speed, time.monotonic())
             while not self.ended and (time.monotonic() < due or self._behind(now_ns - ahead_ns)):
                 time.sleep(_POLL)
+                for take in self._polled:
+                    take()
             now_ns += step_ns
             self._clock_topic.publish(Clock(clock=time_message(now_ns)))
 

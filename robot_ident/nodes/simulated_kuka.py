@@ -94,10 +94,10 @@ class SimulatedKuka(BaseNode):
         self._epoch_ns = 0
         self._states = ReportedStates(self, robot, self.value("depth"))
         if self._follower is None:
-            self.hear(JointState, "joint_command", self._on_command, reliable(1000))
+            self._take_commands = self.poll(JointState, "joint_command", self._on_command, reliable(1000))
         else:
             topic = f"{self.value('controller').rstrip('/')}/joint_trajectory"
-            self.hear(JointTrajectory, topic, self._on_trajectory, reliable(10))
+            self._take_commands = self.poll(JointTrajectory, topic, self._on_trajectory, reliable(10))
         self.create_service(Trigger, "~/reset", self._on_reset)
         self._ticker = Ticker(
             rate,
@@ -145,6 +145,7 @@ class SimulatedKuka(BaseNode):
             self._buffer.clear()
             if self._follower is not None:
                 self._follower.reset(self._start)
+        self._take_commands()
         self._plant.advance(self._reference(stamp))
         reading = self._plant.measure(self._rng)
         self._states.publish(stamp, reading.q, reading.dq, reading.tau)

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import time
 from collections.abc import Iterator
 from typing import Any, ClassVar
 
@@ -12,6 +13,7 @@ pytest.importorskip("rclpy")
 import rclpy
 from rclpy.duration import Duration
 from rclpy.executors import SingleThreadedExecutor
+from rclpy.qos import QoSProfile, ReliabilityPolicy
 from rclpy.serialization import deserialize_message
 from sensor_msgs.msg import JointState
 
@@ -84,3 +86,29 @@ def test_who_listens_no_more_is_handed_nothing(listener: Listener) -> None:
     send(listener)
     wake(listener, taken)
     assert taken == [0.0]
+
+
+def test_what_is_polled_wakes_nobody(listener: Listener) -> None:
+    taken: list[float] = []
+    take = listener.poll(JointState, "numbers", lambda message: taken.append(message.position[0]), reliable(COUNT))
+    send(listener)
+    executor = SingleThreadedExecutor()
+    executor.add_node(listener)
+    for _ in range(3):
+        executor.spin_once(timeout_sec=0.1)
+    assert not taken
+    take()
+    assert taken == [float(number) for number in range(COUNT)]
+
+
+def test_who_can_not_be_heard_is_told_of(listener: Listener, capfd: pytest.CaptureFixture[str]) -> None:
+    listener.poll(JointState, "numbers", lambda message: None, reliable(COUNT))
+    quick = QoSProfile(depth=1, reliability=ReliabilityPolicy.BEST_EFFORT)
+    listener.create_publisher(JointState, "numbers", quick)
+    executor, deadline, said = SingleThreadedExecutor(), time.monotonic() + 20, ""
+    executor.add_node(listener)
+    while "not heard" not in said and time.monotonic() < deadline:
+        executor.spin_once(timeout_sec=0.1)
+        said += capfd.readouterr().err
+    assert "listener is not heard on /numbers" in said
+    assert "best effort" in said.lower()
