@@ -15,23 +15,18 @@ from typing import Any, ClassVar
 
 import rclpy
 from diagnostic_msgs.msg import DiagnosticArray, DiagnosticStatus, KeyValue
-from rclpy.callback_groups import CallbackGroup
 from rclpy.clock import Clock, ClockType
-from rclpy.exceptions import InvalidHandle
 from rclpy.executors import ExternalShutdownException, SingleThreadedExecutor
 from rclpy.logging import get_logger
 from rclpy.node import Node
 from rclpy.qos import (
     DurabilityPolicy,
     HistoryPolicy,
-    QoSCompatibility,
     QoSProfile,
     ReliabilityPolicy,
-    qos_check_compatible,
 )
 from rclpy.qos_overriding_options import QoSOverridingOptions
 from rclpy.signals import SignalHandlerOptions
-from rclpy.subscription import Subscription
 from rclpy.timer import Timer
 from rclpy.topic_endpoint_info import TopicEndpointInfo
 from rclpy.utilities import remove_ros_args
@@ -42,8 +37,6 @@ from robot_ident.playing.ticker import follow_at, follow_no_more
 
 OK, WARN, ERROR = DiagnosticStatus.OK, DiagnosticStatus.WARN, DiagnosticStatus.ERROR
 _SWITCH = 0.001  # s for which one thread may keep another from running; Python's own 5 ms are most of a tick at 150 Hz
-_AT_ONCE = 200  # messages that are taken in one go, before timers and services have their turn
-_LOOK = 2.0  # s between looks at who publishes on a topic that nothing wakes for
 _WAKE = 0.1  # s between looks at whether the node is to end; a signal doesn't interrupt the wait for messages
 
 
@@ -94,37 +87,6 @@ THREAD_PRIORITY = Parameter(
 )
 
 
-class _Unwoken(CallbackGroup):
-    """Subscriptions of which nothing wakes the executor: neither messages nor what the middleware tells of them."""
-
-    def can_execute(self, entity: Any) -> bool:
-        """Return False: somebody else looks after them."""
-        return False
-
-    def beginning_execution(self, entity: Any) -> bool:
-        """Return False likewise."""
-        return False
-
-    def ending_execution(self, entity: Any) -> None:
-        """Do nothing: nothing has begun."""
-
-
-def _waiting(subscription: Subscription) -> Iterator[tuple[Any, dict[str, Any]]]:
-    """Yield the messages that wait, with what the middleware tells of each, until somebody destroys the subscription.
-
-    No more than `_AT_ONCE`.
-    """
-    for _ in range(_AT_ONCE):
-        try:
-            with subscription.handle:
-                found = subscription.handle.take_message(subscription.msg_type, subscription.raw)
-        except InvalidHandle:
-            return
-        if found is None:
-            return
-        yield found
-
-
 class BaseNode(Node):
     """A node with its parameters declared; a subclass names them and itself."""
 
@@ -165,61 +127,6 @@ class BaseNode(Node):
     def every(self, seconds: float, callback: Callable[[], None]) -> Timer:
         """Call back every so many seconds of real time, whatever the node's clock says."""
         return self.create_timer(seconds, callback, clock=self._steady)
-
-    def hear(self, kind: type, topic: str, take: Callable[[Any], None], profile: QoSProfile) -> Subscription:
-        """Hand every message of a topic to `take`, all that wait at once."""
-        return self._hear(kind, topic, lambda message, _: take(message), profile, raw=False)
-
-    def hear_raw(
-        self, kind: type, topic: str, take: Callable[[bytes, dict[str, Any]], None], profile: QoSProfile
-    ) -> Subscription:
-        """Hand every serialized message of a topic, and what the middleware tells of it, to `take`, all that wait at
-        once.
-        """
-        return self._hear(kind, topic, take, profile, raw=True)
-
-    def _hear(
-        self, kind: type, topic: str, take: Callable[[Any, dict[str, Any]], None], profile: QoSProfile, *, raw: bool
-    ) -> Subscription:
-        """Subscribe so that one wake of the executor takes all messages that wait: on a loaded machine a node catches
-        up before any is lost.
-        """
-
-        def take_all(message: Any, info: dict[str, Any]) -> None:
-            take(message, info)
-            for waiting in _waiting(subscription):
-                take(*waiting)
-
-        subscription = self.create_subscription(
-            kind, topic, take_all, profile, raw=raw, qos_overriding_options=overridable()
-        )
-        return subscription
-
-    def poll(self, kind: type, topic: str, take: Callable[[Any], None], profile: QoSProfile) -> Callable[[], None]:
-        """Return what hands all messages of a topic that wait to `take` when it is called, by any thread.
-
-        For who looks at every tick anyway: being woken for a message costs more than all that is done with it.
-        """
-        subscription = self.create_subscription(
-            kind, topic, take, profile, callback_group=_Unwoken(), qos_overriding_options=overridable()
-        )
-        told: set[bytes] = set()
-
-        def look() -> None:
-            """Say which publishers can't be heard; nobody else does."""
-            for offer in self.get_publishers_info_by_topic(subscription.topic_name):
-                fits, why = qos_check_compatible(offer.qos_profile, subscription.qos_profile)
-                gid = bytes(offer.endpoint_gid)
-                if fits == QoSCompatibility.ERROR and gid not in told:
-                    told.add(gid)
-                    self.get_logger().warning(f"{offer.node_name} is not heard on {subscription.topic_name}: {why}")
-
-        def take_all() -> None:
-            for message, _ in _waiting(subscription):
-                take(message)
-
-        self.every(_LOOK, look)
-        return take_all
 
     def tick_priority(self) -> int:
         """Return the priority of the thread that keeps real time, and let this one follow it; 0 in simulated time, or

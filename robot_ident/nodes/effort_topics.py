@@ -17,6 +17,7 @@ from std_msgs.msg import Float64MultiArray
 from robot_ident.bags import JOINT_STATE, NUMBERS
 from robot_ident.errors import InputError
 from robot_ident.nodes.common import BaseNode, offered
+from robot_ident.nodes.hearing import hear_raw
 from robot_ident.nodes.joint_states import stamp_of
 from robot_ident.robot import Robot
 from robot_ident.robot.effort import EffortSource
@@ -109,7 +110,8 @@ class EffortTopics:
         for topic in set(self._kinds) - set(self._subscriptions):
             offers = [one for one in self._offers(topic) if one.topic_type == self._kinds[topic]]
             if offers:
-                self._subscriptions[topic] = self._node.hear_raw(
+                self._subscriptions[topic] = hear_raw(
+                    self._node,
                     KINDS[self._kinds[topic]],
                     topic,
                     partial(self._receive, topic),

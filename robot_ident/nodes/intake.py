@@ -14,6 +14,7 @@ from robot_ident.motion import Array
 from robot_ident.nodes.collector import Collector, recording_of
 from robot_ident.nodes.common import BaseNode, reliable
 from robot_ident.nodes.effort_topics import EffortMessage, EffortTopics, sources_of, topics_of
+from robot_ident.nodes.hearing import hear_raw
 from robot_ident.nodes.joint_states import columns, stamp_of
 from robot_ident.playing.pairing import Paired, Pairing
 from robot_ident.recording.recording import Recording
@@ -46,7 +47,7 @@ class Intake:
         self._others = {Topic(name, kind): Collector(self._memory) for name, kind in topics_of(self._sources).items()}
         self._paired = time.monotonic()
         self._efforts = EffortTopics(self._node, self._robot, self._sources, self._on_effort, self._depth)
-        self._subscription = self._node.hear_raw(JointState, states, self._on_state, reliable(self._depth))
+        self._subscription = hear_raw(self._node, JointState, states, self._on_state, reliable(self._depth))
 
     def _on_state(self, data: bytes, info: dict[str, Any]) -> None:
         message = deserialize_message(data, JointState)

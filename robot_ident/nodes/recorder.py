@@ -21,6 +21,7 @@ from robot_ident.errors import InputError, RobotIdentError
 from robot_ident.nodes.common import ERROR, OK, WARN, BaseNode, offered, reliable, run
 from robot_ident.nodes.definitions import definition_of
 from robot_ident.nodes.effort_topics import sources_of, topics_of
+from robot_ident.nodes.hearing import hear_raw
 from robot_ident.nodes.parameters import Parameter
 from robot_ident.playing.stamps import SequenceWatch, StampWatch, header_stamp
 from robot_ident.robot import load_robot
@@ -181,7 +182,7 @@ class Recorder(BaseNode):
             self._streams[full] = stream
             if self._bag is not None:
                 self._bag.add_topic(topic)
-        self._subscribed[full] = self.hear_raw(message, name, receive, profile)
+        self._subscribed[full] = hear_raw(self, message, name, receive, profile)
 
     # --- recording
 

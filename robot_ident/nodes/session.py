@@ -20,6 +20,7 @@ from robot_ident.motion import Array, Motion
 from robot_ident.nodes.action_output import ActionOutput
 from robot_ident.nodes.common import BaseNode, reliable
 from robot_ident.nodes.effort_topics import EffortMessage, EffortTopics, sources_of
+from robot_ident.nodes.hearing import hear
 from robot_ident.nodes.joint_states import stamp_of
 from robot_ident.nodes.outputs import Output, SampleOutput, TrajectoryOutput
 from robot_ident.playing.effort_load import EffortLoad
@@ -62,7 +63,7 @@ class Session:
         sources = [(JointState, "joint_states", self._on_state, _DEPTH)]
         if scaling:
             sources.append((Float64, scaling, self._on_speed_scaling, 10))
-        return [node.hear(kind, topic, callback, reliable(depth)) for kind, topic, callback, depth in sources]
+        return [hear(node, kind, topic, callback, reliable(depth)) for kind, topic, callback, depth in sources]
 
     def _plan_approach(self, q: Array) -> Reference:
         return approach(

@@ -13,6 +13,7 @@ from sensor_msgs.msg import JointState
 from trajectory_msgs.msg import JointTrajectory
 
 from robot_ident.nodes.common import BaseNode, reliable, run
+from robot_ident.nodes.hearing import poll
 from robot_ident.nodes.joint_states import stamp_of, time_message
 from robot_ident.nodes.outputs import TrajectoryOutput
 from robot_ident.nodes.parameters import Parameter
@@ -57,13 +58,13 @@ class SimulatedClock(BaseNode):
         self._patience: float = self.value("patience")
         self._clock_topic = self.create_publisher(Clock, "/clock", reliable(10))
         self._polled = [
-            self.poll(JointState, topic, partial(self._heard, topic, 0), reliable(1000))
+            poll(self, JointState, topic, partial(self._heard, topic, 0), reliable(1000))
             for topic in ("joint_states", "joint_command")
         ]
         if self.value("controller"):
             topic = f"{self.value('controller').rstrip('/')}/joint_trajectory"
             due_ns = round(1e9 * (TrajectoryOutput.lead + 1.5 * TrajectoryOutput.every))  # from a window's first point
-            self._polled.append(self.poll(JointTrajectory, topic, partial(self._heard, topic, due_ns), reliable(10)))
+            self._polled.append(poll(self, JointTrajectory, topic, partial(self._heard, topic, due_ns), reliable(10)))
         self._thread = threading.Thread(target=self._run, name="clock", daemon=True)
         self._thread.start()
 

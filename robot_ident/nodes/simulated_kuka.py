@@ -14,6 +14,7 @@ from trajectory_msgs.msg import JointTrajectory
 from robot_ident.errors import InputError
 from robot_ident.motion import Array, Motion
 from robot_ident.nodes.common import THREAD_PRIORITY, BaseNode, reliable, run
+from robot_ident.nodes.hearing import poll
 from robot_ident.nodes.joint_states import columns, points_of, stamp_of
 from robot_ident.nodes.parameters import Parameter
 from robot_ident.nodes.reported import ReportedStates
@@ -94,10 +95,10 @@ class SimulatedKuka(BaseNode):
         self._epoch_ns = 0
         self._states = ReportedStates(self, robot, self.value("depth"))
         if self._follower is None:
-            self._take_commands = self.poll(JointState, "joint_command", self._on_command, reliable(1000))
+            self._take_commands = poll(self, JointState, "joint_command", self._on_command, reliable(1000))
         else:
             topic = f"{self.value('controller').rstrip('/')}/joint_trajectory"
-            self._take_commands = self.poll(JointTrajectory, topic, self._on_trajectory, reliable(10))
+            self._take_commands = poll(self, JointTrajectory, topic, self._on_trajectory, reliable(10))
         self.create_service(Trigger, "~/reset", self._on_reset)
         self._ticker = Ticker(
             rate,

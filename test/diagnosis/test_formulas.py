@@ -48,9 +48,9 @@ def test_other_formulas_get_the_name_of_their_cause(bench: Any, label: str) -> N
 
 def test_friction_that_sets_in_rises_and_what_bends_at_speed_may_bend_either_way(bench: Any) -> None:
     effect = make_effect("viscous_nonlinear@joint_1", bench.robot)
-    assert effect.at({"form": 1.0, "bend": 0.1}).signs == (True,)
-    assert effect.at({"form": 0.0, "bend": 0.6}).signs == (True,)
-    assert effect.at({"form": 0.0, "bend": 2.0}).signs == (False,)
+    assert effect.at({"form": 1.0, "bend": 0.1}).ranges == ((0.0, np.inf),)
+    assert effect.at({"form": 0.0, "bend": 0.6}).ranges == ((0.0, np.inf),)
+    assert effect.at({"form": 0.0, "bend": 2.0}).ranges == ((-np.inf, np.inf),)
 
 
 def test_direction_is_known_but_beside_reversals_of_a_drive_that_sticks(bench: Any) -> None:

@@ -18,6 +18,7 @@ from rclpy.serialization import deserialize_message
 from sensor_msgs.msg import JointState
 
 from robot_ident.nodes.common import BaseNode, reliable
+from robot_ident.nodes.hearing import hear, hear_raw, poll
 from robot_ident.nodes.parameters import Parameter
 
 COUNT = 50
@@ -67,9 +68,9 @@ def test_one_wake_takes_all_that_wait(listener: Listener, raw: bool) -> None:
         taken.append(deserialize_message(data, JointState).position[0])
 
     if raw:
-        listener.hear_raw(JointState, "numbers", take_raw, reliable(COUNT))
+        hear_raw(listener, JointState, "numbers", take_raw, reliable(COUNT))
     else:
-        listener.hear(JointState, "numbers", lambda message: taken.append(message.position[0]), reliable(COUNT))
+        hear(listener, JointState, "numbers", lambda message: taken.append(message.position[0]), reliable(COUNT))
     send(listener)
     wake(listener, taken)
     assert taken == [float(number) for number in range(COUNT)]
@@ -82,7 +83,7 @@ def test_who_listens_no_more_is_handed_nothing(listener: Listener) -> None:
         taken.append(message.position[0])
         listener.destroy_subscription(subscription)
 
-    subscription = listener.hear(JointState, "numbers", take, reliable(COUNT))
+    subscription = hear(listener, JointState, "numbers", take, reliable(COUNT))
     send(listener)
     wake(listener, taken)
     assert taken == [0.0]
@@ -90,7 +91,7 @@ def test_who_listens_no_more_is_handed_nothing(listener: Listener) -> None:
 
 def test_what_is_polled_wakes_nobody(listener: Listener) -> None:
     taken: list[float] = []
-    take = listener.poll(JointState, "numbers", lambda message: taken.append(message.position[0]), reliable(COUNT))
+    take = poll(listener, JointState, "numbers", lambda message: taken.append(message.position[0]), reliable(COUNT))
     send(listener)
     executor = SingleThreadedExecutor()
     executor.add_node(listener)
@@ -102,7 +103,7 @@ def test_what_is_polled_wakes_nobody(listener: Listener) -> None:
 
 
 def test_who_can_not_be_heard_is_told_of(listener: Listener, capfd: pytest.CaptureFixture[str]) -> None:
-    listener.poll(JointState, "numbers", lambda message: None, reliable(COUNT))
+    poll(listener, JointState, "numbers", lambda message: None, reliable(COUNT))
     quick = QoSProfile(depth=1, reliability=ReliabilityPolicy.BEST_EFFORT)
     listener.create_publisher(JointState, "numbers", quick)
     executor, deadline, said = SingleThreadedExecutor(), time.monotonic() + 20, ""
