@@ -139,6 +139,7 @@ class SimulatedKuka(BaseNode):
         if self._origin_ns is None:
             self._origin_ns = self.now_ns() - round(number * self._interval_ns)
         stamp = self._origin_ns + round(number * self._interval_ns)
+        self._take_commands()  # what came before a reset goes with it
         if self._resets:
             self._resets = 0
             self._plant.reset(self._start)
@@ -146,7 +147,6 @@ class SimulatedKuka(BaseNode):
             self._buffer.clear()
             if self._follower is not None:
                 self._follower.reset(self._start)
-        self._take_commands()
         self._plant.advance(self._reference(stamp))
         reading = self._plant.measure(self._rng)
         self._states.publish(stamp, reading.q, reading.dq, reading.tau)
