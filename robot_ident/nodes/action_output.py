@@ -12,9 +12,9 @@ from robot_ident.excitation.reference import Reference
 from robot_ident.motion import Motion
 from robot_ident.nodes.common import BaseNode
 from robot_ident.nodes.joint_states import trajectory
-from robot_ident.nodes.outputs import WindowSchedule
 from robot_ident.playing.goals import Goals
 from robot_ident.playing.player import Command, Player
+from robot_ident.playing.windows import WindowSchedule
 
 
 def follow_joint_trajectory() -> Any:
@@ -50,18 +50,20 @@ class ActionOutput:
         """Become a client of `CONTROLLER/follow_joint_trajectory`."""
         self._type = follow_joint_trajectory()
         self._joints, self._on_trouble = tuple(joints), on_trouble
-        self._schedule = WindowSchedule(plan_stop, self.lead, every=0.25)
+        self._node = node
+        self._schedule = WindowSchedule(plan_stop, self.lead, every=0.25, ahead=0.95)
         self._goals = Goals()
         self._name = f"{controller.rstrip('/')}/follow_joint_trajectory"
         self._client = ActionClient(node, self._type, self._name)
 
     def send(self, player: Player, command: Command | None, t: float, stamp: Callable[[], int]) -> None:
         """Send a goal where one is due; the controller's own tolerances hold."""
-        window = self._schedule.due(player, t)
+        meant = stamp()
+        window = self._schedule.due(player, t, lambda: 1e-9 * (self._node.now_ns() - meant))
         if window is None:
             return
         number = self._goals.next()
-        goal = self._type.Goal(trajectory=trajectory(self._joints, window, stamp()))
+        goal = self._type.Goal(trajectory=trajectory(self._joints, window, meant))
         self._client.send_goal_async(goal).add_done_callback(lambda future: self._answered(number, future.result()))
 
     def _answered(self, number: int, handle: Any) -> None:

@@ -16,8 +16,8 @@ from robot_ident.motion import Motion
 from robot_ident.nodes.common import BaseNode, overridable, reliable
 from robot_ident.nodes.joint_states import joint_state, trajectory
 from robot_ident.nodes.neighbours import Neighbours
-from robot_ident.playing.player import Command, Phase, Player
-from robot_ident.playing.windows import Window, Windows
+from robot_ident.playing.player import Command, Player
+from robot_ident.playing.windows import WindowSchedule
 
 OUTPUTS = {
     "joint_state": "positions and velocities, sample by sample, on joint_command",
@@ -91,29 +91,12 @@ class SampleOutput:
             self._node.destroy_publisher(self._publisher)
 
 
-class WindowSchedule:
-    """When a window is due and what it holds: ten times a second, say, and at every change of phase."""
-
-    def __init__(self, plan_stop: Callable[[Motion], Reference], lead: float, every: float) -> None:
-        """Reach `lead` [s] back, and as far ahead as three windows that are `every` [s] apart."""
-        self._every = every
-        self._windows = Windows(plan_stop, back=lead, ahead=lead + 3 * every)
-        self._sent: tuple[Phase, float] = (Phase.IDLE, -np.inf)
-
-    def due(self, player: Player, t: float) -> Window | None:
-        """Return the window that is to be sent at the player's time t [s]; a controller that holds needs none."""
-        phase, last = self._sent
-        if player.phase is phase and (not player.moving or t - last < self._every):
-            return None
-        self._sent = (player.phase, t)
-        return self._windows.around(player, t)
-
-
 class TrajectoryOutput:
-    """The plan of the next moments and a stop after it, ten times a second and at every change of phase."""
+    """The plan of the next moments and a stop after it, twenty times a second and at every change of phase."""
 
     lead = 0.1
-    every = 0.1  # s between two windows
+    every = 0.05  # s between two windows: a simulated robot's clock can wait for the next before a stop takes effect
+    ahead = 0.4
     longest_stall = 0.2  # s; after more than that the controller may have begun to stop by itself
 
     def __init__(
@@ -126,7 +109,7 @@ class TrajectoryOutput:
     ) -> None:
         """Publish on `CONTROLLER/joint_trajectory`."""
         self._node, self._joints = node, tuple(joints)
-        self._schedule = WindowSchedule(plan_stop, self.lead, self.every)
+        self._schedule = WindowSchedule(plan_stop, self.lead, self.every, self.ahead)
         self._publisher = node.create_publisher(
             JointTrajectory,
             f"{controller.rstrip('/')}/joint_trajectory",
@@ -138,9 +121,10 @@ class TrajectoryOutput:
 
     def send(self, player: Player, command: Command | None, t: float, stamp: Callable[[], int]) -> None:
         """Send a window where one is due."""
-        window = self._schedule.due(player, t)
+        meant = stamp()
+        window = self._schedule.due(player, t, lambda: 1e-9 * (self._node.now_ns() - meant))
         if window is not None:
-            self._publisher.publish(trajectory(self._joints, window, stamp()))
+            self._publisher.publish(trajectory(self._joints, window, meant))
 
     def forget(self) -> None:
         """Do nothing: a trajectory that comes too late has ended at rest, and a controller refuses it."""

@@ -67,10 +67,10 @@ class Player:
     plan_approach(q) gives the way from rest at q [n] to the start of the motion; plan_stop(motion [1, n]) the way from
     that state to rest. rehearsals: motions that begin and end where the motion does; after each of them judge(number)
     says why the next may not follow, or nothing. lead [s]: how long before it diverges from the plan a stop is decided,
-    for controllers that are sent the plan ahead. Position and velocity of the commands never step: each segment begins
+    for controllers that are sent the plan ahead. dwell [s]: how long it rests before each motion, the approach as well:
+    a controller hears of it long before it moves. Position and velocity of the commands never step: each segment begins
     in the state in which the one before ends, at the same instant. Where a motion has ended its last position is
-    commanded on, as long as the robot is seen to be there. `tick` is called by one thread, everything else by
-    any.
+    commanded on, as long as the robot is seen to be there. `tick` is called by one thread, everything else by any.
     """
 
     def __init__(
@@ -189,7 +189,7 @@ class Player:
         with self._lock:
             self._t = t
             if self._waiting is not None:
-                self._plan, self._waiting, self._judged = self._timeline(self._waiting, t + self._lead), None, 0
+                self._plan, self._waiting, self._judged = self._timeline(self._waiting, t + self._dwell), None, 0
                 self._phase = Phase.APPROACH
             if self._phase is Phase.HOLDING:  # since an earlier tick: the position at rest is sent at least once
                 self._look_at_rest(now)

@@ -9,7 +9,9 @@ import numpy as np
 
 from robot_ident.excitation.reference import Reference
 from robot_ident.motion import Array, Motion
-from robot_ident.playing.player import Player
+from robot_ident.playing.player import Phase, Player
+
+_IN_TIME = 0.8  # of the lead of a stop may have passed when it is sent
 
 
 @dataclass(frozen=True)
@@ -51,3 +53,29 @@ class Windows:
         q, dq, ddq = (np.vstack([getattr(planned, name), getattr(braking, name)]) for name in ("q", "dq", "ddq"))
         dq[-1], ddq[-1] = 0.0, 0.0  # exactly, not but for rounding: a controller refuses an end that moves
         return Window(np.concatenate([self._grid, self._grid[-1] + after]), Motion(q, dq, ddq))
+
+
+class WindowSchedule:
+    """When a window is due and what it holds: twenty times a second, say, and at every change of phase."""
+
+    def __init__(self, plan_stop: Callable[[Motion], Reference], lead: float, every: float, ahead: float) -> None:
+        """Reach `lead` [s] back and `ahead` [s] on, `every` [s] anew."""
+        self._lead, self._every = lead, every
+        self._windows = Windows(plan_stop, back=lead, ahead=ahead)
+        self._sent: tuple[Phase, float] = (Phase.IDLE, -np.inf)
+
+    def due(self, player: Player, t: float, late: Callable[[], float]) -> Window | None:
+        """Return the window that is to be sent at the player's time t [s]; a controller that holds needs none.
+
+        late() [s]: how long ago t was. A stop of which the controller would only hear after it has begun is none: it
+        would leap. It isn't sent, and the one at the end of the last window takes place.
+        """
+        phase, last = self._sent
+        if player.phase is phase and (not player.moving or t - last < self._every):
+            return None
+        self._sent = (player.phase, t)
+        window = self._windows.around(player, t)
+        if player.phase is Phase.STOPPING and phase is not Phase.STOPPING and late() > _IN_TIME * self._lead:
+            player.halt(f"{player.reason}; a stop came {late():.3f} s late: the controller stops by itself")
+            return None
+        return window

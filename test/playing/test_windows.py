@@ -5,10 +5,10 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
-from robot_ident.motion import Motion
+from robot_ident.motion import Array, Motion
 from robot_ident.playing.player import Phase, Player
 from robot_ident.playing.watch import Bounds, Watch
-from robot_ident.playing.windows import Windows
+from robot_ident.playing.windows import WindowSchedule
 from robot_ident.simulation.trajectory_follower import TrajectoryFollower
 from test.playing.test_player import DT, Quintic, plan_stop
 
@@ -31,15 +31,15 @@ def player(**options: object) -> Player:
 
 
 class Controlled:
-    """A robot whose controller takes a window in every tenth of a second, `latency` seconds late."""
+    """A robot whose controller takes windows in `latency` seconds late; the sender reckons with `late` seconds."""
 
-    def __init__(self, p: Player, latency: float = 0.04) -> None:
-        self.player, self.k, self.latency = p, 0, latency
+    def __init__(self, p: Player, latency: float = 0.04, late: float = 0.0) -> None:
+        self.player, self.k, self.latency, self.late = p, 0, latency, late
         self.follower = TrajectoryFollower(1)
-        self.windows = Windows(plan_stop, back=LEAD, ahead=0.4)
+        self.schedule = WindowSchedule(plan_stop, LEAD, every=0.05, ahead=0.4)
         self.motions: list[Motion] = []
         self.deaf = False
-        self._told, self._coming = Phase.IDLE, []  # type: ignore[var-annotated]
+        self._coming: list[tuple[float, Array, Motion]] = []
 
     def run(self, seconds: float) -> None:
         for _ in range(round(seconds / DT)):
@@ -47,12 +47,10 @@ class Controlled:
             state = self.follower.at(np.array([t]))
             self.player.watch.update(("a",), state.q[0], [1.0], (self.k + 1) * 10_000_000, t)
             self.player.tick(t, t)
-            if (self.k % 10 == 0 and self.player.moving) or self.player.phase is not self._told:
-                self._told = self.player.phase
-                window = self.windows.around(self.player, t)
-                if window is not None and not self.deaf:
-                    assert not window.motion.dq[-1].any() and np.all(np.diff(window.t) > 0)
-                    self._coming.append((t + self.latency, t + window.t, window.motion))
+            window = self.schedule.due(self.player, t, lambda: self.late)
+            if window is not None and not self.deaf:
+                assert not window.motion.dq[-1].any() and np.all(np.diff(window.t) > 0)
+                self._coming.append((t + self.latency, t + window.t, window.motion))
             for due, times, motion in [entry for entry in self._coming if entry[0] <= t]:
                 self.follower.take(due, times, motion)
             self._coming = [entry for entry in self._coming if entry[0] > t]
@@ -65,8 +63,8 @@ class Controlled:
         np.testing.assert_allclose(np.diff(q) / (DT / 5), 0.5 * (dq[1:] + dq[:-1]), atol=0.01)
 
 
-def started(p: Player) -> Controlled:
-    robot = Controlled(p)
+def started(p: Player, latency: float = 0.04, late: float = 0.0) -> Controlled:
+    robot = Controlled(p, latency, late)
     robot.run(0.3)
     assert p.start() == ""
     p.prepare()
@@ -92,6 +90,28 @@ def test_a_stop_diverges_only_from_what_is_still_ahead(after: float) -> None:
     assert p.phase is Phase.HOLDING
     robot.smooth()
     assert not robot.motions[-1].dq.any()
+
+
+def test_the_way_to_the_start_is_told_long_before_it_begins() -> None:
+    """However late what goes on comes: only what changes must come before it takes effect."""
+    p = player()
+    robot = started(p, latency=0.3)
+    robot.run(6.0)
+    assert p.phase is Phase.HOLDING and p.completed == 1
+    robot.smooth()
+
+
+def test_a_stop_that_would_come_too_late_is_not_sent() -> None:
+    """The controller comes to rest by itself, at the end of what it was told before, and does not leap."""
+    p = player()
+    robot = started(p, late=0.09, latency=0.2)
+    robot.run(3.4)
+    p.stop("stopped by hand")
+    robot.run(2.0)
+    assert p.phase is Phase.HALTED and p.fault
+    assert p.reason == "stopped by hand; a stop came 0.090 s late: the controller stops by itself"
+    assert not robot.motions[-1].dq.any()
+    robot.smooth()
 
 
 def test_a_controller_that_hears_nothing_more_rests() -> None:
