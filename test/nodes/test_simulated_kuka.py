@@ -53,3 +53,36 @@ def test_a_robot_that_stood_still_is_not_late_ever_after(
     asked = np.column_stack([np.interp(t - DELAY - PERIOD, sent, column) for column in goal.T])
     assert np.ptp(asked, axis=0).max() > 0.3, "it moves"
     assert np.abs(q - asked).max() < 0.02
+
+
+def test_commands_that_came_before_a_reset_go_with_it(
+    start: Callable[..., Any], client: Any, call: Callable[..., Any], until: Callable[..., Any]
+) -> None:
+    """Twice a second it looks for commands; what it finds together with a reset is older than that."""
+    from sensor_msgs.msg import JointState
+    from std_srvs.srv import Trigger
+
+    joints, away = ["joint_1", "joint_2", "joint_3"], 0.3
+    states: list[float] = []
+    client.create_subscription(JointState, "joint_states", lambda m: states.append(max(map(abs, m.position))), 100)
+    command = client.create_publisher(JointState, "joint_command", 10)
+    robot = start("simulated_kuka", rate=2.0, delay=0.0, noise=0.0)
+
+    def send() -> None:
+        message = JointState(name=joints, position=[away] * 3, velocity=[0.0] * 3)
+        message.header.stamp = client.get_clock().now().to_msg()
+        command.publish(message)
+
+    assert until(lambda: command.get_subscription_count() == 1 and states)
+    send()
+    assert until(lambda: states[-1] > 0.9 * away), "a command is followed"
+    assert call(Trigger, "/simulated_kuka/reset").success  # the service is known from now on
+    assert until(lambda: states[-1] < 1e-3)
+    seen = len(states)
+    assert until(lambda: len(states) > seen)
+    send()
+    assert call(Trigger, "/simulated_kuka/reset").success
+    seen = len(states)
+    assert until(lambda: len(states) >= seen + 4)
+    assert max(states[seen:]) < 1e-3
+    assert robot.end()[0] == 0
