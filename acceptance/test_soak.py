@@ -27,7 +27,7 @@ pytest.importorskip("rclpy")
 SIMULATED = float(os.environ.get("ROBOT_IDENT_SOAK", "3600"))
 REAL = float(os.environ.get("ROBOT_IDENT_SOAK_REAL", "600"))
 SPEED = 4.0
-COARSE = {"rate": 50.0, "ahead": 0.04}  # of simulated time: every step of it wakes every node
+COARSE = {"rate": 50.0, "ahead": 0.04, "patience": 60.0}  # every step wakes every node; a machine may stand still
 GROWTH = 1.02, 3.0  # factor and MB by which memory may differ between the second quarter and the last
 SLOW = 0.01  # share by which a rate may be missed in real time, on a machine that has nothing else to do
 EVEN = 1e-3  # periods by which stamps may miss their grid
