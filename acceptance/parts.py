@@ -18,7 +18,7 @@ MINUTES = {
     "recorder": 4,
     "faults": 10,
     "ends": 10,
-    "soak": 30,
+    "soak": 60,
     "fuzz": 30,
     "demo": 90,
 }

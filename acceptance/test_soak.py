@@ -1,6 +1,6 @@
 """Hours of running: nothing is lost, nothing grows, and how even the periods are.
 
-Run by `make acceptance`; about half an hour. An hour at 150 Hz is played in simulated time, which a `/clock` lets run
+Run by `make acceptance`; about an hour. An hour at 150 Hz is played in simulated time, which a `/clock` lets run
 four times as fast as the real one (as fast as the machine can where that is less): 540 000 joint states and as many
 commands, an hour by every stamp, with simulated robot, publisher, recorder and estimator as processes of their own.
 How even the periods are is measured in real time, on a machine that has nothing else to do meanwhile: ten minutes at
