@@ -18,6 +18,7 @@ if TYPE_CHECKING:
 TRAJECTORIES = 2
 _PAPER = -48.63  # log10 of the paper's determinant
 _SPEED = 2.0  # times real time, at most
+_COARSE = {"rate": 50.0, "ahead": 0.04}  # every step of time wakes every node, which does all that is due within it
 _PATIENCE = 300.0  # s of real time for which a motion may not move on, its start included
 
 
@@ -122,7 +123,7 @@ def _crew(motion: Run, domain: int, folder: Path, seed: int, hidden: Sequence[st
     logs.mkdir(parents=True)
     simulated = {"use_sim_time": True}  # time that waits for the nodes: a loaded machine slows it and disturbs nothing
     crew = [
-        NodeProcess("simulated_clock", {"speed": _SPEED, "patience": 30.0}, domain, logs),
+        NodeProcess("simulated_clock", {"speed": _SPEED, "patience": 30.0, **_COARSE}, domain, logs),
         NodeProcess(
             "simulated_kuka",
             {"seed": seed, "delay": 0.6, "effects": list(hidden) or [""], **simulated},

@@ -221,20 +221,19 @@ class Session:
         """Wait for the robot and plan the approach; in a thread of its own."""
         player, wait = self.player, self._node.value("state_wait")
         deadline = time.monotonic() + wait
-        while player.phase is Phase.PREPARING:
-            problem = self.watch.not_ready(time.monotonic()) or self.output.not_heard() or self._unheld()
-            problem = problem or self.rival()
-            if not problem:
-                break
-            if time.monotonic() > deadline:
-                player.cancel()
-                return self._give_up(f"not started within {wait:g} s: {problem}")
-            if self._node.wait_end(0.05):
-                return None
         try:
-            if player.phase is Phase.PREPARING:
-                self._tell_unheard()
-                player.prepare()
+            while player.phase is Phase.PREPARING:  # until a tick begins what is planned, or somebody gives it up
+                if player.unplanned:  # also where this process stood still after it had planned
+                    problem = self.watch.not_ready(time.monotonic()) or self.output.not_heard() or self._unheld()
+                    problem = problem or self.rival()
+                    if not problem:
+                        self._tell_unheard()
+                        player.prepare()
+                    elif time.monotonic() > deadline:
+                        player.cancel()
+                        return self._give_up(f"not started within {wait:g} s: {problem}")
+                if self._node.wait_end(0.05):
+                    return None
         except NotWanted:
             return None
         except RobotIdentError as error:

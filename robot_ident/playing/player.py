@@ -101,6 +101,7 @@ class Player:
         self._plan: tuple[Segment, ...] = ()
         self._judged = 0
         self._waiting: Reference | None = None
+        self._halts = 0
         self._stop_reason: tuple[str, bool] | None = None
         self._hold: Array | None = None
         self._recent: deque[tuple[float, Array]] = deque()
@@ -144,6 +145,7 @@ class Player:
         """Plan the approach from where the robot stands; it begins at the next tick. What planning raises passes."""
         state = self.watch.state
         with self._lock:
+            halts = self._halts
             origin = self._hold if self._hold is not None else (None if state is None else state.q)
         if origin is None:
             raise RuntimeError("the robot's state must be known before an approach is planned")
@@ -153,8 +155,14 @@ class Player:
             self.cancel()
             raise
         with self._lock:
-            if self._phase is Phase.PREPARING:
+            if self._phase is Phase.PREPARING and self._halts == halts:
                 self._waiting = approach
+
+    @property
+    def unplanned(self) -> bool:
+        """Whether a start waits for `prepare`."""
+        with self._lock:
+            return self._phase is Phase.PREPARING and self._waiting is None
 
     def cancel(self) -> None:
         """Give up a start that has not moved the robot yet."""
@@ -175,9 +183,11 @@ class Player:
     def halt(self, reason: str) -> None:
         """Command nothing any more: after so long without commands no path leads on from the last one.
 
-        A start that has commanded nothing yet goes on.
+        A start that has commanded nothing yet goes on, but its approach must be planned anew (`unplanned`).
         """
         with self._lock:
+            self._halts += 1
+            self._waiting = None
             if self._hold is not None:
                 self.cancel()
             if self._phase in (*MOVING, Phase.HOLDING):

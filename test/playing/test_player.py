@@ -222,6 +222,39 @@ def test_a_stall_while_nothing_has_been_commanded_is_harmless() -> None:
     assert robot.player.completed == 1 and not robot.player.fault
 
 
+def test_what_was_planned_before_a_stall_is_planned_anew() -> None:
+    """The robot may have been moved meanwhile, and what it told is forgotten."""
+    robot = started()
+    assert not robot.player.unplanned
+    robot.player.halt("this process stood still")
+    robot.player.watch.forget()
+    robot.silent = True
+    robot.run(20)
+    assert robot.player.phase is Phase.PREPARING and robot.player.unplanned
+    assert robot.commands[-20:] == [None] * 20
+    robot.silent, robot.q = False, 0.2
+    robot.run(10)
+    robot.player.prepare()
+    robot.run(450)
+    assert robot.player.completed == 1 and not robot.player.fault
+    robot.smooth()
+
+
+def test_a_stall_while_the_approach_is_planned() -> None:
+    """What was begun before it ended counts no more."""
+    robot = Robot(player())
+    robot.run(30)
+
+    def interrupted(q: Array) -> Quintic:
+        p.halt("this process stood still")
+        return Quintic(float(q[0]), 0.5, 1.0)
+
+    p = Player(Quintic(0.5, -0.5, 1.0), interrupted, plan_stop, robot.player.watch)
+    p.start()
+    p.prepare()
+    assert p.unplanned
+
+
 def test_a_start_can_be_cancelled_and_a_plan_can_fail() -> None:
     robot = Robot(player())
     robot.run(30)
