@@ -2,22 +2,25 @@
 
 from __future__ import annotations
 
+import fcntl
 import itertools
 import os
 import signal
 import socket
 import subprocess
 import sys
+import tempfile
 import time
 from collections.abc import Callable, Mapping, Sequence
 from pathlib import Path
-from typing import Any
+from typing import Any, TextIO
 
 from robot_ident.errors import RobotIdentError
 
 _END = 60.0  # s that a node has to end after SIGINT, on a machine that hardly lets it run
 _DOMAINS = 100
 _PARTICIPANTS = 20
+_LOCKS: list[TextIO] = []
 _LOOK = 0.1  # s between two looks at what is waited for
 _LONGEST_LOOK = 1.0  # s; after more than that this process has stood still itself
 
@@ -79,15 +82,21 @@ def free_domains(count: int) -> list[int]:
     """Return so many DDS domains in which nobody runs on this machine; RobotIdentError when there are not enough.
 
     Participant k of domain d listens on UDP port 7410 + 250 d + 2 k (RTPS 2.5, 9.6.2.3): where none of these is taken
-    there is none. Domains up to 100 keep clear of the ports that the system hands out itself.
+    there is none. Domains up to 100 keep clear of the ports that the system hands out itself. They are this process's
+    own until it ends: another that looks before any node has begun leaves them alone.
     """
     offset = os.getpid()
-    found = (domain for k in range(_DOMAINS) if _free(domain := 1 + (offset + k) % _DOMAINS))
-    domains = list(itertools.islice(found, count))
+    in_turn = (1 + (offset + k) % _DOMAINS for k in range(_DOMAINS))
+    locks = ((domain, lock) for domain in in_turn if _free(domain) and (lock := _lock(domain)) is not None)
+    found = list(itertools.islice(locks, count))
+    domains = [domain for domain, _ in found]
     if len(domains) < count:
+        for _, lock in found:
+            lock.close()
         raise RobotIdentError(
             f"{count} DDS domains are needed that no node uses; {len(domains)} of {_DOMAINS} are free"
         )
+    _LOCKS.extend(lock for _, lock in found)
     return domains
 
 
@@ -100,6 +109,20 @@ def _free(domain: int) -> bool:
             except OSError:
                 return False
     return True
+
+
+def _lock(domain: int) -> TextIO | None:
+    """Return a lock that keeps a domain for this process, None where somebody else has it."""
+    try:
+        lock = (Path(tempfile.gettempdir()) / f"robot_ident_domain_{domain}.lock").open("a")
+    except PermissionError:  # another user's
+        return None
+    try:
+        fcntl.flock(lock, fcntl.LOCK_EX | fcntl.LOCK_NB)
+    except BlockingIOError:
+        lock.close()
+        return None
+    return lock
 
 
 def wait_for(

@@ -15,12 +15,16 @@ BLOCK = 0.5  # s: residuals further apart are taken as independent
 _Z = 2.0  # standard errors of the mean difference of block losses below which two candidates are tied
 _SHARE = 0.02  # of the best gain: a smaller lead is no lead
 _RIVAL = 0.4  # of the best held-out gain that a rival must reach to be looked at
+_CHANCE = 0.05  # that further parameters gain so much of nothing
 
 
 def tied(best: Score, scores: Sequence[Score], evidence: Evidence, folds: Folds) -> list[Score]:
     """Return the rivals whose held-out loss does not differ significantly from that of one score, best first; and those
-    with fewer parameters that fit all of the data as well, of which extrapolation alone thinks less.
+    with fewer parameters that fit all of the data as well, but for what so many more gain by chance (chi-square): of
+    these, extrapolation alone thinks less.
     """
+    from scipy.special import chdtri
+
     if best.held_out <= 0.0:
         return []
     reference = block_losses(best, evidence, folds)
@@ -30,8 +34,9 @@ def tied(best: Score, scores: Sequence[Score], evidence: Evidence, folds: Folds)
             continue
         if best.label.partition("@")[0] in type(rival.effect).contains:
             continue  # what holds the best as a part can't be told from it, and says nothing more
-        simpler = rival.effect.size < best.effect.size and rival.gain >= best.gain
-        if simpler or alike(block_losses(rival, evidence, folds) - reference, best.held_out):
+        further = best.effect.size - rival.effect.size
+        as_well = further > 0 and rival.gain >= best.gain - chdtri(further, _CHANCE)
+        if as_well or alike(block_losses(rival, evidence, folds) - reference, best.held_out):
             out.append(rival)
     return sorted(out, key=lambda score: -score.held_out)
 

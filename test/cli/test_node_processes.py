@@ -3,6 +3,8 @@
 from __future__ import annotations
 
 import socket
+import subprocess
+import sys
 from pathlib import Path
 from types import SimpleNamespace
 from typing import Any
@@ -68,6 +70,23 @@ def test_a_domain_that_is_used_is_left_alone() -> None:
     assert first[1] not in again and len(set(again)) == 3
     with pytest.raises(RobotIdentError, match="101 DDS domains are needed"):
         free_domains(101)
+
+
+def test_two_that_look_at_once_find_different_domains() -> None:
+    """Before either has started a node."""
+    look = (
+        "import os, sys; os.getpid = lambda: 7\n"
+        "from robot_ident.cli.node_processes import free_domains\n"
+        "print(*free_domains(3), flush=True); sys.stdin.read()"
+    )
+    begun = [
+        subprocess.Popen([sys.executable, "-c", look], stdin=subprocess.PIPE, stdout=subprocess.PIPE, text=True)
+        for _ in range(2)
+    ]
+    told = [process.stdout.readline().split() for process in begun if process.stdout]
+    for process in begun:
+        process.communicate()
+    assert all(len(set(domains)) == 3 for domains in told) and not set(told[0]) & set(told[1])
 
 
 def test_a_node_that_ends_too_soon_is_named(monkeypatch: pytest.MonkeyPatch, node: Any) -> None:

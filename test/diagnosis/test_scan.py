@@ -2,10 +2,12 @@
 
 from __future__ import annotations
 
+from dataclasses import replace
 from typing import Any
 
 import numpy as np
 import pytest
+from scipy.stats import chi2
 
 from robot_ident.diagnosis import ties
 from robot_ident.diagnosis.evidence import gather
@@ -69,7 +71,15 @@ def test_a_plainer_effect_that_fits_all_data_as_well_ties(bench: Any, monkeypatc
     monkeypatch.setattr(ties, "block_losses", lost)
     rivals = [rival.label for rival in ties.tied(stop, stage.scores, stage.evidence, stage.folds)]
     assert "torque_offset@joint_2" in rivals
-    assert all(by_label[name].gain >= stop.gain for name in rivals)
+    for name in rivals:
+        further = stop.effect.size - by_label[name].effect.size
+        assert further > 0 and by_label[name].gain >= stop.gain - chi2.ppf(0.95, further)
+    luckier = replace(stop, gain=offset.gain + 5.9)  # two parameters more gain 5.99 of noise, once in twenty times
+    certain = replace(stop, gain=offset.gain + 6.1)
+    for best, as_well in ((luckier, True), (certain, False)):
+        monkeypatch.setattr(ties, "block_losses", lambda score, *rest, b=best: lost(stop if score is b else score))
+        rivals = [rival.label for rival in ties.tied(best, [best, offset], stage.evidence, stage.folds)]
+        assert rivals == (["torque_offset@joint_2"] if as_well else [])
 
 
 def test_an_encoder_off_by_ten_degrees_is_none(bench: Any) -> None:
