@@ -15,7 +15,7 @@ BLOCK = 0.5  # s: residuals further apart are taken as independent
 _Z = 2.0  # standard errors of the mean difference of block losses below which two candidates are tied
 _SHARE = 0.02  # of the best gain: a smaller lead is no lead
 _RIVAL = 0.4  # of the best held-out gain that a rival must reach to be looked at
-_CHANCE = 0.05  # that further parameters gain so much of nothing
+_CHANCE = 0.05  # probability that further parameters gain so much where there is nothing for them
 
 
 def tied(best: Score, scores: Sequence[Score], evidence: Evidence, folds: Folds) -> list[Score]:

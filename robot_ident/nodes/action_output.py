@@ -50,8 +50,7 @@ class ActionOutput:
         """Become a client of `CONTROLLER/follow_joint_trajectory`."""
         self._type = follow_joint_trajectory()
         self._joints, self._on_trouble = tuple(joints), on_trouble
-        self._node = node
-        self._schedule = WindowSchedule(plan_stop, self.lead, every=0.25, ahead=0.95)
+        self._schedule = WindowSchedule(plan_stop, node.now_ns, lead=self.lead, every=0.25, ahead=0.95)
         self._goals = Goals()
         self._name = f"{controller.rstrip('/')}/follow_joint_trajectory"
         self._client = ActionClient(node, self._type, self._name)
@@ -59,7 +58,7 @@ class ActionOutput:
     def send(self, player: Player, command: Command | None, t: float, stamp: Callable[[], int]) -> None:
         """Send a goal where one is due; the controller's own tolerances hold."""
         meant = stamp()
-        window = self._schedule.due(player, t, lambda: 1e-9 * (self._node.now_ns() - meant))
+        window = self._schedule.due(player, t, meant)
         if window is None:
             return
         number = self._goals.next()

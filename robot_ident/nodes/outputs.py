@@ -96,7 +96,7 @@ class TrajectoryOutput:
 
     lead = 0.1
     every = 0.05  # s between two windows: a simulated robot's clock can wait for the next before a stop takes effect
-    ahead = 0.4
+    ahead = 0.4  # s of the plan in each of them
     longest_stall = 0.2  # s; after more than that the controller may have begun to stop by itself
 
     def __init__(
@@ -109,7 +109,7 @@ class TrajectoryOutput:
     ) -> None:
         """Publish on `CONTROLLER/joint_trajectory`."""
         self._node, self._joints = node, tuple(joints)
-        self._schedule = WindowSchedule(plan_stop, self.lead, self.every, self.ahead)
+        self._schedule = WindowSchedule(plan_stop, node.now_ns, lead=self.lead, every=self.every, ahead=self.ahead)
         self._publisher = node.create_publisher(
             JointTrajectory,
             f"{controller.rstrip('/')}/joint_trajectory",
@@ -122,7 +122,7 @@ class TrajectoryOutput:
     def send(self, player: Player, command: Command | None, t: float, stamp: Callable[[], int]) -> None:
         """Send a window where one is due."""
         meant = stamp()
-        window = self._schedule.due(player, t, lambda: 1e-9 * (self._node.now_ns() - meant))
+        window = self._schedule.due(player, t, meant)
         if window is not None:
             self._publisher.publish(trajectory(self._joints, window, meant))
 

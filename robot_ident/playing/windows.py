@@ -58,24 +58,33 @@ class Windows:
 class WindowSchedule:
     """When a window is due and what it holds: twenty times a second, say, and at every change of phase."""
 
-    def __init__(self, plan_stop: Callable[[Motion], Reference], lead: float, every: float, ahead: float) -> None:
-        """Reach `lead` [s] back and `ahead` [s] on, `every` [s] anew."""
-        self._lead, self._every = lead, every
+    def __init__(
+        self,
+        plan_stop: Callable[[Motion], Reference],
+        now_ns: Callable[[], int],
+        *,
+        lead: float,
+        every: float,
+        ahead: float,
+    ) -> None:
+        """Reach `lead` [s] back and `ahead` [s] on, `every` [s] anew; now_ns() is the clock that stamps are of."""
+        self._now_ns, self._lead, self._every = now_ns, lead, every
         self._windows = Windows(plan_stop, back=lead, ahead=ahead)
         self._sent: tuple[Phase, float] = (Phase.IDLE, -np.inf)
 
-    def due(self, player: Player, t: float, late: Callable[[], float]) -> Window | None:
+    def due(self, player: Player, t: float, stamp: int) -> Window | None:
         """Return the window that is to be sent at the player's time t [s]; a controller that holds needs none.
 
-        late() [s]: how long ago t was. A stop of which the controller would only hear after it has begun is none: it
-        would leap. It isn't sent, and the one at the end of the last window takes place.
+        stamp [ns]: the instant that t is meant to be. A controller that hears of a stop after it has begun would leap:
+        such a one isn't sent, and that at the end of the last window takes place.
         """
         phase, last = self._sent
         if player.phase is phase and (not player.moving or t - last < self._every):
             return None
         self._sent = (player.phase, t)
         window = self._windows.around(player, t)
-        if player.phase is Phase.STOPPING and phase is not Phase.STOPPING and late() > _IN_TIME * self._lead:
-            player.halt(f"{player.reason}; a stop came {late():.3f} s late: the controller stops by itself")
+        late = 1e-9 * (self._now_ns() - stamp)
+        if player.phase is Phase.STOPPING and phase is not Phase.STOPPING and late > _IN_TIME * self._lead:
+            player.halt(f"{player.reason}; a stop came {late:.3f} s late: the controller stops by itself")
             return None
         return window

@@ -99,7 +99,9 @@ def troubles(monkeypatch: pytest.MonkeyPatch) -> list[str]:
 @pytest.fixture
 def scene(troubles: list[str]) -> tuple[action_output.ActionOutput, Client, Callable[[float], Player]]:
     """Return the output, its client, and a function that plays for so long from the start on."""
-    output = action_output.ActionOutput(None, JOINTS, "/arm/", plan_stop, troubles.append)  # type: ignore[arg-type]
+    clock = [0]
+    node: Any = SimpleNamespace(now_ns=lambda: clock[0])
+    output = action_output.ActionOutput(node, JOINTS, "/arm/", plan_stop, troubles.append)
     watch = Watch(JOINTS, Bounds(10.0, np.full(2, 10.0), np.full(2, 1e9)))
     player = Player(Way(0.5, -0.5), lambda q: Way(float(q[0]), 0.5), plan_stop, watch, lead=output.lead)
 
@@ -109,7 +111,8 @@ def scene(troubles: list[str]) -> tuple[action_output.ActionOutput, Client, Call
             if k == 30:
                 assert player.start() == ""
                 player.prepare()
-            output.send(player, player.tick(0.01 * k, 0.01 * k), 0.01 * k, lambda k=k: 10**9 + k * 10**7)  # type: ignore[misc]
+            clock[0] = 10**9 + k * 10**7
+            output.send(player, player.tick(0.01 * k, 0.01 * k), 0.01 * k, node.now_ns)
         return player
 
     return output, Client.made, play

@@ -34,9 +34,9 @@ class Controlled:
     """A robot whose controller takes windows in `latency` seconds late; the sender reckons with `late` seconds."""
 
     def __init__(self, p: Player, latency: float = 0.04, late: float = 0.0) -> None:
-        self.player, self.k, self.latency, self.late = p, 0, latency, late
+        self.player, self.k, self.latency = p, 0, latency
         self.follower = TrajectoryFollower(1)
-        self.schedule = WindowSchedule(plan_stop, LEAD, every=0.05, ahead=0.4)
+        self.schedule = WindowSchedule(plan_stop, lambda: round(1e9 * late), lead=LEAD, every=0.05, ahead=0.4)
         self.motions: list[Motion] = []
         self.deaf = False
         self._coming: list[tuple[float, Array, Motion]] = []
@@ -47,7 +47,7 @@ class Controlled:
             state = self.follower.at(np.array([t]))
             self.player.watch.update(("a",), state.q[0], [1.0], (self.k + 1) * 10_000_000, t)
             self.player.tick(t, t)
-            window = self.schedule.due(self.player, t, lambda: self.late)
+            window = self.schedule.due(self.player, t, 0)
             if window is not None and not self.deaf:
                 assert not window.motion.dq[-1].any() and np.all(np.diff(window.t) > 0)
                 self._coming.append((t + self.latency, t + window.t, window.motion))
