@@ -50,7 +50,7 @@ def change_between(inputs: Inputs, *, asked: bool) -> Change | None:
 def say_change(inputs: Inputs, change: Change, *, after: bool) -> None:
     """Print what has changed, joint by joint, then the parameters that did."""
     from robot_ident.diagnosis.changed import CHANCE
-    from robot_ident.diagnosis.noise_test import chance
+    from robot_ident.diagnosis.more_than_noise import chance
 
     found, old, new = change.found, *inputs.paths
     for note in found.notes:
@@ -88,7 +88,7 @@ def _in_words(p: ParameterChange) -> str:
 
 
 def _row(p: ParameterChange) -> tuple[object, ...]:
-    from robot_ident.diagnosis.noise_test import chance
+    from robot_ident.diagnosis.more_than_noise import chance
 
     told = "-" if p.p_value is None else chance(p.p_value)
     return (p.name, p.old, p.old_std, p.new, p.new_std, p.change, p.std, told, p.unit)

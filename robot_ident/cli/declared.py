@@ -19,10 +19,9 @@ def contradictions(measurements: Sequence[Measurement], robot: Robot, *, as_decl
     """
     from robot_ident.configuration import line_of
     from robot_ident.errors import InputError
-    from robot_ident.estimation.clock_rate import clock_notes
     from robot_ident.estimation.contradiction import contradiction
     from robot_ident.estimation.coupling import coupling_contradiction
-    from robot_ident.estimation.declaration import judge_all
+    from robot_ident.estimation.declaration import clock_notes, judge_all
     from robot_ident.recording.arm_alone import with_payload
     from robot_ident.recording.conditions import sidecar
 

@@ -48,7 +48,7 @@ def run(args: argparse.Namespace) -> int:
     from robot_ident.bags import read_for
     from robot_ident.cli.declared import contradictions
     from robot_ident.cli.processing import at_its_speed, processing_of
-    from robot_ident.estimation.gains import with_known_gains
+    from robot_ident.estimation.estimate_gains import with_known_gains
     from robot_ident.estimation.identify import estimate
     from robot_ident.files import refuse_existing, refuse_twice
     from robot_ident.model.model_file import write_model

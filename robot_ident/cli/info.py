@@ -9,7 +9,7 @@ from robot_ident.cli.output import add_json, add_robot, print_json, say, table, 
 from robot_ident.errors import InputError
 
 if TYPE_CHECKING:
-    from robot_ident.estimation.declaration import Declared
+    from robot_ident.estimation.declared import Declared
     from robot_ident.recording.recording import Recording
     from robot_ident.recording.summary import Summary
     from robot_ident.robot import Robot

@@ -14,7 +14,7 @@ import numpy as np
 from robot_ident.diagnosis.curves import Variable, held_out_share, own, variables
 from robot_ident.diagnosis.evidence import Evidence, Trajectory, trajectory
 from robot_ident.diagnosis.misfit import misfit
-from robot_ident.diagnosis.noise_test import NoiseTest, chance
+from robot_ident.diagnosis.more_than_noise import NoiseTest, chance
 from robot_ident.diagnosis.profile import Profile, profiles
 from robot_ident.diagnosis.regions import Region, densest
 from robot_ident.diagnosis.spectrum import bands

@@ -33,7 +33,7 @@ from robot_ident.diagnosis.unexplained import explain_by_variables, stiction_not
 from robot_ident.diagnosis.unseen import Unseen
 from robot_ident.diagnosis.weighed_by_residual import tells_noise
 from robot_ident.diagnosis.white_lines import whitened
-from robot_ident.estimation.clock_rate import clock_notes
+from robot_ident.estimation.declaration import clock_notes
 from robot_ident.model.structure import Structure
 from robot_ident.motion import Array
 from robot_ident.recording.measurement import Measurement

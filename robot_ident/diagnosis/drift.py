@@ -11,7 +11,7 @@ from robot_ident.diagnosis.before_after import errors, estimates, mean_squares
 from robot_ident.diagnosis.candidates import Folds, candidate_of, score
 from robot_ident.diagnosis.diagnosis import Suspect
 from robot_ident.diagnosis.evidence import Evidence, added, extended, gather, held
-from robot_ident.diagnosis.noise_test import ALPHA
+from robot_ident.diagnosis.more_than_noise import ALPHA
 from robot_ident.diagnosis.refine import refined
 from robot_ident.diagnosis.scan import base_gram
 from robot_ident.effects import Effect, make_effect

@@ -8,7 +8,7 @@ import numpy as np
 
 from robot_ident.diagnosis.evidence import Evidence
 from robot_ident.diagnosis.hidden_path import residual_beside_hidden_path
-from robot_ident.diagnosis.noise_test import NoiseTest, Share, noise_tests
+from robot_ident.diagnosis.more_than_noise import NoiseTest, Share, noise_tests
 from robot_ident.diagnosis.scan import BaseFit, BaseGram
 from robot_ident.motion import Array
 

@@ -5,7 +5,7 @@ from __future__ import annotations
 import numpy as np
 
 from robot_ident.diagnosis.evidence import Evidence
-from robot_ident.diagnosis.noise_test import NoiseTest, Share, noise_tests
+from robot_ident.diagnosis.more_than_noise import NoiseTest, Share, noise_tests
 from robot_ident.diagnosis.spectrum import wholes
 from robot_ident.motion import Array
 

@@ -8,14 +8,10 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from dataclasses import replace
-from typing import TYPE_CHECKING
 
 import numpy as np
 
-if TYPE_CHECKING:
-    from robot_ident.estimation.declaration import Declared
-    from robot_ident.recording.measurement import Measurement
-    from robot_ident.robot.robot import Robot
+from robot_ident.estimation.declared import Declared
 
 _WEIGHT = 0.15  # by which shares of gravity may be off 1
 _ALIKE = 0.15  # by which the logarithms of the joints' shares of inertia may be off their middle
@@ -46,12 +42,3 @@ def by_clock(judged: Sequence[Declared]) -> list[Declared]:
         f" {rate:.3g} times too {way} (or all the URDF's inertias are wrong alike)"
     )
     return [replace(d, verdict="clock", hint=hint) if d in told else d for d in judged]
-
-
-def clock_notes(measurements: Sequence[Measurement], robot: Robot) -> list[str]:
-    """Return what the stamps' clock seems to be off by, where recordings of an arm without unknown payload tell."""
-    from robot_ident.estimation.declaration import judge_all
-
-    told = [measured for measured in measurements if not measured.conditions.estimated]
-    judged = judge_all(told, robot) if told else []
-    return list(dict.fromkeys(one.hint for one in judged if one.verdict == "clock"))

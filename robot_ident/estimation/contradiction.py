@@ -7,7 +7,8 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from robot_ident.estimation.declaration import LOSSES, SHAPE, Declared
+from robot_ident.estimation.declaration import LOSSES, SHAPE
+from robot_ident.estimation.declared import Declared
 from robot_ident.robot.effort import Effort
 from robot_ident.robot.robot import Robot
 

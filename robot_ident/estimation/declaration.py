@@ -3,12 +3,12 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
-from dataclasses import asdict, dataclass, replace
-from typing import Any
+from dataclasses import replace
 
 import numpy as np
 
 from robot_ident.estimation.clock_rate import by_clock
+from robot_ident.estimation.declared import NOT_TOLD, Declared
 from robot_ident.motion import Array
 from robot_ident.recording.measurement import Measurement, Processing
 from robot_ident.recording.process import process
@@ -30,36 +30,6 @@ any torque, and nothing is said of the effort.
 """
 LOSSES = 0.02
 """Share of the torque from which on friction tells a sign."""
-
-NOT_TOLD = float("nan")
-
-
-@dataclass(frozen=True)
-class Declared:
-    """What a recording says of a joint's effort: `share` of the URDF's gravity torque (of the inertial one where the
-    joint carries no gravity) that is found in it, with its standard deviation, the verdict, and what to look at.
-
-    verdict: consistent, compensated (gravity is taken out), included (though declared to be taken out), sign, factor,
-    driven where friction gives energy, clock where time explains all joints, or not_told where the motion loads the
-    joint too little, or the URDF's torque is hardly in its effort. gravity, inertia: both shares, nan where not told.
-    friction: power that is lost over the product of rms torque and rms speed; negative where effort has the wrong sign.
-    explained: part of the effort, friction left aside, that the URDF's torque times those shares accounts for.
-    """
-
-    joint: str
-    share: float
-    std: float
-    verdict: str
-    hint: str
-    gravity: float = NOT_TOLD
-    inertia: float = NOT_TOLD
-    friction: float = 0.0
-    explained: float = 0.0
-
-    def to_dict(self) -> dict[str, Any]:
-        """Return it as `info --json` prints it: null where nothing is told."""
-        values = asdict(self)
-        return {key: None if isinstance(v, float) and not np.isfinite(v) else v for key, v in values.items()}
 
 
 def judge_declaration(recording: Recording, robot: Robot) -> list[Declared]:
@@ -194,3 +164,10 @@ def judge_all(measurements: Sequence[Measurement], robot: Robot) -> list[Declare
     """Return by joint the judgement of the recording that tells its share best."""
     judged = [judge_measured(measured, robot) for measured in measurements]
     return [min((one[joint] for one in judged), key=lambda d: d.std) for joint in range(robot.n)]
+
+
+def clock_notes(measurements: Sequence[Measurement], robot: Robot) -> list[str]:
+    """Return what the stamps' clock seems to be off by, where recordings of an arm without unknown payload tell."""
+    told = [measured for measured in measurements if not measured.conditions.estimated]
+    judged = judge_all(told, robot) if told else []
+    return list(dict.fromkeys(one.hint for one in judged if one.verdict == "clock"))

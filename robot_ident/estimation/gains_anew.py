@@ -7,8 +7,8 @@ from dataclasses import replace
 from typing import Any
 
 from robot_ident.effects import Effect
+from robot_ident.estimation.estimate_gains import with_known_gains
 from robot_ident.estimation.extend import extend
-from robot_ident.estimation.gains import with_known_gains
 from robot_ident.estimation.identify import estimate
 from robot_ident.model.model import Model
 from robot_ident.model.structure import Structure

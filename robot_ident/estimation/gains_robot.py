@@ -3,13 +3,11 @@
 from __future__ import annotations
 
 from collections.abc import Mapping
-from typing import TYPE_CHECKING, Any
+from typing import Any
 
+from robot_ident.estimation.gains import Gains
 from robot_ident.robot.load import definition_of, robot_of
 from robot_ident.robot.robot import Definition, Robot
-
-if TYPE_CHECKING:
-    from robot_ident.estimation.gains import Gains
 
 
 def robot_with(robot: Robot, gains: Gains) -> Robot:

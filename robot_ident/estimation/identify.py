@@ -13,7 +13,8 @@ from robot_ident.estimation.carried import Carried, Solved, solve_carrying
 from robot_ident.estimation.days import by_day
 from robot_ident.estimation.driving import driven
 from robot_ident.estimation.equations import Equations, stack
-from robot_ident.estimation.gains import Gains, spread_by_gains, with_known_gains
+from robot_ident.estimation.estimate_gains import spread_by_gains, with_known_gains
+from robot_ident.estimation.gains import Gains
 from robot_ident.estimation.identifiability import identifiability
 from robot_ident.estimation.per_period import drift_notes, per_period
 from robot_ident.estimation.position_noise import position_notes

@@ -4,18 +4,15 @@ from __future__ import annotations
 
 from collections.abc import Iterable
 from pathlib import Path
-from typing import TYPE_CHECKING
 
 import numpy as np
 
 from robot_ident.errors import InputError, did_you_mean
+from robot_ident.model.model_schema import ModelFile
 from robot_ident.model.structure import Structure
 from robot_ident.motion import Array
 from robot_ident.robot.rigid_body import STANDARD
 from robot_ident.robot.robot import Robot
-
-if TYPE_CHECKING:
-    from robot_ident.model.model_file import ModelFile
 
 
 def check_parameters(file: ModelFile, structure: Structure, path: Path | str) -> None:

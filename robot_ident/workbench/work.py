@@ -22,7 +22,7 @@ from robot_ident.diagnosis.progress import Tell, after
 from robot_ident.diagnosis.residual_lines import residual_lines
 from robot_ident.effects import make_effect
 from robot_ident.errors import InputError
-from robot_ident.estimation.gains import with_known_gains
+from robot_ident.estimation.estimate_gains import with_known_gains
 from robot_ident.estimation.gains_anew import extended, measured_anew
 from robot_ident.estimation.identify import estimate
 from robot_ident.files import whole, write_text

@@ -11,7 +11,7 @@ import pytest
 from robot_ident.diagnosis.comparison import compare
 from robot_ident.diagnosis.evidence import gather
 from robot_ident.diagnosis.lack_of_fit import lack_of_fit
-from robot_ident.diagnosis.noise_test import ALPHA, Share, _moments, noise_tests
+from robot_ident.diagnosis.more_than_noise import ALPHA, Share, _moments, noise_tests
 from robot_ident.diagnosis.scan import base_gram
 from robot_ident.estimation.identify import estimate
 from robot_ident.motion import Array

@@ -1,0 +1,319 @@
+"""Unknown drive gains from recordings with and without a known payload, or their ratios where none was carried.
+
+Reported currents u of drives of gain K: u_j = g_j (Y_j theta + Y_L,j pi_L) + e_j, g = 1/K, pi_L the payload that a
+recording's conditions state. Its torque is known, so that it sets the scale of every drive that it loads (Gautier and
+Briot, "Global identification of joint drive gains and dynamic parameters of robots", 2014). Without one the scale is
+free: gains are found over that of one drive, and everything carries the unit A.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass, replace
+
+import numpy as np
+
+from robot_ident.errors import InputError
+from robot_ident.estimation.carried import Solved, refuse_untold, refuse_without_scale, rows_of_payloads
+from robot_ident.estimation.declaration import judge_all
+from robot_ident.estimation.equations import Equations
+from robot_ident.estimation.gains import Gains
+from robot_ident.estimation.gains_robot import robot_with
+from robot_ident.estimation.open_load import basis_of, open_load
+from robot_ident.estimation.problem import Problem
+from robot_ident.estimation.row_noise import row_noise
+from robot_ident.model.structure import Structure
+from robot_ident.motion import Array
+from robot_ident.recording.measurement import Measurement, Processing
+from robot_ident.recording.process import process
+from robot_ident.recording.recording import Recording
+from robot_ident.robot.robot import Robot
+
+_VAGUE = 1.0  # standard deviation of ln K before data, about what the URDF's masses or the other drives make of it
+_SURE = 3.0  # sigma of a share of the URDF's torque that tells a gain to begin with
+_UNKNOWN = 0.2  # standard deviation of ln K after data from which on a gain is not known
+_LOADED = 0.01  # share of a joint's torque that a payload must make
+_ROUNDS = 30
+_STILL = 1e-7  # of ln K, between rounds
+
+
+@dataclass(frozen=True)
+class _Currents:
+    """The stacked equations in reported units with the payload's torque [R] Nm, and which joints' gains are free.
+
+    The first `arm` columns are the arm's, those after them what unknown payloads may add.
+    """
+
+    problem: Problem
+    equations: Equations
+    load: Array
+    free: tuple[int, ...]
+    arm: int
+
+    @property
+    def names(self) -> tuple[str, ...]:
+        """The names of the columns."""
+        further = self.equations.phi.shape[1] - self.arm
+        return (*self.problem.names, *(f"payload, direction {k + 1}" for k in range(further)))
+
+    def carried(self, theta: Array) -> Array:
+        """Return the torque [R] Nm of all payloads, those that were found with `theta` among them."""
+        return np.asarray(self.load + self.equations.phi[:, self.arm :] @ theta[self.arm :])
+
+    def model(self, theta: Array, g: Array) -> tuple[Array, Array, Array]:
+        """Return torque [R] Nm, current [R] and its derivatives by theta and ln g of the free joints [R, p + k]."""
+        torque = self.equations.phi @ theta + self.load
+        factor = g[self.equations.joint]
+        own = np.column_stack([np.where(self.equations.joint == joint, factor * torque, 0.0) for joint in self.free])
+        return torque, factor * torque, np.hstack([factor[:, None] * self.equations.phi, own])
+
+
+def estimate_gains(measurements: Sequence[Measurement], structure: Structure) -> Gains:
+    """Return the gains of the drives that report a current of unknown Nm/A, from measurements in what they report.
+
+    A payload of which the mass alone is known tells them as well; what else it may be is found with them. Raises
+    InputError where payloads are stated that make no difference: recordings with and without one are needed; and where
+    nothing tells the scale of gains and of an unknown payload.
+    """
+    robot = structure.robot
+    free = tuple(j for j in range(robot.n) if robot.in_ampere(j))
+    if robot.effort.coupling is not None:
+        raise InputError(f"{robot.source}: drive gains behind effort.coupling can't be estimated: give torque_constant")
+    structure = _only_plain(structure)
+    problem = Problem(measurements, structure)
+    equations = problem.equations(structure, None)
+    load = _payload(measurements, equations, robot)
+    equations = replace(equations, torque=_with_payload(equations, load, robot))
+    stated = [(m.conditions.payload, m.conditions.body) for m in measurements]
+    weighed = any(m.conditions.payload or m.conditions.part.mass for m in measurements)
+    absolute = weighed or len(free) < robot.n
+    if not absolute:
+        refuse_without_scale(measurements, robot)
+    if weighed and len(set(stated)) < 2:
+        raise InputError(
+            f"{problem.source}: all were recorded with the same payload; drive gains need one without it, or another"
+        )
+    held, further = open_load(measurements, equations, robot)
+    arm = equations.phi.shape[1]
+    equations = replace(equations, phi=np.hstack([equations.phi, further]))
+    currents = _Currents(problem, equations, load + held, free, arm)
+    start = _start([m for m in measurements if not m.conditions.estimated], robot)
+    if not absolute:
+        start = start / start[free[0]]
+    scale = () if absolute else (free[0],)  # the drive that sets it
+    g, theta, logarithm = _search(currents, 1.0 / start, scale)
+    vague = tuple(joint for joint, spread in zip(free, np.diag(logarithm), strict=True) if spread > _UNKNOWN**2)
+    if vague:
+        g = _like_the_others(g, vague, free, robot)
+        g, theta, logarithm = _search(currents, g, (*scale, *vague))
+        logarithm += np.diag([_VAGUE**2 if joint in vague else 0.0 for joint in free])
+    gains = _gains(currents, robot, 1.0 / g, logarithm, currents.carried(theta), absolute=absolute)
+    if not absolute or set(gains.unknown) != set(gains.joints):
+        return gains
+    return replace(gains, exchanged=_exchanged(currents, measurements, robot, 1.0 / start))
+
+
+def _exchanged(currents: _Currents, measurements: Sequence[Measurement], robot: Robot, g: Array) -> str:
+    """Return two recordings whose known payloads tell all gains where they are exchanged, or nothing."""
+    plain = not robot.compares_with_newton_metres.any() and not any(m.conditions.estimated for m in measurements)
+    if len(measurements) != 2 or not plain:
+        return ""
+    one, two = measurements
+    other = [replace(one, conditions=two.conditions), replace(two, conditions=one.conditions)]
+    load = _payload(other, currents.equations, robot)
+    _, _, logarithm = _search(replace(currents, load=load), g, ())
+    told = float(np.diag(logarithm).max()) <= _UNKNOWN**2
+    return f"{one.source} and {two.source}" if told else ""
+
+
+def _only_plain(structure: Structure) -> Structure:
+    """Return a structure without effects that depend on torque or hold inner parameters."""
+    effects = tuple(e for e in structure.effects if not e.uses_torque and not e.inner)
+    kept = {name for e in effects for name in e.parameter_names()}
+    rigid = structure.parameters[: len(structure.base.columns)]
+    further = tuple(p for p in structure.parameters[len(rigid) :] if p.name in kept)
+    return replace(structure, effects=effects, parameters=(*rigid, *further), inner=())
+
+
+def _payload(measurements: Sequence[Measurement], equations: Equations, robot: Robot) -> Array:
+    """Return the torque [R] Nm of the stated payloads at the rows of the equations."""
+    out = np.zeros(equations.rows)
+    for block, measured in enumerate(measurements):
+        stated = measured.conditions.payload
+        if stated is not None:
+            rows = equations.block == block
+            whole = measured.passed(stated.torque(robot, measured.motion))
+            out[rows] = whole[equations.sample[rows], equations.joint[rows]]
+    return out
+
+
+def _with_payload(equations: Equations, load: Array, robot: Robot) -> Array:
+    """Return the torque [R] as it was measured, with what was taken off of a payload's torque [R] put back."""
+    return np.asarray(equations.torque + robot.compares_with_newton_metres[equations.joint] * load)
+
+
+def _start(measurements: Sequence[Measurement], robot: Robot) -> Array:
+    """Return gains [n] to begin with: what the URDF's masses make of them, friction set apart; 1 where they are known.
+
+    Where that tells nothing, as of a last joint whose torque is all friction, the drive counts as like the others.
+    """
+    out = np.ones(robot.n)
+    free = [joint for joint in range(robot.n) if robot.in_ampere(joint)]
+    for joint, declared in enumerate(judge_all(measurements, robot)):
+        if joint in free:
+            out[joint] = 1.0 / declared.share if declared.share > _SURE * declared.std else np.nan
+    untold = tuple(joint for joint in free if np.isnan(out[joint]))
+    return 1.0 / _like_the_others(1.0 / out, untold, free, robot)
+
+
+def _like_the_others(g: Array, untold: Sequence[int], free: Sequence[int], robot: Robot) -> Array:
+    """Return g [n] where drives that nothing tells of have the geometric mean of the others of their kind, or 1.
+
+    What is taken for them matters little: they are those whose torque beside friction hardly exceeds its noise.
+    """
+    out = np.array(g)
+    for joint in untold:
+        others = [k for k in free if k not in untold and robot.prismatic[k] == robot.prismatic[joint]]
+        out[joint] = float(np.exp(np.mean(np.log(g[others])))) if others else 1.0
+    return out
+
+
+def _search(currents: _Currents, g: Array, held: tuple[int, ...]) -> tuple[Array, Array, Array]:
+    """Return g [n], theta [p] and the covariance of ln K [k, k] by Gauss-Newton on theta and ln g, some held."""
+    equations, problem = currents.equations, currents.problem
+    free, p = currents.free, currents.equations.phi.shape[1]
+    before = np.log(g[list(free)])
+    searched = [k for k, joint in enumerate(free) if joint not in held]
+    columns = [*range(p), *(p + k for k in searched)]
+    names = [*currents.names, *(f"gain of joint {free[k] + 1}" for k in searched)]
+    problem = _with_noise(problem, currents, g)
+    theta = np.zeros(p)
+    for _ in range(_ROUNDS):
+        factor = g[equations.joint]
+        theta = problem.factored(factor[:, None] * equations.phi, currents.names).solve(
+            problem.right(equations.torque - factor * currents.load)
+        )
+        _, current, jacobian = currents.model(theta, g)
+        logs = np.log(g[list(free)])
+        step = _step(problem, jacobian[:, columns], equations.torque - current, p, (before - logs)[searched])
+        g = g.copy()
+        for k, change in zip(searched, step, strict=True):
+            g[free[k]] *= np.exp(np.clip(change, -0.7, 0.7))
+        problem = _with_noise(problem, currents, g)
+        if not searched or np.abs(step).max() < _STILL:
+            break
+    _, current, jacobian = currents.model(theta, g)
+    covariance = np.zeros((len(free), len(free)))
+    if searched:
+        full = _posterior(problem.covariance(equations, jacobian[:, columns], equations.torque - current, names), p)
+        covariance[np.ix_(searched, searched)] = full
+    return g, theta, covariance
+
+
+def _step(problem: Problem, jacobian: Array, residual: Array, p: int, back: Array) -> Array:
+    """Return the change of ln g by least squares, held softly to where it began."""
+    white, right = problem.noise.whiten(jacobian), problem.noise.whiten(residual)
+    weight = np.sqrt(problem.noise.independent)[:, None]
+    prior = np.hstack([np.zeros((len(back), p)), np.eye(len(back)) / _VAGUE])
+    scale = np.linalg.norm(white, axis=0)
+    scale = np.where(scale > 0, scale, 1.0)
+    stacked = np.vstack([white * weight / scale, prior / scale])
+    solved, *_ = np.linalg.lstsq(stacked, np.concatenate([right * weight[:, 0], back / _VAGUE]), rcond=None)
+    return np.asarray((solved / scale)[p:])
+
+
+def _posterior(covariance: Array, p: int) -> Array:
+    """Return the covariance of ln g with the soft knowledge that there was before."""
+    own = covariance[p:, p:]
+    return np.asarray(np.linalg.inv(np.linalg.inv(own) + np.eye(len(own)) / _VAGUE**2))
+
+
+def _with_noise(problem: Problem, currents: _Currents, g: Array) -> Problem:
+    """Return the problem with rows weighted by what these gains leave, where no periods tell the noise."""
+    if not problem.unknown:
+        return problem
+    from copy import copy
+
+    equations = currents.equations
+    factor = g[equations.joint]
+    phi = factor[:, None] * equations.phi
+    theta, *_ = np.linalg.lstsq(phi, equations.torque - factor * currents.load, rcond=None)
+    residual = equations.torque - factor * (equations.phi @ theta + currents.load)
+    variance = equations.variance.copy()
+    for block in problem.unknown:
+        for joint in range(len(g)):
+            rows = (equations.block == block) & (equations.joint == joint)
+            variance[rows] = max(float(np.mean(residual[rows] ** 2)), 1e-24) if rows.any() else 1.0
+    other = copy(problem)
+    other.variance = variance
+    other.noise = row_noise(problem.measurements, equations, variance)
+    return other
+
+
+def _gains(
+    currents: _Currents, robot: Robot, constant: Array, logarithm: Array, load: Array, *, absolute: bool
+) -> Gains:
+    """Return the gains with what is loaded by payloads of torque `load` [R] Nm, and what stays unknown."""
+    free, equations = currents.free, currents.equations
+    sigma = np.sqrt(np.diag(logarithm))
+    payload, unloaded = [], []
+    for joint in free:
+        rows = equations.joint == joint
+        size = float(np.sqrt(np.mean(load[rows] ** 2)))
+        whole = float(np.sqrt(np.mean((constant[joint] * equations.torque[rows]) ** 2)))
+        noise = constant[joint] * float(np.sqrt(np.nanmean(equations.variance[rows])))
+        payload.append(size)
+        if size < _LOADED * whole or size < (noise if np.isfinite(noise) else 0.0):
+            unloaded.append(robot.joints[joint])
+    names = tuple(robot.joints[joint] for joint in free)
+    vague = [name for name, s in zip(names, sigma, strict=True) if s > _UNKNOWN] if absolute else list(names)
+    return Gains(
+        names,
+        tuple("N/A" if robot.prismatic[joint] else "Nm/A" for joint in free),
+        constant[list(free)],
+        logarithm,
+        np.array(payload),
+        tuple(unloaded),
+        tuple(vague),
+        absolute,
+    )
+
+
+def with_known_gains(
+    recordings: Sequence[Recording],
+    measurements: Sequence[Measurement],
+    structure: Structure,
+    processing: Processing | None,
+) -> tuple[Sequence[Measurement], Structure, Gains | None]:
+    """Return measurements and structure of the robot whose gains the recordings tell; as given where all are known."""
+    robot = structure.robot
+    if not robot.ampere_joints:
+        return measurements, structure, None
+    refuse_untold(measurements)
+    gains = estimate_gains(measurements, structure)
+    known = robot_with(robot, gains)
+    labels = [label for label in structure.labels if label not in Structure.build(robot).labels]
+    again = [process(recording, known, processing) for recording in recordings]
+    return again, Structure.build(known, labels), gains
+
+
+def spread_by_gains(gains: Gains, solved: Solved, structure: Structure, values: Array) -> Array:
+    """Return the covariance [p + 10 m] that linear parameters and those of the payloads found with them have by that of
+    the gains: D C D', D = d (theta, pi) / d ln K.
+    """
+    measurements, directions = solved.measurements, solved.directions
+    problem = Problem(measurements, structure)
+    equations = problem.equations(structure, values)
+    load = _payload(measurements, equations, structure.robot)
+    torque = _with_payload(equations, load, structure.robot)
+    columns = [np.where(equations.joint == structure.robot.joint_index(joint), torque, 0.0) for joint in gains.joints]
+    changed, p = problem.right(np.column_stack(columns)), len(structure.parameters)
+    if not solved.payloads:
+        slopes = problem.factored(equations.phi, structure.names).solve(changed)
+    else:
+        loads = rows_of_payloads(measurements, equations, structure.robot, [one.name for one in solved.payloads])
+        ways, turn = basis_of(loads @ directions)
+        names = (*structure.names, *(f"payload, direction {k + 1}" for k in range(ways.shape[1])))
+        found = problem.factored(np.hstack([equations.phi, ways]), names).solve(changed)
+        slopes = np.vstack([found[:p], directions @ (turn @ found[p:])])
+    return np.asarray(slopes @ gains.logarithm @ slopes.T)
