@@ -165,12 +165,13 @@ def _setting(target: Target, family: Family, criterion: str) -> Setting:
     from robot_ident.excitation.objective import smooth_sign
     from robot_ident.excitation.setting import SIGN_WIDTH
     from robot_ident.excitation.torque import TorqueModel
-    from robot_ident.model.expressions import slopes_function
+    from robot_ident.model.expressions import columns_function, slopes_function
 
     robot, structure, values = target.robot, target.structure, target.values
     sign = smooth_sign(SIGN_WIDTH * family.reachable_speed(robot))
     torque = TorqueModel(robot)
     limited = torque.limited_joints()
+    differentiable = all(effect.symbolic for effect in structure.effects)
     bound: dict[str, Any] = {}
     if criterion == "crlb":
         assert values is not None
@@ -184,8 +185,8 @@ def _setting(target: Target, family: Family, criterion: str) -> Setting:
         family=family,
         structure=structure,
         values=values,
-        smooth=structure.symbolic(sign, values),
-        exact=structure.symbolic(None, values) if all(effect.symbolic for effect in structure.effects) else None,
+        smooth=columns_function(structure, sign, values),
+        exact=columns_function(structure, None, values) if differentiable else None,
         variances=target.variances,
         criterion=criterion,
         poses=allowed_poses(robot),

@@ -9,6 +9,7 @@ from typing import Any
 import casadi as ca
 import numpy as np
 
+from robot_ident.model.expressions import columns_function
 from robot_ident.model.structure import Structure
 from robot_ident.motion import Array, Motion
 from robot_ident.robot.robot import Robot
@@ -46,7 +47,8 @@ class TorqueModel:
     def function(self, sign: Any = None) -> Any:
         """Return the CasADi function (q, dq, ddq) -> tau [n]; `sign` may be a smooth stand-in for the sign function."""
         q, dq, ddq = (ca.SX.sym(name, self._robot.n) for name in ("q", "dq", "ddq"))
-        tau = ca.mtimes(self._structure.symbolic(sign=sign)(q, dq, ddq), ca.DM(self._theta)) + ca.DM(self._rotors) * ddq
+        phi = columns_function(self._structure, sign)(q, dq, ddq)
+        tau = ca.mtimes(phi, ca.DM(self._theta)) + ca.DM(self._rotors) * ddq
         return ca.Function("torque", [q, dq, ddq], [ca.densify(tau)])
 
     @cached_property

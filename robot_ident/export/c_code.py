@@ -15,6 +15,7 @@ import numpy as np
 
 from robot_ident.errors import InputError
 from robot_ident.export.exported import Exported
+from robot_ident.model.expressions import columns_function
 from robot_ident.model.model import Model
 from robot_ident.model.structure import Structure
 from robot_ident.motion import Array
@@ -80,7 +81,7 @@ def _functions(structure: Structure, values: Array, smoothing: float, name: str)
         return 0.5 * x * (3.0 - x * x)
 
     n, base = structure.robot.n, len(structure.base.columns)
-    phi = structure.symbolic(sign, values)
+    phi = columns_function(structure, sign, values)
     q, dq, ddq = ca.SX.sym("q", n), ca.SX.sym("dq", n), ca.SX.sym("ddq", n)
     theta, rest = ca.DM(values), ca.DM.zeros(n)
     links = ca.DM(np.concatenate([values[:base], np.zeros(len(values) - base)]))

@@ -5,7 +5,7 @@ from __future__ import annotations
 from dataclasses import dataclass, replace
 from functools import cached_property
 from types import SimpleNamespace
-from typing import TYPE_CHECKING, Any
+from typing import Any
 
 import casadi as ca
 import numpy as np
@@ -14,12 +14,10 @@ from robot_ident.effects import Effect, Signals
 from robot_ident.errors import InputError
 from robot_ident.model.base_parameters import BaseParameters
 from robot_ident.model.rigid_sensitivity import standard_parameters
+from robot_ident.model.structure import Structure
 from robot_ident.motion import Array
 from robot_ident.robot.robot import Robot
 from robot_ident.robot.symbolic import regressor_expression
-
-if TYPE_CHECKING:
-    from robot_ident.model.structure import Structure
 
 _NAMES = ("q", "dq", "ddq", "d3q", "d4q")
 
@@ -84,9 +82,11 @@ class SymbolicCourse:
 
 
 def columns_function(structure: Structure, sign: Any = None, values: Array | None = None) -> Any:
-    """Return the CasADi function (q, dq, ddq) -> Phi [n, p], or (q, dq, ddq, d3q, d4q) where effects have memory.
+    """Return the CasADi function (q, dq, ddq) -> Phi [n, p]; `sign` may be a smooth stand-in for the sign function.
 
-    sign: a smooth stand-in for the sign function. values [p or more]: see `Structure.symbolic`.
+    values [p or more] are needed where an effect depends on the model's torque. An effect with memory counts as its
+    smooth stand-in, and the function then takes the third and fourth derivative of q too. Raises InputError where
+    values are missing, and where no motion shows an effect.
     """
     symbols = tuple(ca.SX.sym(name, structure.robot.n) for name in _NAMES)
     phi = columns_expression(structure, symbols, mathematics(sign), values)

@@ -164,17 +164,6 @@ class Structure:
                 dry = dry + torque
         return load, total, dry
 
-    def symbolic(self, sign: Any = None, values: Array | None = None) -> Any:
-        """Return the CasADi function (q, dq, ddq) -> Phi [n, p]; `sign` may be a smooth stand-in for the sign function.
-
-        values [p or more] are needed where an effect depends on the model's torque. An effect with memory counts as its
-        smooth stand-in, and the function then takes the third and fourth derivative of q too. Raises InputError where
-        values are missing, and where no motion shows an effect.
-        """
-        from robot_ident.model.expressions import columns_function
-
-        return columns_function(self, sign, values)
-
     def true_values(self) -> Array:
         """Return theta [p] of the simulated robot.
 

@@ -12,6 +12,7 @@ from robot_ident.errors import InputError
 from robot_ident.excitation.design import design
 from robot_ident.excitation.setting import family_of
 from robot_ident.excitation.target import Target
+from robot_ident.model.expressions import columns_function
 from robot_ident.model.structure import Structure
 from robot_ident.motion import Array
 from robot_ident.robot import Robot
@@ -38,7 +39,7 @@ def designed_and_exact(kuka: Robot, name: str) -> tuple[Array, Array]:
     values[: len(base.parameters)] = base.true_values()
     family, points = family_of(0.1, 150.0), 3000
     table = 0.25 * np.random.default_rng(0).normal(size=(11, 3))
-    phi = structure.symbolic(values=values)
+    phi = columns_function(structure, values=values)
     bases = family.bases(np.arange(points) / points * 10.0, phi.n_in() - 1)
     flat = np.array(phi.map(points)(*((basis @ table).T for basis in bases)))
     smooth = flat.reshape(3, points, -1).transpose(1, 0, 2)

@@ -21,6 +21,7 @@ from robot_ident.excitation.objective import (
 from robot_ident.excitation.problem import Problem
 from robot_ident.excitation.search import random_start
 from robot_ident.excitation.setting import SIGN_WIDTH, Setting, family_of
+from robot_ident.model.expressions import columns_function
 from robot_ident.model.structure import Structure
 from robot_ident.motion import Motion
 from robot_ident.robot import Robot
@@ -33,8 +34,8 @@ def setting(kuka: Robot) -> Setting:
         robot=kuka,
         family=family,
         structure=structure,
-        smooth=structure.symbolic(smooth_sign(SIGN_WIDTH * family.reachable_speed(kuka))),
-        exact=structure.symbolic(),
+        smooth=columns_function(structure, smooth_sign(SIGN_WIDTH * family.reachable_speed(kuka))),
+        exact=columns_function(structure),
         variances=np.array([25.0, 26.0, 10.0]),
         criterion="d-optimal",
         poses=allowed_poses(kuka),

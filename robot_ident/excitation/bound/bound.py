@@ -18,6 +18,7 @@ from robot_ident.excitation.bound.states import StateSet
 from robot_ident.excitation.feasibility import require_limits
 from robot_ident.excitation.setting import Family
 from robot_ident.excitation.target import Target
+from robot_ident.model.expressions import columns_function
 from robot_ident.motion import Array
 
 TIME_LIMIT = 60.0  # s
@@ -130,7 +131,7 @@ def determinant_bound(
 def _seeded(target: Target, family: Family, moments: Moments, samples: int) -> tuple[Oracle, Pool, Array]:
     """Return the search, its first states, and the scale D [p] that brings the columns' mean squares to one."""
     robot, states = target.robot, moments.states
-    phi = target.structure.symbolic(values=target.values)
+    phi = columns_function(target.structure, values=target.values)
     weight, rng = np.sqrt(samples / target.variances), np.random.default_rng(0)
     plain = Oracle(robot, phi, moments, np.ones(len(target.structure.names)), weight)
     count = _RANDOM_STATES * min(robot.n, _MANY_JOINTS)
