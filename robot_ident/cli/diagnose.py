@@ -75,12 +75,11 @@ def _added(found: Diagnosis, inputs: Inputs, args: argparse.Namespace) -> list[S
 
 def _troubles(found: Diagnosis, inputs: Inputs, steps: list[Step]) -> tuple[str, ...]:
     """Return on which recordings kept aside the model is worse than none, with what was added if something was."""
-    from robot_ident.cli.loop import troubles
-    from robot_ident.estimation.unusable import residual_on
+    from robot_ident.estimation.unusable import residual_on, unusable_on
 
     if steps:
         return steps[-1].troubles
-    lines = troubles(inputs.models[0], inputs.validation)
+    lines = unusable_on(inputs.models[0], inputs.validation)
     after = found.missing[-1].validation_after if found.missing else None
     if not lines or after is None:
         return lines

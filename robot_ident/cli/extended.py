@@ -6,7 +6,7 @@ from collections.abc import Sequence
 from dataclasses import dataclass
 from typing import TYPE_CHECKING
 
-from robot_ident.cli.loop import Inputs, troubles, validated_for
+from robot_ident.cli.loop import Inputs, validated_for
 from robot_ident.cli.output import table
 
 if TYPE_CHECKING:
@@ -34,6 +34,7 @@ def steps_of(inputs: Inputs, effects: Sequence[Effect], validation: Sequence[str
     """
     from robot_ident.bags import read_for
     from robot_ident.estimation.gains_anew import extended, measured_anew
+    from robot_ident.estimation.unusable import unusable_on
 
     model = inputs.models[0]
     fitted = extended(
@@ -43,7 +44,7 @@ def steps_of(inputs: Inputs, effects: Sequence[Effect], validation: Sequence[str
         effects,
     )
     unseen = [validated_for(m, validation, topic) if measured_anew(m) else inputs.validation for m in fitted]
-    return [Step(m, unseen_errors(m, aside), troubles(m, aside)) for m, aside in zip(fitted, unseen, strict=True)]
+    return [Step(m, unseen_errors(m, aside), unusable_on(m, aside)) for m, aside in zip(fitted, unseen, strict=True)]
 
 
 def unseen_errors(model: Model, validation: Sequence[Measurement]) -> dict[str, float] | None:

@@ -82,14 +82,6 @@ def _refuse_stranger(model: Model, bag: str, measured: Measurement) -> None:
         )
 
 
-def troubles(model: Model, validation: Sequence[Measurement]) -> tuple[str, ...]:
-    """Return a line for every recording kept aside on which the model is worse than none."""
-    from robot_ident.estimation.unusable import residual_on, unusable
-
-    lines = (unusable(model, measured.source, residual_on(model, measured)) for measured in validation)
-    return tuple(line for line in lines if line)
-
-
 def _measured(model: Model, bag: str, topic: str | None) -> Measurement:
     from robot_ident.bags import read_for
     from robot_ident.estimation.for_model import measured_for

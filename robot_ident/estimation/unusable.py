@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from pathlib import Path
 
 import numpy as np
@@ -56,6 +56,12 @@ def unusable(model: Model, source: str, residual: Mapping[str, Fit]) -> str | No
         f"on {bag} the model errs by more than the torque itself, rms {', '.join(words)}{more}: not usable beyond the"
         f" motions of {seen or 'the recordings that it rests on'}; identify with {bag} too{out}"
     )
+
+
+def unusable_on(model: Model, validation: Sequence[Measurement]) -> tuple[str, ...]:
+    """Return such a line for every recording kept aside on which the model is worse than none."""
+    lines = (unusable(model, measured.source, residual_on(model, measured)) for measured in validation)
+    return tuple(line for line in lines if line)
 
 
 def _torque(residual: Fit) -> float:

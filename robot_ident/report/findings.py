@@ -9,7 +9,7 @@ from typing import Any
 from robot_ident.diagnosis.diagnose import diagnose
 from robot_ident.diagnosis.diagnosis import Diagnosis
 from robot_ident.diagnosis.staircase import Foreseen, Level, Step, foresee, staircase
-from robot_ident.estimation.unusable import residual_on, unusable
+from robot_ident.estimation.unusable import unusable_on
 from robot_ident.excitation.excitation import Excitation
 from robot_ident.excitation.limits import certify
 from robot_ident.excitation.margins import Margins
@@ -125,7 +125,5 @@ def gather(
     for path, excitation in excitations:
         heard(f"certifying {path}")
         played.append(Played(path, excitation, certify(excitation, steps[0].model.robot)))
-    last = steps[-1].model
-    lines = (unusable(last, one.path, residual_on(last, one.measured)) for one in validation)
-    troubles = tuple(line for line in lines if line)
+    troubles = unusable_on(steps[-1].model, [one.measured for one in validation])
     return Findings(steps, tuple(training), tuple(validation), diagnoses, tuple(played), command, troubles)

@@ -14,6 +14,7 @@ from robot_ident.diagnosis.comparison import Comparison
 from robot_ident.diagnosis.diagnosis import Diagnosis
 from robot_ident.effects import candidates_of
 from robot_ident.estimation.extend import mean_square_errors
+from robot_ident.estimation.unusable import unusable_on
 from robot_ident.files import write_text
 from robot_ident.model.model import Model
 from robot_ident.motion import Array
@@ -37,8 +38,10 @@ def about(measured: Measurement, validation: bool) -> dict[str, Any]:
     }
 
 
-def comparison(found: Comparison, model: Model) -> dict[str, Any]:
-    """Return a comparison as `compare --json` prints it, with its regions in words."""
+def comparison(found: Comparison, model: Model, validation: Sequence[Measurement]) -> dict[str, Any]:
+    """Return a comparison as `compare --json` prints it, with its regions in words, and with a note on every recording
+    kept aside on which the model is worse than none.
+    """
     joints = []
     for number, joint in enumerate(found.joints):
         words = [region.in_words(model.robot, number) for region in joint.worst]
@@ -46,7 +49,7 @@ def comparison(found: Comparison, model: Model) -> dict[str, Any]:
     robot = model.robot
     return {
         "joints": joints,
-        "notes": list(found.notes),
+        "notes": [*found.notes, *unusable_on(model, validation)],
         "units": [robot.torque_unit(k) for k in range(robot.n)],
         "prismatic": [bool(one) for one in robot.prismatic],
         "effects": list(model.structure.labels),

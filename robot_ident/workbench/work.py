@@ -140,7 +140,7 @@ class Work:
             folder.mkdir()
             write_model(model, folder / "model.yaml")
             write_arrays(folder / "series.npz", arrays)
-            documents.write_json(folder / "comparison.json", documents.comparison(compared, model))
+            documents.write_json(folder / "comparison.json", documents.comparison(compared, model, validation))
             documents.write_json(folder / "errors.json", documents.errors(model, compared, validation))
             write_text(folder / "step.yaml", to_yaml(step.model_dump()))
 

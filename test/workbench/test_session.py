@@ -4,18 +4,23 @@ from __future__ import annotations
 
 import json
 import shutil
+from dataclasses import replace
 from pathlib import Path
 from typing import Any
 
 import numpy as np
 import pytest
 
+from robot_ident.bags import read_recording, write_recording
 from robot_ident.cli.main import main
 from robot_ident.errors import InputError
 from robot_ident.workbench.commands import script
 from robot_ident.workbench.desk import Desk
+from robot_ident.workbench.panels.where import where
+from robot_ident.workbench.paths import Allowed
 from robot_ident.workbench.session import Choice, Session, begin
 from robot_ident.workbench.view import View
+from robot_ident.workbench.work import run
 
 
 def verb(capsys: pytest.CaptureFixture[str], *words: object) -> Any:
@@ -61,6 +66,18 @@ def test_a_preview_is_drawn_as_it_is_told(bench: Any) -> None:
         rest = np.concatenate([overlay.residual[k][u, joint] for k, u in zip(view.training, used, strict=True)])
         # columns that depend on the torque are a fixed point away from those of the fit
         assert np.mean(rest**2) == pytest.approx(view.previews[label]["after"][name], rel=1e-4)
+
+
+def test_a_model_that_is_worse_than_none_says_so_beside_its_misfit(recordings: Path, tmp_path: Path) -> None:
+    folder = tmp_path / "bags"
+    shutil.copytree(recordings / "run_1", folder / "run_1")
+    unseen = read_recording(recordings / "run_2")
+    write_recording(folder / "backwards.npz", replace(unseen, tau=unseen.tau * [1.0, -1.0, 1.0]))
+    session = Desk(tmp_path / "sessions", Allowed(folder)).open(["run_1"], ["backwards.npz"])
+    run(session, None, {"task": "open"}, lambda share, words: None)
+    notes = [element.children for element in where(View(session, 0), 1) if getattr(element, "className", "") == "note"]
+    (told,) = (note for note in notes if note.startswith("on backwards.npz the model errs by more than the torque"))
+    assert "at joint_2, which takes" in told and "joint_1" not in told
 
 
 def test_the_command_lines_give_the_same_model(
