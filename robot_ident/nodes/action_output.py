@@ -37,7 +37,10 @@ class ActionOutput:
     """
 
     lead = 0.2
+    every = 0.25
+    ahead = 0.95
     longest_stall = 0.5  # s; the plan reaches further than that
+    longest_silence = 0.8
 
     def __init__(
         self,
@@ -50,22 +53,31 @@ class ActionOutput:
         """Become a client of `CONTROLLER/follow_joint_trajectory`."""
         self._type = follow_joint_trajectory()
         self._joints, self._on_trouble = tuple(joints), on_trouble
-        self._schedule = WindowSchedule(plan_stop, node.now_ns, lead=self.lead, every=0.25, ahead=0.95)
+        self._schedule = WindowSchedule(
+            plan_stop, node.now_ns, lead=self.lead, every=self.every, ahead=self.ahead, latest=self.longest_stall
+        )
         self._goals = Goals()
         self._name = f"{controller.rstrip('/')}/follow_joint_trajectory"
         self._client = ActionClient(node, self._type, self._name)
 
     def send(self, player: Player, command: Command | None, t: float, stamp: Callable[[], int]) -> None:
         """Send a goal where one is due; the controller's own tolerances hold."""
+        waited = self._goals.unanswered(t)
+        if not player.moving:
+            self._goals.forget()
+        elif waited > self.longest_stall:  # it may have begun to stop by itself, and would leap onto a later goal
+            player.halt(f"the controller has not answered a goal for {waited:.2f} s")
+            return
         meant = stamp()
         window = self._schedule.due(player, t, meant)
         if window is None:
             return
-        number = self._goals.next()
+        number = self._goals.next(t)
         goal = self._type.Goal(trajectory=trajectory(self._joints, window, meant))
         self._client.send_goal_async(goal).add_done_callback(lambda future: self._answered(number, future.result()))
 
     def _answered(self, number: int, handle: Any) -> None:
+        self._goals.answered(number)
         if not handle.accepted:
             self._on_trouble(self._goals.rejected())
             return
@@ -89,7 +101,7 @@ class ActionOutput:
         return False
 
     def forget(self) -> None:
-        """Do nothing: a trajectory that comes too late has ended at rest, and a controller refuses it."""
+        """Do nothing: a goal that was asked for can't be taken back."""
 
     def close(self) -> None:
         """Destroy the client."""

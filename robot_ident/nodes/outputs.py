@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import threading
 from collections.abc import Callable, Sequence
-from typing import Protocol
+from typing import Any, Protocol
 
 import numpy as np
 from rclpy.publisher import Publisher
@@ -31,8 +31,12 @@ class Output(Protocol):
 
     lead: float
     """How long before it takes effect a change of plan must be sent [s]."""
+    every: float
+    """How far two commands may be apart [s]."""
     longest_stall: float
     """After how long without a command no path leads on from the last one [s]."""
+    longest_silence: float
+    """After how long without a word from the robot no command may reach it that it has missed until then [s]."""
 
     def send(self, player: Player, command: Command | None, t: float, stamp: Callable[[], int]) -> None:
         """Send what is due at the player's time t [s]; stamp() [ns] is the instant on the node's clock."""
@@ -53,42 +57,56 @@ class Output(Protocol):
         """Give back what it holds of the node."""
 
 
+class Renewable:
+    """A reliable publisher that can be renewed: it would deliver its last messages once a network is back."""
+
+    def __init__(self, node: BaseNode, kind: Any, topic: str, depth: int) -> None:
+        """Publish messages of a kind."""
+        self._node, self._kind, self._topic, self._depth = node, kind, topic, depth
+        self._lock = threading.Lock()
+        self.now = self._made()
+
+    def _made(self) -> Publisher:
+        return self._node.create_publisher(
+            self._kind, self._topic, reliable(self._depth), qos_overriding_options=overridable()
+        )
+
+    def publish(self, message: Any) -> None:
+        """Send a message."""
+        with self._lock:
+            self.now.publish(message)
+
+    def renew(self) -> None:
+        """Go on with a new publisher, and without what the old one had still to deliver."""
+        with self._lock:
+            old, self.now = self.now, self._made()  # whoever counts listeners meanwhile asks one that is there
+            self._node.destroy_publisher(old)
+
+    def close(self) -> None:
+        """Destroy it."""
+        with self._lock:
+            self._node.destroy_publisher(self.now)
+
+
 class SampleOutput:
     """One JointState a tick: position and velocity."""
 
     lead = 0.0
-    longest_stall = np.inf
+    every = 0.05  # a robot takes samples further apart for steps
+    longest_stall = longest_silence = np.inf
 
     def __init__(self, node: BaseNode, joints: Sequence[str], depth: int) -> None:
         """Publish on `joint_command`."""
-        self._node, self._joints, self._depth = node, tuple(joints), depth
-        self._lock = threading.Lock()
-        self._publisher = self._made()
-        neighbours = Neighbours(node, lambda: self._publisher)
+        self._joints = tuple(joints)
+        self._commands = Renewable(node, JointState, "joint_command", depth)
+        neighbours = Neighbours(node, lambda: self._commands.now)
         self.not_heard, self.rival, self.simulated = neighbours.not_heard, neighbours.rival, neighbours.simulated
-
-    def _made(self) -> Publisher:
-        return self._node.create_publisher(
-            JointState, "joint_command", reliable(self._depth), qos_overriding_options=overridable()
-        )
+        self.forget, self.close = self._commands.renew, self._commands.close
 
     def send(self, player: Player, command: Command | None, t: float, stamp: Callable[[], int]) -> None:
         """Send one sample."""
         if command is not None:
-            message = joint_state(self._joints, stamp(), command.q, command.dq)
-            with self._lock:
-                self._publisher.publish(message)
-
-    def forget(self) -> None:
-        """Begin with a new publisher: a reliable one would deliver its last commands once the network is back."""
-        with self._lock:
-            self._node.destroy_publisher(self._publisher)
-            self._publisher = self._made()
-
-    def close(self) -> None:
-        """Destroy the publisher."""
-        with self._lock:
-            self._node.destroy_publisher(self._publisher)
+            self._commands.publish(joint_state(self._joints, stamp(), command.q, command.dq))
 
 
 class TrajectoryOutput:
@@ -98,6 +116,7 @@ class TrajectoryOutput:
     every = 0.05  # s between two windows: a simulated robot's clock can wait for the next before a stop takes effect
     ahead = 0.4  # s of the plan in each of them
     longest_stall = 0.2  # s; after more than that the controller may have begun to stop by itself
+    longest_silence = 0.3  # s; and 0.1 s more until what was sent is taken back
 
     def __init__(
         self,
@@ -108,27 +127,18 @@ class TrajectoryOutput:
         plan_stop: Callable[[Motion], Reference],
     ) -> None:
         """Publish on `CONTROLLER/joint_trajectory`."""
-        self._node, self._joints = node, tuple(joints)
-        self._schedule = WindowSchedule(plan_stop, node.now_ns, lead=self.lead, every=self.every, ahead=self.ahead)
-        self._publisher = node.create_publisher(
-            JointTrajectory,
-            f"{controller.rstrip('/')}/joint_trajectory",
-            reliable(depth),
-            qos_overriding_options=overridable(),
+        self._joints = tuple(joints)
+        self._schedule = WindowSchedule(
+            plan_stop, node.now_ns, lead=self.lead, every=self.every, ahead=self.ahead, latest=self.longest_stall
         )
-        neighbours = Neighbours(node, lambda: self._publisher)
+        self._windows = Renewable(node, JointTrajectory, f"{controller.rstrip('/')}/joint_trajectory", depth)
+        neighbours = Neighbours(node, lambda: self._windows.now)
         self.not_heard, self.rival, self.simulated = neighbours.not_heard, neighbours.rival, neighbours.simulated
+        self.forget, self.close = self._windows.renew, self._windows.close
 
     def send(self, player: Player, command: Command | None, t: float, stamp: Callable[[], int]) -> None:
         """Send a window where one is due."""
         meant = stamp()
         window = self._schedule.due(player, t, meant)
         if window is not None:
-            self._publisher.publish(trajectory(self._joints, window, meant))
-
-    def forget(self) -> None:
-        """Do nothing: a trajectory that comes too late has ended at rest, and a controller refuses it."""
-
-    def close(self) -> None:
-        """Destroy the publisher."""
-        self._node.destroy_publisher(self._publisher)
+            self._windows.publish(trajectory(self._joints, window, meant))

@@ -48,8 +48,8 @@ TABLE: tuple[Parameter, ...] = (
     Parameter(
         "speed_scaling_topic",
         "",
-        "topic (std_msgs/Float64) on which the robot tells its speed scaling: anything but 1, or 100, stops the"
-        " motion ('' for none)",
+        "topic (std_msgs/Float64) on which the robot tells its speed scaling: a start waits for full speed, 1 or 100,"
+        " and anything else stops the motion ('' for none)",
         until_configured=True,
     ),
     Parameter("autostart", False, "start as soon as the robot is there; otherwise by ~/start"),

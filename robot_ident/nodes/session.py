@@ -26,11 +26,15 @@ from robot_ident.nodes.outputs import Output, SampleOutput, TrajectoryOutput
 from robot_ident.playing.effort_load import EffortLoad
 from robot_ident.playing.plan import Plan
 from robot_ident.playing.player import DWELL, Phase, Player
+from robot_ident.playing.set_clock import SetClock
+from robot_ident.playing.speed_scaling import SpeedScaling
 from robot_ident.playing.ticker import Stall, Ticker
 from robot_ident.playing.watch import Bounds, Watch
 
 _DEPTH = 100  # joint states that may wait to be looked at
+_LEFT_OUT = 3  # ticks that may be left out between two commands, however tight the bound on tracking
 _SILENT = 1.0  # s after which a topic of efforts counts as silent
+_ATTEMPTS = 5  # approaches that are planned for a start: the robot may be moved while one is
 _STOOD = 0.05  # s of real time between two ticks of simulated time, beyond which that time has stood still
 
 
@@ -56,6 +60,9 @@ class Session:
         self._origin_ns: int | None = None
         self._simulated: bool = node.get_parameter("use_sim_time").value
         self._ticked = time.monotonic()
+        self._clock = SetClock(node.now_ns)
+        self._scaling = SpeedScaling(node.value("speed_scaling_topic"))
+        self._check_rate()
         self.player, self.ticker = self._make_player()
 
     def _subscribe(self) -> list[Subscription]:
@@ -88,6 +95,18 @@ class Session:
             return TrajectoryOutput(node, self._joints, node.value("depth"), controller, self._plan_stop)
         return ActionOutput(node, self._joints, controller, self._plan_stop, lambda text: self.player.halt(text))
 
+    @property
+    def _rate(self) -> float:
+        return float(self._node.value("rate")) or self.plan.rate
+
+    def _check_rate(self) -> None:
+        """Raise InputError where commands would come too rarely."""
+        if self._rate * self.output.every < 1.0:
+            raise InputError(
+                f"parameter rate = {self._rate:g}: output {self._node.value('output')} needs"
+                f" {1.0 / self.output.every:g} Hz or more"
+            )
+
     def _make_player(self) -> tuple[Player, Ticker]:
         plan, lead = self.plan, self.output.lead
         player = Player(
@@ -99,10 +118,11 @@ class Session:
             judge=self._judge,
             lead=lead,
             dwell=DWELL + 5 * lead,
+            longest_step=np.inf if lead else _LEFT_OUT * plan.robot.limits.velocity / self._rate,
         )
         simulated = self._simulated
         ticker = Ticker(
-            self._node.value("rate") or plan.rate,
+            self._rate,
             self._tick,
             # a simulated robot waits for what is late, a real one has moved on
             late="catch_up" if simulated else "skip",
@@ -159,11 +179,18 @@ class Session:
     # --- the robot
 
     @property
-    def unwatched(self) -> tuple[str, ...]:
-        """What isn't watched of efforts, a line each."""
+    def warnings(self) -> tuple[str, ...]:
+        """What isn't watched, a line each."""
+        lines: list[str] = []
+        timeout, longest = self._node.value("state_timeout"), self.output.longest_silence
+        if timeout > longest and not self._simulated:
+            lines.append(
+                f"state_timeout {timeout:g} s: after {longest:g} s without hearing anything the controller has begun to"
+                " stop by itself, and what then reaches it leads it back in a leap"
+            )
         if not self._node.value("effort_limit"):
-            return ("efforts are not watched (effort_limit 0), and rehearsals judge tracking alone",)
-        return self._load.unwatched
+            return (*lines, "efforts are not watched (effort_limit 0), and rehearsals judge tracking alone")
+        return (*lines, *self._load.unwatched)
 
     def _on_state(self, message: JointState) -> None:
         now, names = time.monotonic(), list(message.name)
@@ -177,8 +204,9 @@ class Session:
         self.watch.update_efforts(message.values, time.monotonic())
 
     def _on_speed_scaling(self, message: Float64) -> None:
-        if not any(abs(message.data - full) <= 1e-3 * full for full in (1.0, 100.0)):
-            self.player.stop(f"the robot's speed scaling is {message.data:g}", fault=True)
+        self._scaling.update(message.data)
+        if self._scaling.problem:
+            self.player.stop(self._scaling.problem, fault=True)
 
     def _tick(self, number: int) -> None:
         """Send one command; in the ticker's thread."""
@@ -187,6 +215,7 @@ class Session:
         if self._simulated and stood > _STOOD:  # the clock did: one that is stopped, or waits for a loaded machine
             self.watch.excuse(stood, now)
         self._ticked = now
+        self._look_at_clock()
         command = self.player.tick(t, now)
         self.output.send(self.player, command, t, lambda: self._stamp(number))
 
@@ -196,6 +225,18 @@ class Session:
         if self._origin_ns is None:
             self._origin_ns = self._node.now_ns() - since
         return self._origin_ns + since
+
+    def _look_at_clock(self) -> None:
+        """Stop where the machine's clock was set."""
+        step = 0.0 if self._simulated else self._clock.step()
+        if not step:
+            return
+        self._origin_ns = None
+        jump = str(Stall(step, clock_jump=True))
+        if self.output.lead:  # a controller goes by such a clock: what it was told is over, or yet to come
+            self.player.halt(jump)
+        else:
+            self.player.stop(jump, fault=True)
 
     def _on_stall(self, stall: Stall) -> None:
         self._origin_ns = None
@@ -211,6 +252,8 @@ class Session:
         """Begin to wait for the robot; return why that can't be, or an empty text."""
         if self._preparing is not None and self.player.phase is not Phase.PREPARING:
             self._preparing.join()  # of a start that was given up
+        if self.player.phase in (Phase.IDLE, Phase.HALTED):
+            self.watch.forget()  # a driver that was restarted may stamp its messages earlier than the one before
         problem = self.player.start()
         if not problem:
             self._preparing = threading.Thread(target=self._prepare, name="prepare", daemon=True)
@@ -220,15 +263,19 @@ class Session:
     def _prepare(self) -> None:
         """Wait for the robot and plan the approach; in a thread of its own."""
         player, wait = self.player, self._node.value("state_wait")
-        deadline = time.monotonic() + wait
+        deadline, planned = time.monotonic() + wait, 0
         try:
             while player.phase is Phase.PREPARING:  # until a tick begins what is planned, or somebody gives it up
-                if player.unplanned:  # also where this process stood still after it had planned
-                    problem = self.watch.not_ready(time.monotonic()) or self.output.not_heard() or self._unheld()
-                    problem = problem or self.rival()
+                # also where this process stood still, or the robot was moved, after it had been planned
+                if player.unplanned:
+                    problem = self._unprepared()
+                    if not problem and planned == _ATTEMPTS:
+                        player.cancel()
+                        return self._give_up("the robot was moved whenever its approach had been planned")
                     if not problem:
                         self._tell_unheard()
                         player.prepare()
+                        planned, deadline = planned + 1, time.monotonic() + wait
                     elif time.monotonic() > deadline:
                         player.cancel()
                         return self._give_up(f"not started within {wait:g} s: {problem}")
@@ -243,6 +290,16 @@ class Session:
             raise
         return None
 
+    def _unprepared(self) -> str:
+        """Return why no approach can be planned yet, or an empty text."""
+        return (
+            self.watch.not_ready(time.monotonic())
+            or self.output.not_heard()
+            or self._unheld()
+            or self._scaling.problem
+            or self.rival()
+        )
+
     def _tell_unheard(self) -> None:
         """Say whose effort has a bound but is not reported."""
         unheard, why = self.watch.unheard, self._efforts.silent(_SILENT)
@@ -253,8 +310,8 @@ class Session:
             )
 
     def _give_up(self, text: str) -> None:
-        self.player.reason, self.player.fault = text, True
         self._refuse(text)
+        self.player.fault, self.player.reason = True, text
 
     def rival(self) -> str:
         """Return who else commands the robot, or an empty text."""

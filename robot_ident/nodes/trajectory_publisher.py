@@ -18,13 +18,14 @@ from robot_ident.nodes.parameters import Parameter
 from robot_ident.nodes.publisher_parameters import TABLE
 from robot_ident.nodes.session import Session
 from robot_ident.playing.plan import load_plan
-from robot_ident.playing.player import Phase
+from robot_ident.playing.player import Phase, Player
 from robot_ident.playing.progress import progress
 from robot_ident.playing.ticker import Timing
 from robot_ident.robot import load_robot
 
-_LONGEST_STOP = 2.0  # s that an end waits for a smooth stop
+_LATE = 2.0  # s that an end waits for a smooth stop beyond the time that it takes
 _POLL = 0.01  # s
+_UNTOLD = (Phase.IDLE, "", False)
 
 
 class TrajectoryPublisher(ManagedNode):
@@ -42,7 +43,7 @@ class TrajectoryPublisher(ManagedNode):
         """Configure and activate, unless `managed`; InputError when the trajectory isn't safe for this robot."""
         super().__init__()
         self._session: Session | None = None
-        self._told = Phase.IDLE
+        self._told = _UNTOLD
         self._resting = 0.0
         self._ending = 0.0
         self._rest: tuple[Future, float] | None = None
@@ -72,7 +73,7 @@ class TrajectoryPublisher(ManagedNode):
         for text in plan.unchecked:
             self.get_logger().warning(f"not checked: {text}")
         self._session = Session(self, plan, self._refuse)
-        for text in self._session.unwatched:
+        for text in self._session.warnings:
             self.get_logger().warning(text)
 
     def activate(self) -> None:
@@ -82,7 +83,7 @@ class TrajectoryPublisher(ManagedNode):
             "this is no safety function: keep the emergency stop at hand, and see that the robot's controller holds"
             " by itself when commands stop"
         )
-        self._told = Phase.IDLE
+        self._told = _UNTOLD
         self._session.activate()
         if self.value("autostart"):
             self._session.start()
@@ -110,8 +111,6 @@ class TrajectoryPublisher(ManagedNode):
     def _refuse(self, text: str) -> None:
         if self.value("exit_when_done"):
             self.fail(InputError(text))
-        else:
-            self.get_logger().error(text)
 
     def _check_bounds(self, changes: list[RosParameter]) -> SetParametersResult:
         """Refuse bounds of another number of joints: the watch would be left without."""
@@ -145,25 +144,29 @@ class TrajectoryPublisher(ManagedNode):
             self._session.player.stop(f"stopped by {reason}")
         if self._session is not None and self._session.moving:
             self._ending = self._ending or time.monotonic()
+        elif self._session is not None:
+            self._finish(self._session.player)
         else:
             self.end()
 
     # --- status
 
     def _look(self) -> None:
-        """Tell each change of phase; end the node where it is to end."""
+        """Tell each change of phase or of its reason; end the node where it is to end."""
         session = self._session
         if session is None:
             return
         player = session.player
         if player.moving and (rival := session.rival()):
             player.stop(rival, fault=True)
-        if player.phase is not self._told:
-            self._told, self._resting = player.phase, time.monotonic()
-            if player.phase is Phase.HALTED:
+        state = player.state
+        if state != self._told:
+            phase, reason, fault = state
+            if phase is Phase.HALTED is not self._told[0]:
                 session.output.forget()
-            text = f"{player.phase.value}{f': {player.reason}' if player.reason else ''}"
-            if player.fault:
+            self._told, self._resting = state, time.monotonic()
+            text = f"{phase.value}{f': {reason}' if reason else ''}"
+            if fault:
                 self.get_logger().error(text)
             else:
                 self.get_logger().info(text)
@@ -175,17 +178,21 @@ class TrajectoryPublisher(ManagedNode):
         if self._rest is not None and not self._rest[0].done() and self._rested(session, self._rest[1]):
             self._rest[0].set_result(None)
         if self._ending and self._rested(session, self._ending):
-            self.end()
+            self._finish(player)
         given_up = player.phase is Phase.IDLE and bool(player.reason)
         finished = given_up or player.phase in (Phase.HOLDING, Phase.HALTED)
         held = time.monotonic() - self._resting >= self.value("hold_time")
         if finished and held and self.value("exit_when_done"):
-            if player.fault:
-                self.fail(CheckFailed(player.reason))
-            self.end()
+            self._finish(player)
+
+    def _finish(self, player: Player) -> None:
+        """End the node; with exit code 3 where a fault has stopped the motion that it was to end with."""
+        if player.fault and self.value("exit_when_done"):
+            self.fail(CheckFailed(player.reason))
+        self.end()
 
     def _rested(self, session: Session, since: float) -> bool:
-        return not session.moving or time.monotonic() - since > _LONGEST_STOP
+        return not session.moving or time.monotonic() - since > _LATE + session.player.stop_duration
 
     def _tell(self) -> None:
         session = self._session
@@ -220,8 +227,8 @@ class TrajectoryPublisher(ManagedNode):
         self.get_logger().info(f"{timing.ticks} ticks, {timing.missed} missed, {worst}")
 
     def _await_rest(self, session: Session) -> None:
-        deadline = time.monotonic() + _LONGEST_STOP
-        while session.moving and time.monotonic() < deadline:
+        since = time.monotonic()
+        while not self._rested(session, since):
             if self.get_parameter("use_sim_time").value and self.executor is not None:
                 self.executor.spin_once(timeout_sec=_POLL)  # or time would stand still
             else:

@@ -37,12 +37,29 @@ class Goals:
         """No goal has been sent."""
         self._lock = threading.Lock()
         self._latest = 0
+        self._asked: dict[int, float] = {}
 
-    def next(self) -> int:
-        """Return the number of a new goal, the latest from now on."""
+    def next(self, t: float) -> int:
+        """Return the number of a new goal, the latest from now on; t [s]: when it is sent."""
         with self._lock:
             self._latest += 1
+            self._asked[self._latest] = t
             return self._latest
+
+    def answered(self, number: int) -> None:
+        """Take note that the controller has accepted or rejected a goal."""
+        with self._lock:
+            self._asked.pop(number, None)
+
+    def unanswered(self, t: float) -> float:
+        """Return how long an answer has been waited for at t [s]."""
+        with self._lock:
+            return t - min(self._asked.values(), default=t)
+
+    def forget(self) -> None:
+        """Wait for no answer any more."""
+        with self._lock:
+            self._asked.clear()
 
     def rejected(self) -> str:
         """Return what a rejected goal means."""

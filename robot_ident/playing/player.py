@@ -7,6 +7,7 @@ from collections import deque
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass
 from enum import Enum
+from itertools import pairwise
 
 import numpy as np
 
@@ -15,6 +16,7 @@ from robot_ident.motion import Array, Motion
 from robot_ident.playing.watch import Watch
 
 _WINDOW = 0.15  # s of commands against which the robot's position is judged
+_SAME = 1e-6  # rad or m between the end of a motion and the start of the next
 DWELL = 0.2  # s of rest between one motion and the next, so that the robot has arrived
 
 
@@ -61,6 +63,11 @@ class Segment:
         return self.motion.reference(np.clip(t - self.begin, 0.0, self.motion.duration))
 
 
+def end_of(motion: Reference) -> Array:
+    """Return the position [n] at which a motion ends."""
+    return motion.reference(np.array([motion.duration])).q[0]
+
+
 class Player:
     """Plays a motion: approach from where the robot stands, rehearsals, the motion, hold; a smooth stop from anywhere.
 
@@ -69,7 +76,8 @@ class Player:
     says why the next may not follow, or nothing. lead [s]: how long before it diverges from the plan a stop is decided,
     for controllers that are sent the plan ahead. dwell [s]: how long it rests before each motion, the approach as well:
     a controller hears of it long before it moves. Position and velocity of the commands never step: each segment begins
-    in the state in which the one before ends, at the same instant. Where a motion has ended its last position is
+    in the state in which the one before ends, at the same instant. longest_step [n]: commands further apart than this
+    and the bound on tracking, where ticks were left out, are not sent. Where a motion has ended its last position is
     commanded on, as long as the robot is seen to be there. `tick` is called by one thread, everything else by any.
     """
 
@@ -84,9 +92,16 @@ class Player:
         judge: Callable[[int], str] = lambda number: "",
         lead: float = 0.0,
         dwell: float = DWELL,
+        longest_step: Array | float = np.inf,
     ) -> None:
-        """Prepare to play `motion`; the robot isn't moved before `start` and `prepare`."""
+        """Prepare to play `motion`; the robot isn't moved before `start` and `prepare`.
+
+        Raises ValueError where a rehearsal ends elsewhere than the next motion begins.
+        """
         self.motions = (*rehearsals, motion)
+        for number, (one, following) in enumerate(pairwise(self.motions)):
+            if np.abs(end_of(one) - following.start_pose).max() > _SAME:
+                raise ValueError(f"motion {number} ends elsewhere than motion {number + 1} begins")
         self.watch = watch
         self.reason = ""
         self.fault = False
@@ -96,6 +111,7 @@ class Player:
         self._judge = judge
         self._lead = lead
         self._dwell = dwell
+        self._longest_step = longest_step
         self._lock = threading.RLock()
         self._phase = Phase.IDLE
         self._plan: tuple[Segment, ...] = ()
@@ -105,12 +121,19 @@ class Player:
         self._stop_reason: tuple[str, bool] | None = None
         self._hold: Array | None = None
         self._recent: deque[tuple[float, Array]] = deque()
+        self._played: Segment | None = None
         self._t = 0.0
 
     @property
     def phase(self) -> Phase:
         """What is being done."""
         return self._phase
+
+    @property
+    def state(self) -> tuple[Phase, str, bool]:
+        """What is being done, why, and whether a fault is the cause; between two ticks, not within one."""
+        with self._lock:
+            return self._phase, self.reason, self.fault
 
     @property
     def moving(self) -> bool:
@@ -129,6 +152,12 @@ class Player:
         with self._lock:
             return self._active(self._t).number if self._plan else -1
 
+    @property
+    def stop_duration(self) -> float:
+        """How long the stop under way takes in all [s]; 0 where there is none."""
+        with self._lock:
+            return self._lead + self._plan[-1].motion.duration if self._phase is Phase.STOPPING else 0.0
+
     def start(self) -> str:
         """Ask for the motion; return why it can't be played now, or an empty text. `prepare` must follow."""
         with self._lock:
@@ -142,13 +171,16 @@ class Player:
             return ""
 
     def prepare(self) -> None:
-        """Plan the approach from where the robot stands; it begins at the next tick. What planning raises passes."""
+        """Plan the approach from where the robot stands; it begins at the next tick, if the robot is still there then.
+
+        Nothing is planned for a robot that nothing is known of (`unplanned` remains). What planning raises passes.
+        """
         state = self.watch.state
         with self._lock:
             halts = self._halts
             origin = self._hold if self._hold is not None else (None if state is None else state.q)
         if origin is None:
-            raise RuntimeError("the robot's state must be known before an approach is planned")
+            return
         try:
             approach = self._plan_approach(origin)
         except Exception:  # whatever went wrong, the start is given up before it passes on
@@ -198,11 +230,10 @@ class Player:
         """Return the command at the player's time t [s]; `now` [s] is the time at which states are received."""
         with self._lock:
             self._t = t
-            if self._waiting is not None:
-                self._plan, self._waiting, self._judged = self._timeline(self._waiting, t + self._dwell), None, 0
-                self._phase = Phase.APPROACH
-            if self._phase is Phase.HOLDING:  # since an earlier tick: the position at rest is sent at least once
+            if self._hold is not None and not self._plan:  # since an earlier tick: it is sent at least once
                 self._look_at_rest(now)
+            if self._waiting is not None:
+                self._begin(self._waiting, t, now)
             if self._plan:
                 self._advance(t)
             if self._phase in (Phase.APPROACH, Phase.PLAYING):
@@ -223,6 +254,17 @@ class Player:
         q, dq, ddq = (np.concatenate(rows) for rows in zip(*((p.q, p.dq, p.ddq) for p in parts), strict=True))
         return Motion(q, dq, ddq)
 
+    def _begin(self, approach: Reference, t: float, now: float) -> None:
+        """Take the way that was planned, unless the robot has gone elsewhere meanwhile: then it is planned anew."""
+        self._waiting = None
+        state = self.watch.state
+        if self.watch.not_ready(now) or state is None:
+            return
+        if np.any(np.abs(state.q - approach.start_pose) > self.watch.bounds.tracking):
+            return
+        self._plan, self._judged = self._timeline(approach, t + self._dwell), 0
+        self._phase = Phase.APPROACH
+
     def _timeline(self, approach: Reference, t: float) -> tuple[Segment, ...]:
         """Return the approach from t on and every motion after it, with a rest between any two."""
         plan = [Segment(approach, t, Phase.APPROACH)]
@@ -241,15 +283,19 @@ class Player:
             self.completed += self._phase is Phase.PLAYING
             self._rest(last)
             return
-        active = self._active(t)
         if self._phase is Phase.STOPPING:
             return
+        for rehearsal in self._plan[1:-1]:  # whatever ticks were left out
+            if rehearsal.number == self._judged and t >= rehearsal.end:
+                self._judged += 1
+                problem = self._judge(rehearsal.number)
+                if problem and self._stop_reason is None:
+                    self._stop_reason = (problem, True)
+        active = self._active(t)
+        if active is not self._played:
+            self._played = active
+            self.watch.measure_anew()
         self._phase = active.phase
-        if active.number == self._judged and t >= active.end:
-            self._judged += 1
-            problem = self._judge(active.number)
-            if problem and self._stop_reason is None:
-                self._stop_reason = (problem, True)
 
     def _look_at_rest(self, now: float) -> None:
         """Command nothing more to a robot that is silent or elsewhere: it would leap once it heard the commands again.
@@ -264,7 +310,7 @@ class Player:
 
     def _release(self) -> None:
         """Command nothing any more."""
-        self._plan, self._stop_reason, self._hold = (), None, None
+        self._plan, self._stop_reason, self._hold, self._waiting = (), None, None, None
         self._recent.clear()
         self._phase = Phase.HALTED
 
@@ -274,7 +320,15 @@ class Player:
         return np.array([q for _, q in self._recent])
 
     def _look(self, t: float, now: float) -> None:
-        """Begin a smooth stop where it was asked for or the robot is not well."""
+        """Begin a smooth stop where it was asked for or the robot is not well.
+
+        Where nothing is heard of a robot whose controller is told the plan ahead, that may hear nothing either: it
+        comes to rest by itself at the end of what it was told, and would leap onto another stop that it heard of late.
+        """
+        silence = self.watch.silence(now) if self._lead else ""
+        if silence:
+            self.halt(f"{silence}; the controller stops by itself")
+            return
         problem = self.watch.problem(now, self._window)
         if problem:
             self._stop_reason = (problem, True)
@@ -299,6 +353,13 @@ class Player:
         if motion is None:
             return None
         command = Command(motion.q[0], motion.dq[0], motion.ddq[0])
+        if self._recent:
+            step = np.abs(command.q - self._recent[-1][1])
+            over = step - np.maximum(self._longest_step, self.watch.bounds.tracking)
+            if np.any(over > 0.0):
+                joint = int(np.argmax(over))
+                self.halt(f"{self.watch.joints[joint]} would leap by {step[joint]:.3f}: this process was held up")
+                return None
         self._recent.append((t, command.q))
         while self._recent[0][0] < t - _WINDOW - self._lead:
             self._recent.popleft()

@@ -140,13 +140,18 @@ class Watch:
             return self._recent[-1] if self._recent else None
 
     def clear(self) -> None:
-        """Forget an earlier fault and the worst tracking error, at the start of a motion."""
+        """Forget an earlier fault, at a start."""
         with self._lock:
             self._fault = ""
+        self.measure_anew()
+
+    def measure_anew(self) -> None:
+        """Forget the worst tracking error and effort, at the start of each motion."""
+        with self._lock:
             self.worst_tracking, self.worst_effort = np.zeros((2, len(self.joints)))
 
     def worst_share(self) -> tuple[float, str, str]:
-        """Return the largest share of a bound that was used since `clear`, by which joint, and of which bound."""
+        """Return the largest share of a bound that this motion has used, by which joint, and of which bound."""
         shares = {
             "tracking error": self.worst_tracking / self.bounds.tracking,
             "effort": self.worst_effort / self.bounds.effort,
@@ -171,11 +176,12 @@ class Watch:
 
     def not_ready(self, now: float) -> str:
         """Return why no motion can start from here, or an empty text."""
-        silence = self._silence(now) or self._mute(now)
+        with self._lock:
+            recent = tuple(self._recent)
+        silence = self._silent(recent[-1] if recent else None, now) or self._mute(now)
         if silence:
             return silence
-        with self._lock:
-            first, last = self._recent[0], self._recent[-1]
+        first, last = recent[0], recent[-1]
         span = last.received - first.received
         if span < 0.5 * _REST_SPAN:
             return "the robot was seen for too short a time to know whether it stands still"
@@ -185,9 +191,11 @@ class Watch:
             return f"{self.joints[joint]} moves at {speed[joint]:.3f} rad/s; the robot must stand still to start"
         return ""
 
-    def _silence(self, now: float) -> str:
-        with self._lock:
-            last = self._recent[-1] if self._recent else None
+    def silence(self, now: float) -> str:
+        """Return for how long nothing was heard of the robot, or an empty text."""
+        return self._silent(self.state, now)
+
+    def _silent(self, last: State | None, now: float) -> str:
         if last is None:
             return f"no joint_states{self._hint}"
         age = now - last.received
@@ -223,8 +231,8 @@ class Watch:
         commanded [k, n] rad: the positions commanded lately. A robot follows with a delay, so what counts is the
         distance from the range that these cover.
         """
-        silence = self._silence(now)
         state = self.state
+        silence = self._silent(state, now)
         if silence or state is None or not len(commanded):
             return silence
         off = np.maximum(state.q - commanded.max(axis=0), commanded.min(axis=0) - state.q)

@@ -66,9 +66,13 @@ class WindowSchedule:
         lead: float,
         every: float,
         ahead: float,
+        latest: float,
     ) -> None:
-        """Reach `lead` [s] back and `ahead` [s] on, `every` [s] anew; now_ns() is the clock that stamps are of."""
-        self._now_ns, self._lead, self._every = now_ns, lead, every
+        """Reach `lead` [s] back and `ahead` [s] on, `every` [s] anew; now_ns() is the clock that stamps are of.
+
+        latest [s]: later than that the controller may have begun to stop by itself, and would leap back onto the plan.
+        """
+        self._now_ns, self._lead, self._every, self._latest = now_ns, lead, every, latest
         self._windows = Windows(plan_stop, back=lead, ahead=ahead)
         self._sent: tuple[Phase, float] = (Phase.IDLE, -np.inf)
 
@@ -76,15 +80,21 @@ class WindowSchedule:
         """Return the window that is to be sent at the player's time t [s]; a controller that holds needs none.
 
         stamp [ns]: the instant that t is meant to be. A controller that hears of a stop after it has begun would leap:
-        such a one isn't sent, and that at the end of the last window takes place.
+        such a one isn't sent, and that at the end of the last window takes place. Nor is any other that comes so late,
+        or for an instant so far ahead, that the clock must have been set.
         """
         phase, last = self._sent
-        if player.phase is phase and (not player.moving or t - last < self._every):
+        changed = player.phase is not phase
+        if not player.moving or (not changed and t - last < self._every):
+            self._sent = (player.phase, last)
             return None
         self._sent = (player.phase, t)
         window = self._windows.around(player, t)
         late = 1e-9 * (self._now_ns() - stamp)
-        if player.phase is Phase.STOPPING and phase is not Phase.STOPPING and late > _IN_TIME * self._lead:
+        if player.phase is Phase.STOPPING and changed and late > _IN_TIME * self._lead:
             player.halt(f"{player.reason}; a stop came {late:.3f} s late: the controller stops by itself")
+            return None
+        if abs(late) > self._latest:
+            player.halt(f"commands came {late:+.3f} s late: the controller stops by itself")
             return None
         return window

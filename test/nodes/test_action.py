@@ -44,7 +44,8 @@ class Client:
 
     def __init__(self, node: Any, kind: Any, name: str) -> None:
         self.name, self.goals, self.answers = name, [], []
-        self.ready = False
+        self.results: list[Later] = []
+        self.ready, self.prompt = False, True
         Client.made = self
 
     def server_is_ready(self) -> bool:
@@ -55,11 +56,11 @@ class Client:
         self.answers.append(Later())
         return self.answers[-1]
 
-    def accept(self, number: int) -> Later:
-        """Accept a goal; return the future of its result."""
-        later = Later()
-        self.answers[number].bring(SimpleNamespace(accepted=True, get_result_async=lambda: later))
-        return later
+    def answer(self) -> None:
+        """Accept what was sent since the last time; `results` are the futures of how it ends."""
+        for answer in self.answers[len(self.results) :] if self.prompt else ():
+            self.results.append(later := Later())
+            answer.bring(SimpleNamespace(accepted=True, get_result_async=lambda later=later: later))
 
 
 @dataclass(frozen=True)
@@ -113,6 +114,7 @@ def scene(troubles: list[str]) -> tuple[action_output.ActionOutput, Client, Call
                 player.prepare()
             clock[0] = 10**9 + k * 10**7
             output.send(player, player.tick(0.01 * k, 0.01 * k), 0.01 * k, node.now_ns)
+            Client.made.answer()
         return player
 
     return output, Client.made, play
@@ -150,8 +152,7 @@ def test_each_goal_ends_at_rest_and_the_row_covers_the_motion(scene: Any) -> Non
 def test_trouble_is_told_once_it_is_one(scene: Any, troubles: list[str]) -> None:
     _, client, play = scene
     play(1.0)
-    count = len(client.goals)
-    ends = [client.accept(number) for number in range(count)]
+    assert len(ends := client.results) == len(client.goals) > 2
     for end in ends[:-1]:
         end.bring(SimpleNamespace(status=5, result=SimpleNamespace(error_code=-1, error_string="a new one came")))
     assert troubles == [], "each was replaced by the next"
@@ -161,6 +162,17 @@ def test_trouble_is_told_once_it_is_one(scene: Any, troubles: list[str]) -> None
 
 def test_a_rejected_goal_is_trouble(scene: Any, troubles: list[str]) -> None:
     _, client, play = scene
+    client.prompt = False
     play(0.5)
     client.answers[-1].bring(SimpleNamespace(accepted=False))
     assert troubles == ["the controller rejected the trajectory"]
+
+
+def test_a_controller_that_answers_no_more_is_sent_nothing_more(scene: Any) -> None:
+    """It may have begun to stop by itself, and would leap onto what it heard later."""
+    _, client, play = scene
+    client.prompt = False
+    player = play(4.0)
+    assert player.phase is Phase.HALTED and player.fault
+    assert player.reason.startswith("the controller has not answered a goal for 0.5")
+    assert len(client.goals) <= 3

@@ -86,17 +86,25 @@ def test_a_rough_rehearsal_ends_the_play(driven: Callable[..., Any], tmp_path: P
     assert np.abs(smooth_states(tmp_path / "bag")[-1]).max() < AT_REST
 
 
-def test_speed_scaling_stops(driven: Callable[..., Any], client: Any, until: Callable[..., Any]) -> None:
+def test_speed_scaling_stops(
+    driven: Callable[..., Any], client: Any, call: Callable[..., Any], until: Callable[..., Any]
+) -> None:
     from std_msgs.msg import Float64
+    from std_srvs.srv import Trigger
 
     scaling = client.create_publisher(Float64, "/speed_scaling", 10)
-    _, robot, publisher = driven(periods=50, speed_scaling_topic="/speed_scaling")
-    publisher.says("playing")
+    by_hand = {"autostart": False, "exit_when_done": False, "state_wait": 300.0}
+    _, robot, publisher = driven(periods=50, speed_scaling_topic="/speed_scaling", **by_hand)
     assert until(lambda: scaling.get_subscription_count() == 1)
+    scaling.publish(Float64(data=50.0))
+    assert call(Trigger, "/trajectory_publisher/start").success
+    publisher.says("preparing")
+    assert not until(lambda: "approaching" in publisher.text, 6.0), "not at half speed"
     scaling.publish(Float64(data=100.0))
+    publisher.says("playing")
     scaling.publish(Float64(data=0.5))
-    assert publisher.wait() == 3, publisher.text
-    assert "the robot's speed scaling is 0.5" in publisher.text
+    publisher.says("the robot's speed scaling is 0.5")
+    assert publisher.end()[0] == 0, publisher.text
     assert robot.end()[0] == 0
 
 

@@ -10,6 +10,7 @@ import pytest
 from robot_ident.errors import InputError
 from robot_ident.excitation.excitation import Excitation
 from robot_ident.excitation.fourier import FourierSeries
+from robot_ident.excitation.validation import validation_motion
 from robot_ident.playing.plan import load_plan
 
 
@@ -27,3 +28,12 @@ def test_rehearsals_go_from_slow_to_fast(arm: Any, played: Path) -> None:
     assert load_plan(played, arm.robot, periods=2, rehearsals=[0.0]).rehearsals == ()
     with pytest.raises(InputError, match=r"rehearsal = \[0.3, 0.1\]: slow ones come first.*\[0.1, 0.3\]"):
         load_plan(played, arm.robot, periods=2, rehearsals=[0.3, 0.1])
+
+
+def test_a_motion_that_ends_elsewhere_has_no_rehearsal(arm: Any, tmp_path: Path) -> None:
+    """Played twice in a row it would leap from its end to its start."""
+    path = tmp_path / "validation.yaml"
+    validation_motion(arm.robot, 3, points=5).write(path)
+    with pytest.raises(InputError, match=r"validation.yaml ends .* from its start at joint_.*can't be played twice"):
+        load_plan(path, arm.robot, periods=1, rehearsals=[0.5])
+    assert load_plan(path, arm.robot, periods=1, rehearsals=[0.0], speed=0.5).rehearsals == ()

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Callable
 from dataclasses import dataclass
 
 import numpy as np
@@ -233,7 +234,7 @@ def test_what_was_planned_before_a_stall_is_planned_anew() -> None:
     assert robot.player.phase is Phase.PREPARING and robot.player.unplanned
     assert robot.commands[-20:] == [None] * 20
     robot.silent, robot.q = False, 0.2
-    robot.run(10)
+    robot.run(20)
     robot.player.prepare()
     robot.run(450)
     assert robot.player.completed == 1 and not robot.player.fault
@@ -290,3 +291,122 @@ def test_slowed_keeps_the_path() -> None:
     np.testing.assert_array_equal(motion.q, original.reference(t * 0.25).q)
     np.testing.assert_allclose(np.gradient(motion.q[:, 0], t)[1:-1], motion.dq[1:-1, 0], atol=1e-4)
     np.testing.assert_allclose(np.gradient(motion.dq[:, 0], t)[1:-1], motion.ddq[1:-1, 0], atol=1e-3)
+
+
+@pytest.mark.parametrize("how", ["silent", "moved"])
+def test_a_robot_that_goes_elsewhere_while_its_approach_is_planned(how: str) -> None:
+    """Nothing is commanded from a place that the robot has left; the approach is planned anew from where it is."""
+    robot = started()
+    robot.silent, robot.q = how == "silent", 0.3
+    robot.k += 30
+    robot.run(1)
+    assert robot.player.phase is Phase.PREPARING and robot.player.unplanned and robot.commands[-1] is None
+    robot.silent = False
+    robot.run(25)
+    robot.player.prepare()
+    robot.run(450)
+    assert robot.player.completed == 1 and not robot.player.fault
+    robot.smooth()
+
+
+def test_nothing_is_planned_for_a_robot_that_nothing_is_known_of() -> None:
+    p = player()
+    assert p.start() == ""
+    p.prepare()
+    assert p.unplanned
+
+
+@pytest.mark.parametrize("how", ["silent", "moved"])
+def test_a_hold_ends_as_well_while_a_further_start_waits(how: str) -> None:
+    robot = started()
+    robot.run(450)
+    assert robot.player.start() == "" and robot.player.phase is Phase.PREPARING
+    robot.silent, robot.frozen = how == "silent", True
+    robot.q += 0.0 if how == "silent" else 0.2
+    robot.run(40)
+    assert robot.player.phase is Phase.HALTED and robot.player.fault
+    assert ("no new joint_states" if how == "silent" else "from where it was sent") in robot.player.reason
+    assert robot.commands[-5:] == [None] * 5
+
+
+def with_rehearsals(judge: Callable[[int], str], lead: float = 0.0) -> Player:
+    """Two rehearsals, there and back, before the motion."""
+    watch = Watch(("a",), Bounds(0.2, np.array([0.1]), np.array([50.0])))
+    there, back = Quintic(0.5, 0.0, 1.0), Quintic(0.0, 0.5, 1.0)
+    return Player(
+        Quintic(0.5, -0.5, 2.0),
+        lambda q: Quintic(float(q[0]), 0.5, 1.0),
+        plan_stop,
+        watch,
+        rehearsals=(there, back),
+        judge=judge,
+        lead=lead,
+    )
+
+
+def test_a_rehearsal_is_judged_whatever_ticks_are_left_out() -> None:
+    asked: list[int] = []
+    robot = Robot(with_rehearsals(lambda number: asked.append(number) or ""))
+    robot.run(30)
+    robot.player.start()
+    robot.player.prepare()
+    robot.run(238)  # 0.2 s of rest, 1 s of approach, 0.2 s, 1 s there
+    assert robot.player.number == 0 and asked == []
+    robot.k += 23  # over all of the rest
+    robot.run(1)
+    assert asked == [0] and robot.player.number == 1
+    robot.run(150)
+    assert asked == [0, 1]
+
+
+def test_a_rehearsal_is_judged_by_what_it_did_itself() -> None:
+    worst: list[float] = []
+    robot = Robot(with_rehearsals(lambda number: worst.append(float(p.watch.worst_tracking[0])) or ""))
+    p = robot.player
+    robot.run(30)
+    p.start()
+    p.prepare()
+    robot.run(60)
+    robot.frozen = True  # it stands for a moment in the approach
+    robot.run(20)
+    robot.frozen = False
+    off = float(p.watch.worst_tracking[0])
+    robot.run(300)
+    assert off > 0.01 and len(worst) == 2 and max(worst) < 0.2 * off
+
+
+def test_motions_that_do_not_join_are_refused() -> None:
+    watch = Watch(("a",), Bounds(0.2, np.array([0.1]), np.array([50.0])))
+    with pytest.raises(ValueError, match="motion 0 ends elsewhere than motion 1 begins"):
+        Player(
+            Quintic(0.5, -0.5, 2.0),
+            lambda q: Quintic(0.0, 0.5, 1.0),
+            plan_stop,
+            watch,
+            rehearsals=[Quintic(0.5, 0.4, 1.0)],
+        )
+
+
+def test_a_command_far_from_the_last_one_is_not_sent() -> None:
+    """Where ticks are left out at speed, a robot would leap by what it should have gone meanwhile."""
+    watch = Watch(("a",), Bounds(0.2, np.array([0.1]), np.array([50.0])))
+    p = Player(
+        Quintic(0.5, -0.5, 1.0),
+        lambda q: Quintic(float(q[0]), 0.5, 1.0),
+        plan_stop,
+        watch,
+        longest_step=np.array([0.05]),
+    )
+    robot = Robot(p)
+    robot.run(30)
+    p.start()
+    p.prepare()
+    robot.run(190)
+    assert p.phase is Phase.PLAYING
+    robot.k += 4
+    robot.run(1)
+    assert p.phase is Phase.PLAYING, "a bound on tracking of 0.1 rad allows for that"
+    robot.k += 9
+    robot.run(1)
+    assert p.phase is Phase.HALTED and p.fault and robot.commands[-1] is None
+    assert "a would leap by 0.1" in p.reason and p.reason.endswith("this process was held up")

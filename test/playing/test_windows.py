@@ -8,7 +8,7 @@ import pytest
 from robot_ident.motion import Array, Motion
 from robot_ident.playing.player import Phase, Player
 from robot_ident.playing.watch import Bounds, Watch
-from robot_ident.playing.windows import WindowSchedule
+from robot_ident.playing.windows import Window, WindowSchedule
 from robot_ident.simulation.trajectory_follower import TrajectoryFollower
 from test.playing.test_player import DT, Quintic, plan_stop
 
@@ -36,7 +36,10 @@ class Controlled:
     def __init__(self, p: Player, latency: float = 0.04, late: float = 0.0) -> None:
         self.player, self.k, self.latency = p, 0, latency
         self.follower = TrajectoryFollower(1)
-        self.schedule = WindowSchedule(plan_stop, lambda: round(1e9 * late), lead=LEAD, every=0.05, ahead=0.4)
+        self.late, self.silent = late, False
+        self.schedule = WindowSchedule(
+            plan_stop, lambda: round(1e9 * self.late), lead=LEAD, every=0.05, ahead=0.4, latest=0.2
+        )
         self.motions: list[Motion] = []
         self.deaf = False
         self._coming: list[tuple[float, Array, Motion]] = []
@@ -45,7 +48,8 @@ class Controlled:
         for _ in range(round(seconds / DT)):
             t = self.k * DT
             state = self.follower.at(np.array([t]))
-            self.player.watch.update(("a",), state.q[0], [1.0], (self.k + 1) * 10_000_000, t)
+            if not self.silent:
+                self.player.watch.update(("a",), state.q[0], [1.0], (self.k + 1) * 10_000_000, t)
             self.player.tick(t, t)
             window = self.schedule.due(self.player, t, 0)
             if window is not None and not self.deaf:
@@ -131,3 +135,51 @@ def test_a_rehearsal_that_is_not_good_enough_ends_the_play() -> None:
     assert p.phase is Phase.HOLDING and p.fault and p.reason == "rehearsal 0 was rough" and p.completed == 0
     assert robot.motions[-1].q[-1, 0] == pytest.approx(0.5, abs=1e-5)
     robot.smooth()
+
+
+@pytest.mark.parametrize("deaf", [False, True])
+def test_a_robot_of_which_nothing_is_heard_stops_by_itself(deaf: bool) -> None:
+    """It may hear nothing either, and then a stop of which it heard late would be another than its own."""
+    p = player()
+    robot = started(p)
+    robot.run(3.4)
+    robot.silent, robot.deaf = True, deaf
+    robot.run(1.0)
+    assert p.phase is Phase.HALTED and p.fault
+    assert p.reason.startswith("no new joint_states for 0.2") and p.reason.endswith("the controller stops by itself")
+    robot.silent = robot.deaf = False
+    robot.run(1.0)
+    assert not robot.motions[-1].dq.any()
+    robot.smooth()
+
+
+@pytest.mark.parametrize("late", [0.3, -5.0])
+def test_what_goes_on_is_not_sent_too_late_nor_by_a_clock_that_was_set(late: float) -> None:
+    p = player()
+    robot = started(p)
+    robot.run(3.4)
+    robot.late = late
+    robot.run(1.5)
+    assert p.phase is Phase.HALTED
+    assert p.reason == f"commands came {late:+.3f} s late: the controller stops by itself"
+    assert not robot.motions[-1].dq.any()
+    robot.smooth()
+
+
+def test_a_hold_needs_no_window() -> None:
+    """The last one of a motion has ended at rest; one after it could reach a controller that has rested elsewhere."""
+    p = player()
+    robot = started(p)
+    sent: list[Phase] = []
+    due = robot.schedule.due
+
+    def noted(player: Player, t: float, stamp: int) -> Window | None:
+        window = due(player, t, stamp)
+        if window is not None:
+            sent.append(player.phase)
+        return window
+
+    robot.schedule.due = noted  # type: ignore[method-assign]
+    robot.run(6.0)
+    assert p.phase is Phase.HOLDING and set(sent) == {Phase.APPROACH, Phase.PLAYING}
+    assert robot.follower.at(np.array([10.0])).q[0, 0] == pytest.approx(-0.5)
