@@ -15,13 +15,13 @@ BLOCK = 0.5  # s: residuals further apart are taken as independent
 _Z = 2.0  # standard errors of the mean difference of block losses below which two candidates are tied
 _SHARE = 0.02  # of the best gain: a smaller lead is no lead
 _RIVAL = 0.4  # of the best held-out gain that a rival must reach to be looked at
-_CHANCE = 0.05  # probability that further parameters gain so much where there is nothing for them
+_CHANCE = 0.001  # probability that further parameters gain so much where there is nothing for them: many effects try
 
 
 def tied(best: Score, scores: Sequence[Score], evidence: Evidence, folds: Folds) -> list[Score]:
     """Return the rivals whose held-out loss does not differ significantly from that of one score, best first; and those
-    with fewer parameters that fit all of the data as well, but for what so many more gain by chance (chi-square): of
-    these, extrapolation alone thinks less.
+    with fewer parameters that fit all of the data as well, but for what so many more gain by chance (99.9 % of
+    chi-square): of these, extrapolation alone thinks less.
     """
     from scipy.special import chdtri
 
