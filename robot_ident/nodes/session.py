@@ -53,16 +53,15 @@ class Session:
         self.watch = Watch(
             self._joints, self._bounds(), convert=self._load.of, units=self._load.units, elsewhere=tuple(sources)
         )
-        self._efforts = EffortTopics(node, plan.robot, sources, self._on_effort, _DEPTH)
+        self._clock = SetClock(node.now_ns)
+        self._scaling = SpeedScaling(node.value("speed_scaling_topic"))
         self.output = self._make_output()
+        self._efforts = EffortTopics(node, plan.robot, sources, self._on_effort, _DEPTH)
         self._subscriptions = self._subscribe()
         self._preparing: threading.Thread | None = None
         self._origin_ns: int | None = None
         self._simulated: bool = node.get_parameter("use_sim_time").value
         self._ticked = time.monotonic()
-        self._clock = SetClock(node.now_ns)
-        self._scaling = SpeedScaling(node.value("speed_scaling_topic"))
-        self._check_rate()
         self.player, self.ticker = self._make_player()
 
     def _subscribe(self) -> list[Subscription]:
@@ -85,8 +84,12 @@ class Session:
         return stop_from(motion, self.plan.robot, self._for_stops)
 
     def _make_output(self) -> Output:
-        """Return the way to the robot that was asked for."""
+        """Return the way to the robot that was asked for; InputError where commands would come too rarely for it."""
         node, name, controller = self._node, self._node.value("output"), self._node.value("controller")
+        kinds: dict[str, type[Output]] = {"joint_state": SampleOutput, "joint_trajectory": TrajectoryOutput}
+        every = kinds.get(name, ActionOutput).every
+        if self._rate * every < 1.0:
+            raise InputError(f"parameter rate = {self._rate:g}: output {name} needs {1.0 / every:g} Hz or more")
         if name == "joint_state":
             return SampleOutput(node, self._joints, node.value("depth"))
         if not controller:
@@ -98,14 +101,6 @@ class Session:
     @property
     def _rate(self) -> float:
         return float(self._node.value("rate")) or self.plan.rate
-
-    def _check_rate(self) -> None:
-        """Raise InputError where commands would come too rarely."""
-        if self._rate * self.output.every < 1.0:
-            raise InputError(
-                f"parameter rate = {self._rate:g}: output {self._node.value('output')} needs"
-                f" {1.0 / self.output.every:g} Hz or more"
-            )
 
     def _make_player(self) -> tuple[Player, Ticker]:
         plan, lead = self.plan, self.output.lead

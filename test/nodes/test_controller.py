@@ -136,3 +136,10 @@ def test_a_trajectory_output_needs_the_name(start: Callable[..., Any], trajector
     publisher = start("trajectory_publisher", trajectory=trajectory, output="joint_trajectory")
     assert publisher.wait() == 2
     assert "output joint_trajectory needs the name of the controller" in publisher.text
+
+
+def test_commands_that_come_too_rarely_are_refused(start: Callable[..., Any], trajectory: Path) -> None:
+    """At two a second each would be a step of half a radian, with a robot that follows at once."""
+    publisher = start("trajectory_publisher", trajectory=trajectory, rate=2.0)
+    assert publisher.wait() == 2
+    assert "parameter rate = 2: output joint_state needs 20 Hz or more" in publisher.text
