@@ -47,6 +47,8 @@ class Session:
         self._joints = plan.robot.joints
         # one for each thread that plans, and neither is left anything to make
         self._for_approach, self._for_stops = (Certifier(plan.robot).prepare() for _ in range(2))
+        self._simulated: bool = node.get_parameter("use_sim_time").value
+        self.output = self._make_output()
         self._load = EffortLoad(plan.robot)
         sources = sources_of(plan.robot, node)
         self._beside = {joint: one.field for joint, one in sources.items() if one.topic is None}
@@ -55,12 +57,10 @@ class Session:
         )
         self._clock = SetClock(node.now_ns)
         self._scaling = SpeedScaling(node.value("speed_scaling_topic"))
-        self.output = self._make_output()
         self._efforts = EffortTopics(node, plan.robot, sources, self._on_effort, _DEPTH)
         self._subscriptions = self._subscribe()
         self._preparing: threading.Thread | None = None
         self._origin_ns: int | None = None
-        self._simulated: bool = node.get_parameter("use_sim_time").value
         self._ticked = time.monotonic()
         self.player, self.ticker = self._make_player()
 
@@ -169,7 +169,12 @@ class Session:
         node, robot = self._node, self.plan.robot
         share = node.value("effort_limit") or np.inf
         tracking = np.array(node.per_joint("tracking_error", robot.joints))
-        return Bounds(node.value("state_timeout"), tracking, share * self._load.bounds)
+        timeout = node.value("state_timeout")
+        return Bounds(
+            timeout if self._simulated else min(timeout, self.output.longest_silence),
+            tracking,
+            share * self._load.bounds,
+        )
 
     # --- the robot
 
@@ -180,8 +185,8 @@ class Session:
         timeout, longest = self._node.value("state_timeout"), self.output.longest_silence
         if timeout > longest and not self._simulated:
             lines.append(
-                f"state_timeout {timeout:g} s: after {longest:g} s without hearing anything the controller has begun to"
-                " stop by itself, and what then reaches it leads it back in a leap"
+                f"state_timeout {timeout:g} s counts as {longest:g} s: after that the controller begins to stop by"
+                " itself, and what reached it later would lead it back in a leap"
             )
         if not self._node.value("effort_limit"):
             return (*lines, "efforts are not watched (effort_limit 0), and rehearsals judge tracking alone")
