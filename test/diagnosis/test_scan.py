@@ -73,9 +73,9 @@ def test_a_plainer_effect_that_fits_all_data_as_well_ties(bench: Any, monkeypatc
     assert "torque_offset@joint_2" in rivals
     for name in rivals:
         further = stop.effect.size - by_label[name].effect.size
-        assert further > 0 and by_label[name].gain >= stop.gain - chi2.ppf(0.95, further)
-    luckier = replace(stop, gain=offset.gain + 5.9)  # two parameters more gain 5.99 of noise, once in twenty times
-    certain = replace(stop, gain=offset.gain + 6.1)
+        assert further > 0 and by_label[name].gain >= stop.gain - chi2.ppf(0.999, further)
+    luckier = replace(stop, gain=offset.gain + 13.7)  # two parameters more gain 13.8 of noise, once in 1000 times
+    certain = replace(stop, gain=offset.gain + 13.9)
     for best, as_well in ((luckier, True), (certain, False)):
         monkeypatch.setattr(ties, "block_losses", lambda score, *rest, b=best: lost(stop if score is b else score))
         rivals = [rival.label for rival in ties.tied(best, [best, offset], stage.evidence, stage.folds)]
