@@ -161,11 +161,11 @@ def stamp(message: Any) -> int:
 
 
 def settled(value: Callable[[], int]) -> int:
-    """Wait until a value stays the same for half a second; return it."""
+    """Wait until a value stays the same for two seconds, beside whatever else runs; return it."""
     deadline = time.monotonic() + LOADED
     while time.monotonic() < deadline:
         before = value()
-        time.sleep(0.5)
+        time.sleep(2.0)
         if value() == before:
             return before
     raise AssertionError("it never came to rest")
@@ -184,6 +184,12 @@ def not_recorded(scene: Scene) -> int:
     there = {header_stamp(message.data) for message in read_messages(scene.folder / "bag", [COMMANDS])}
     heard = scene.heard[COMMANDS]
     return sum(one not in there for one in heard[heard.index(min(there)) :])
+
+
+def records_again(scene: Scene, since_ns: int) -> bool:
+    """Return whether commands later than an instant reach the bag: DDS needs seconds to tell what is lost for good."""
+    time.sleep(0.5)
+    return any(header_stamp(message.data) > since_ns for message in read_messages(scene.folder / "bag", [COMMANDS]))
 
 
 def missing_states(bag: Path, robot: Any) -> int:

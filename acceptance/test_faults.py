@@ -27,6 +27,7 @@ from scene import (
     missing_states,
     not_recorded,
     outcome,
+    records_again,
     settled,
     stamp,
     told_after,
@@ -272,7 +273,10 @@ def test_a_node_that_stands_still(name: str, says: str, must: str, scene: Scene,
     assert wait_until(lambda: scene.now_ns > fault_ns + PAUSE * 1e9, LOADED)
     victim.send(signal.SIGCONT)
     if not says:
+        since_ns = scene.now_ns
         scene.moves(600)
+        if name == "recorder":
+            assert wait_until(lambda: records_again(scene, since_ns), LOADED), "it hears commands again"
         assert "stopping" not in publisher.text and victim.popen.poll() is None
         publisher.end()
         found = closed(scene, recorder, fault_ns, math.nan)
