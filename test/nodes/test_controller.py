@@ -5,6 +5,7 @@ from __future__ import annotations
 import signal
 from collections import deque
 from collections.abc import Callable
+from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
 
@@ -108,28 +109,60 @@ def test_speed_scaling_stops(
     assert robot.end()[0] == 0
 
 
-def test_hardware_needs_a_controller_that_holds(
-    start: Callable[..., Any], trajectory: Path, client: Any, until: Callable[..., Any]
-) -> None:
-    """A robot that can't be reset is not a simulation of ours."""
-    from sensor_msgs.msg import JointState
+@dataclass
+class Arm:
+    """An arm that stands still and can't be reset, so that it is no simulation of ours; its stamps are `ahead` [ns]."""
 
-    states = client.create_publisher(JointState, "joint_states", 10)
-    client.create_subscription(JointState, "joint_command", lambda message: None, 10)
-    joints = load_robot().joints
+    client: Any
+    ahead: int = 0
 
-    def tell() -> None:
-        message = JointState(name=list(joints), position=[0.0] * 3)
-        message.header.stamp = client.get_clock().now().to_msg()
-        states.publish(message)
+    def __post_init__(self) -> None:
+        from sensor_msgs.msg import JointState
 
-    client.create_timer(0.01, tell)
+        self.states = self.client.create_publisher(JointState, "joint_states", 10)
+        self.client.create_subscription(JointState, "joint_command", lambda message: None, 10)
+        self.client.create_timer(0.01, self.tell)
+
+    def tell(self) -> None:
+        from rclpy.time import Time
+        from sensor_msgs.msg import JointState
+
+        message = JointState(name=list(load_robot().joints), position=[0.0] * 3)
+        message.header.stamp = Time(nanoseconds=self.client.get_clock().now().nanoseconds + self.ahead).to_msg()
+        self.states.publish(message)
+
+
+def test_hardware_needs_a_controller_that_holds(start: Callable[..., Any], trajectory: Path, client: Any) -> None:
+    Arm(client)
     ways = {"trajectory": trajectory, "autostart": True, "exit_when_done": True, "state_wait": 12.0, **PATIENT}
     publisher = start("trajectory_publisher", **ways)
     assert publisher.wait() == 2
     assert "on hardware, name the controller that holds the robot by itself" in publisher.text
     named = start("trajectory_publisher", **{**ways, "controller": "arm_controller"})
     named.says("approaching")
+
+
+def test_a_driver_that_was_restarted_with_earlier_stamps_is_heard_again(
+    start: Callable[..., Any], trajectory: Path, client: Any, call: Callable[..., Any], until: Callable[..., Any]
+) -> None:
+    from std_srvs.srv import Trigger
+
+    arm = Arm(client, ahead=10**12)
+    publisher = start(
+        "trajectory_publisher", trajectory=trajectory, controller="arm_controller", autostart=True, **PATIENT
+    )
+    publisher.says("approaching")
+    arm.ahead = 0
+    publisher.says("halted: ")
+    assert call(Trigger, "/trajectory_publisher/start").success
+    assert until(lambda: publisher.text.count("approaching") == 2), publisher.text
+
+
+def test_a_controllers_silence_counts_no_longer_than_its_trajectories_reach(
+    start: Callable[..., Any], trajectory: Path
+) -> None:
+    ways = {"output": "joint_trajectory", "controller": "arm_controller", "state_timeout": 4.0}
+    start("trajectory_publisher", trajectory=trajectory, **ways).says("state_timeout 4 s counts as 0.3 s")
 
 
 def test_a_trajectory_output_needs_the_name(start: Callable[..., Any], trajectory: Path) -> None:

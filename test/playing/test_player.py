@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable
 from dataclasses import dataclass
 
 import numpy as np
@@ -139,9 +138,10 @@ def test_stop_at_any_time_is_smooth(after: int) -> None:
     robot.run(after)
     robot.player.stop("stopped by hand")
     robot.run(1)
-    assert robot.player.phase is Phase.STOPPING
+    assert robot.player.phase is Phase.STOPPING and robot.player.stop_duration == 0.5
     robot.run(100)
     assert robot.player.phase is Phase.HOLDING and robot.player.reason == "stopped by hand"
+    assert robot.player.stop_duration == 0.0
     assert not robot.player.fault and robot.player.completed == 0
     robot.smooth()
 
@@ -159,12 +159,14 @@ def test_a_silent_robot_is_stopped_smoothly() -> None:
     robot.smooth()
 
 
+@pytest.mark.parametrize("asked", [False, True])
 @pytest.mark.parametrize("how", ["silent", "moved"])
-def test_a_hold_ends_when_the_robot_is_not_seen_there(how: str) -> None:
-    """An arm that was off or moved by hand meanwhile would leap to the held position."""
+def test_a_hold_ends_when_the_robot_is_not_seen_there(how: str, asked: bool) -> None:
+    """An arm that was off or moved by hand would leap to the held position, a further start waiting or not."""
     robot = started()
     robot.run(450)
     assert robot.player.phase is Phase.HOLDING and not robot.player.fault
+    assert not asked or robot.player.start() == ""
     robot.silent, robot.frozen = how == "silent", True
     robot.q += 0.0 if how == "silent" else 0.2
     robot.run(40)
@@ -314,77 +316,6 @@ def test_nothing_is_planned_for_a_robot_that_nothing_is_known_of() -> None:
     assert p.start() == ""
     p.prepare()
     assert p.unplanned
-
-
-@pytest.mark.parametrize("how", ["silent", "moved"])
-def test_a_hold_ends_as_well_while_a_further_start_waits(how: str) -> None:
-    robot = started()
-    robot.run(450)
-    assert robot.player.start() == "" and robot.player.phase is Phase.PREPARING
-    robot.silent, robot.frozen = how == "silent", True
-    robot.q += 0.0 if how == "silent" else 0.2
-    robot.run(40)
-    assert robot.player.phase is Phase.HALTED and robot.player.fault
-    assert ("no new joint_states" if how == "silent" else "from where it was sent") in robot.player.reason
-    assert robot.commands[-5:] == [None] * 5
-
-
-def with_rehearsals(judge: Callable[[int], str], lead: float = 0.0) -> Player:
-    """Two rehearsals, there and back, before the motion."""
-    watch = Watch(("a",), Bounds(0.2, np.array([0.1]), np.array([50.0])))
-    there, back = Quintic(0.5, 0.0, 1.0), Quintic(0.0, 0.5, 1.0)
-    return Player(
-        Quintic(0.5, -0.5, 2.0),
-        lambda q: Quintic(float(q[0]), 0.5, 1.0),
-        plan_stop,
-        watch,
-        rehearsals=(there, back),
-        judge=judge,
-        lead=lead,
-    )
-
-
-def test_a_rehearsal_is_judged_whatever_ticks_are_left_out() -> None:
-    asked: list[int] = []
-    robot = Robot(with_rehearsals(lambda number: asked.append(number) or ""))
-    robot.run(30)
-    robot.player.start()
-    robot.player.prepare()
-    robot.run(238)  # 0.2 s of rest, 1 s of approach, 0.2 s, 1 s there
-    assert robot.player.number == 0 and asked == []
-    robot.k += 23  # over all of the rest
-    robot.run(1)
-    assert asked == [0] and robot.player.number == 1
-    robot.run(150)
-    assert asked == [0, 1]
-
-
-def test_a_rehearsal_is_judged_by_what_it_did_itself() -> None:
-    worst: list[float] = []
-    robot = Robot(with_rehearsals(lambda number: worst.append(float(p.watch.worst_tracking[0])) or ""))
-    p = robot.player
-    robot.run(30)
-    p.start()
-    p.prepare()
-    robot.run(60)
-    robot.frozen = True  # it stands for a moment in the approach
-    robot.run(20)
-    robot.frozen = False
-    off = float(p.watch.worst_tracking[0])
-    robot.run(300)
-    assert off > 0.01 and len(worst) == 2 and max(worst) < 0.2 * off
-
-
-def test_motions_that_do_not_join_are_refused() -> None:
-    watch = Watch(("a",), Bounds(0.2, np.array([0.1]), np.array([50.0])))
-    with pytest.raises(ValueError, match="motion 0 ends elsewhere than motion 1 begins"):
-        Player(
-            Quintic(0.5, -0.5, 2.0),
-            lambda q: Quintic(0.0, 0.5, 1.0),
-            plan_stop,
-            watch,
-            rehearsals=[Quintic(0.5, 0.4, 1.0)],
-        )
 
 
 def test_a_command_far_from_the_last_one_is_not_sent() -> None:
