@@ -39,7 +39,7 @@ def about(measured: Measurement, validation: bool) -> dict[str, Any]:
 
 
 def comparison(found: Comparison, model: Model, validation: Sequence[Measurement]) -> dict[str, Any]:
-    """Return a comparison as `compare --json` prints it, with its regions in words, and with a note on every recording
+    """Return a comparison as `compare --json` prints it, with its regions in words, and with a line on every recording
     kept aside on which the model is worse than none.
     """
     joints = []
@@ -49,7 +49,8 @@ def comparison(found: Comparison, model: Model, validation: Sequence[Measurement
     robot = model.robot
     return {
         "joints": joints,
-        "notes": [*found.notes, *unusable_on(model, validation)],
+        "notes": list(found.notes),
+        "unusable": list(unusable_on(model, validation)),
         "units": [robot.torque_unit(k) for k in range(robot.n)],
         "prismatic": [bool(one) for one in robot.prismatic],
         "effects": list(model.structure.labels),

@@ -50,6 +50,11 @@ class View:
         """What `compare` says of it."""
         return self._read("comparison.json")
 
+    @property
+    def unusable(self) -> list[str]:
+        """On which recordings kept aside it is worse than none; steps of earlier versions don't say it."""
+        return list(self.comparison.get("unusable", []))
+
     @cached_property
     def errors(self) -> dict[str, Any]:
         """Mean square errors on training and validation, and the noise of both."""

@@ -60,6 +60,12 @@ def _compared(view: View) -> Next:
             " pictures show where. Next: let every known effect try to predict what it was not fitted to."
         )
         return Next("see", words, *ask)
+    if not view.failing and view.unusable:
+        words = (
+            f"{done}On the recordings that it was fitted to the model leaves noise, but on one kept aside it is"
+            " worse than none: “Where it fails” says at which joints, and what to do."
+        )
+        return Next("see", words, *ask)
     if not view.failing:
         words = f"{done}The model fits: what is left over is noise at every joint. Next: save it."
         return Next("watch", words, *_SAVE)

@@ -16,10 +16,12 @@ from robot_ident.cli.main import main
 from robot_ident.errors import InputError
 from robot_ident.workbench.commands import script
 from robot_ident.workbench.desk import Desk
+from robot_ident.workbench.jobs import Job
 from robot_ident.workbench.panels.where import where
 from robot_ident.workbench.paths import Allowed
 from robot_ident.workbench.session import Choice, Session, begin
 from robot_ident.workbench.view import View
+from robot_ident.workbench.words import next_step
 from robot_ident.workbench.work import run
 
 
@@ -68,14 +70,19 @@ def test_a_preview_is_drawn_as_it_is_told(bench: Any) -> None:
         assert np.mean(rest**2) == pytest.approx(view.previews[label]["after"][name], rel=1e-4)
 
 
-def test_a_model_that_is_worse_than_none_says_so_beside_its_misfit(recordings: Path, tmp_path: Path) -> None:
+def test_a_model_that_is_worse_than_none_says_so_beside_its_misfit(
+    recordings: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
     folder = tmp_path / "bags"
     shutil.copytree(recordings / "run_1", folder / "run_1")
     unseen = read_recording(recordings / "run_2")
     write_recording(folder / "backwards.npz", replace(unseen, tau=unseen.tau * [1.0, -1.0, 1.0]))
     session = Desk(tmp_path / "sessions", Allowed(folder)).open(["run_1"], ["backwards.npz"])
     run(session, None, {"task": "open"}, lambda share, words: None)
-    notes = [element.children for element in where(View(session, 0), 1) if getattr(element, "className", "") == "note"]
+    view = View(session, 0)
+    monkeypatch.setattr(View, "failing", [])
+    assert "worse than none" in next_step(view, Job(), []).words, "also where it leaves noise on what it was fitted to"
+    notes = [element.children for element in where(view, 1) if getattr(element, "className", "") == "note"]
     (told,) = (note for note in notes if note.startswith("on backwards.npz the model errs by more than the torque"))
     assert "at joint_2, which takes" in told and "joint_1" not in told
 

@@ -18,7 +18,7 @@ _LEAST = 0.005  # less is printed as 0 %
 def where(view: View, joint: int) -> list[Any]:
     """Return the regions that hold most of the excess, and the variables that explain it."""
     found = view.comparison["joints"][joint]
-    notes: list[Any] = [html.P(note, className="note") for note in view.comparison["notes"]]
+    notes: list[Any] = [html.P(note, className="note") for note in (*view.comparison["notes"], *view.unusable)]
     if not found["worst"] and not found["explained_by"]:
         return [
             *notes,
