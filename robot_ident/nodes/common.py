@@ -197,26 +197,32 @@ class Signals:
     """SIGINT and SIGTERM: they interrupt the start of a node, ask it to end while it runs, and do nothing at its end.
 
     The handlers are Python's own rather than rclpy's, which shut the context down at once: nothing could be published
-    any more, not even a smooth stop. They also work where SIGINT was inherited as ignored.
+    any more, not even a smooth stop. They also work where SIGINT was inherited as ignored. While a node runs they only
+    note the signal: it may come in the middle of a callback, under a lock that its answer would wait for.
     """
 
     def __init__(self) -> None:
         """Nothing is caught before the block is entered."""
-        self.answer: Callable[[str], None] | None = None
+        self.noting = False
         self.closing = False
-        self._former: dict[int, Any] = {}
+        self._noted = ""
 
     def _handle(self, number: int, frame: FrameType | None) -> None:
         if self.closing:
             return
-        if self.answer is None:
+        if not self.noting:
             raise KeyboardInterrupt
-        self.answer(signal.Signals(number).name)
+        self._noted = signal.Signals(number).name
+
+    def take(self) -> str:
+        """Return the name of a signal that has come since this was asked last, or an empty text."""
+        noted, self._noted = self._noted, ""
+        return noted
 
     def __enter__(self) -> Signals:
         """Install the handlers."""
         for number in (signal.SIGINT, signal.SIGTERM):
-            self._former[number] = signal.signal(number, self._handle)
+            signal.signal(number, self._handle)
         return self
 
     def __exit__(
@@ -275,11 +281,13 @@ def _live(make: type[BaseNode], argv: list[str], signals: Signals) -> None:
     executor = SingleThreadedExecutor()
     try:
         node = make()
-        signals.answer = node.request_end
+        signals.noting = True
         _be_prompt()
         executor.add_node(node)
         while rclpy.ok() and not node.ended:
             executor.spin_once(timeout_sec=_WAKE)
+            if reason := signals.take():
+                node.request_end(reason)
         node.raise_failure()
     except ExternalShutdownException:
         return  # somebody else ended the context: an end like any other

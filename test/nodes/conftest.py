@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import itertools
 import os
+import sys
 import threading
 from collections.abc import Callable, Iterator
 from pathlib import Path
@@ -28,7 +29,10 @@ def domain(monkeypatch: pytest.MonkeyPatch, tmp_path: Path) -> int:
 
 @pytest.fixture
 def start(domain: int, tmp_path: Path, package: Path) -> Iterator[Callable[..., Process]]:
-    """Return a function that starts a node with parameters; what still runs at the end is killed."""
+    """Return a function that starts a node with parameters; what still runs at the end is killed.
+
+    What all of them have said stands beside a test that fails.
+    """
     running: list[Process] = []
 
     def begin(node: str, *arguments: str, **values: object) -> Process:
@@ -43,9 +47,12 @@ def start(domain: int, tmp_path: Path, package: Path) -> Iterator[Callable[..., 
 
     yield begin
     for process in running:
-        if process.popen.poll() is None:
+        ended = process.popen.poll()
+        if ended is None:
             process.popen.kill()
             process.popen.wait()
+        how = "still ran" if ended is None else f"exit code {ended}"
+        sys.stdout.write(f"--- {process.node} ({how})\n{process.text}\n")
 
 
 @pytest.fixture(scope="session")

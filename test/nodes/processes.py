@@ -57,6 +57,20 @@ class Process:
         """Send it a signal."""
         self.popen.send_signal(number)
 
+    def freeze(self, count: Callable[[], int]) -> None:
+        """Stop it (SIGSTOP) in a moment after which others go on: what they send is counted.
+
+        Stopped under a lock of the shared memory of Fast DDS, it holds up for a second whoever sends on this machine.
+        """
+        for _ in range(20):
+            self.send(signal.SIGSTOP)
+            time.sleep(0.1)
+            if grows(count, 5, 0.3):
+                return
+            self.send(signal.SIGCONT)
+            time.sleep(0.2)
+        raise AssertionError("the others never went on while it stood still")
+
     def end(self, number: int = signal.SIGINT) -> tuple[int, float]:
         """Send it a signal; return exit code and the time that it took to end [s]."""
         self.send(number)
@@ -75,6 +89,12 @@ def wait_until(condition: Callable[[], Any], timeout: float = LONG) -> Any:
     while not (value := condition()) and time.monotonic() < deadline:
         time.sleep(0.02)
     return value
+
+
+def grows(count: Callable[[], int], by: int, timeout: float) -> bool:
+    """Return whether a count grows by more than so many in time."""
+    before = count()
+    return bool(wait_until(lambda: count() > before + by, timeout))
 
 
 def parameters(**values: object) -> list[str]:

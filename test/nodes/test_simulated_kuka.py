@@ -39,7 +39,7 @@ def test_a_robot_that_stood_still_is_not_late_ever_after(
     publisher.says("playing")
     before = len(commands)
     assert until(lambda: len(commands) > before + 300)
-    robot.send(signal.SIGSTOP)
+    robot.freeze(lambda: len(commands))
     stopped = len(commands)
     assert until(lambda: len(commands) > stopped + 420)
     robot.send(signal.SIGCONT)
