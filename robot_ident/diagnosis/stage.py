@@ -112,14 +112,14 @@ def choose(stage: Stage, rattling: Collection[int] = ()) -> Score | None:
     for best in listed:
         if best.held_out <= 0.0:
             return None
-        if not _worthwhile(best, stage, rattling):
+        if not worthwhile(best, stage, rattling):
             continue
         scores = sharpened(best, listed, stage.evidence, stage.folds)
-        leader = next((s for s in scores if _worthwhile(s, stage, rattling)), None)
+        leader = next((s for s in scores if worthwhile(s, stage, rattling)), None)
         if leader is None:  # it seemed so on a point of its grid only
             continue
         rivals = tied(leader, scores, stage.evidence, stage.folds)
-        equals = [leader, *(r for r in rivals if _worthwhile(r, stage, rattling))]
+        equals = [leader, *(r for r in rivals if worthwhile(r, stage, rattling))]
         simplest = min(equals, key=lambda s: (s.effect.size, -s.held_out))
         return refined(simplest, stage.evidence, stage.folds)
     return None
@@ -137,7 +137,7 @@ def _foreseen(stage: Stage) -> list[Score]:
     return sorted((exact.get(s.label, s) for s in stage.scores), key=lambda s: -s.held_out)
 
 
-def _worthwhile(candidate: Score, stage: Stage, rattling: Collection[int]) -> bool:
+def worthwhile(candidate: Score, stage: Stage, rattling: Collection[int]) -> bool:
     """Return whether a candidate gains enough, explains enough of its joints' excess, and removes enough torque."""
     gains, held = candidate.held_out_by_joint, added(stage.evidence.structure)
     joints = [
@@ -147,8 +147,11 @@ def _worthwhile(candidate: Score, stage: Stage, rattling: Collection[int]) -> bo
         and (stage.fits[j].fails or (gains[j] >= GAIN / 2 and not _touched(held, [j])))
         and j in candidate.mainly
     ]
+    mine = candidate.effect.joint
     if candidate.gain < GAIN or not joints:
         return False
+    if mine is not None and stage.fits[mine].fails and gains[mine] < 0.0:
+        return False  # it makes its own joint, which lacks something, only worse
     if not (_explains(candidate, stage, joints) or _told(candidate, stage, joints)):
         return False
     weights = [np.mean([np.mean(t.weight[:, j] ** 2) for t in stage.evidence.trajectories]) for j in joints]

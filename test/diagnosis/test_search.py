@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from dataclasses import replace
 from typing import Any
 
 import numpy as np
@@ -9,7 +10,7 @@ import pytest
 
 from robot_ident.diagnosis.diagnose import diagnose
 from robot_ident.diagnosis.evidence import gather
-from robot_ident.diagnosis.stage import Stage, choose
+from robot_ident.diagnosis.stage import Stage, choose, worthwhile
 from robot_ident.diagnosis.white_lines import whitened
 
 FAINT, FAINTER = "backlash@joint_3:gap=0.00055", "backlash@joint_3:gap=0.0004"
@@ -39,6 +40,16 @@ def test_an_effect_is_not_held_to_what_another_joint_lacks(bench: Any) -> None:
     measured = bench.measure((FAINT, ECCENTRIC), [0, 1], noise=AS_OF_16)
     found = diagnose(measured, bench.structure)
     assert {suspect.label for suspect in found.missing} == {"backlash@joint_3", "encoder_eccentricity@joint_2"}
+
+
+def test_an_effect_has_to_help_its_own_joint_where_that_lacks_something(bench: Any) -> None:
+    """Something else at joint 2 spoils parameters that joint 1 goes by: what leans on that is no eccentric encoder."""
+    stage = Stage.of(whitened(gather(bench.measure((ECCENTRIC,), [0, 1], noise=AS_OF_16), bench.structure)))
+    found = choose(stage)
+    assert found is not None and found.label == "encoder_eccentricity@joint_2" and stage.fits[1].fails
+    elsewhere = np.array([found.held_out_by_joint[1], -1.0, 0.0])
+    assert worthwhile(replace(found, held_out_by_joint=elsewhere + [0.0, 2.0, 0.0]), stage, ())
+    assert not worthwhile(replace(found, held_out_by_joint=elsewhere), stage, ())
 
 
 def test_noise_is_nothing_that_an_effect_has_to_explain(bench: Any) -> None:
