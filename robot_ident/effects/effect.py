@@ -113,9 +113,9 @@ class Sensitivity(Protocol):
     def gravity(self, direction: Array) -> Array:
         """Return the torque [N, n] Nm per m/s^2 of gravity in a direction [3] of the base."""
 
-    def mounted(self, joint: int, direction: Array) -> Array:
-        """Return the change of torque [N, n] Nm per metre by which a joint's origin moves in a direction [3] of the
-        frame before.
+    def mounted(self, joint: int) -> Array:
+        """Return the change of torque [N, n, 3] Nm per metre by which a joint's origin moves along x, y, z of the frame
+        before.
         """
 
 

@@ -38,5 +38,4 @@ class LinkLength(Effect):
         """Return dtau/dx, dtau/dy, dtau/dz, Nm per mm."""
         if torques is None or torques.rigid is None:
             return np.zeros((motion.samples, self.robot.n, 3))
-        axes = [torques.rigid.mounted(self.joint, axis) for axis in np.eye(3)]
-        return 1e-3 * np.stack(axes, axis=2)
+        return 1e-3 * torques.rigid.mounted(self.joint)

@@ -12,7 +12,6 @@ from robot_ident.model.base_parameters import BaseParameters
 from robot_ident.motion import Array, Motion
 from robot_ident.robot.robot import Robot
 
-_STEP = 1e-2  # m, between the ends of a difference that has no error of second order
 _MASSLESS = 1e-3  # kg, for links whose mass nothing tells: a centre of mass needs one, and a gram changes no torque
 
 
@@ -49,20 +48,29 @@ class RigidSensitivity:
         data = model.createData()
         return np.array([pinocchio.computeGeneralizedGravity(model, data, q).copy() for q in self.motion.q])
 
-    def mounted(self, joint: int, direction: Array) -> Array:
-        """Return the change of torque [N, n] Nm per metre by which a joint's origin moves in a direction [3] of the
-        frame before: a central difference of the torque, which is quadratic in it.
+    def mounted(self, joint: int) -> Array:
+        """Return the change of torque [N, n, 3] Nm per metre by which a joint's origin moves along x, y, z of the frame
+        before: the derivative by the position of a joint of three translations, put in between, at rest at its zero.
         """
         import pinocchio
 
-        out = np.zeros(self.motion.q.shape)
-        for side in (0.5, -0.5):
-            model = self._model()
-            placement = model.jointPlacements[1 + joint]
-            placement.translation = placement.translation + side * _STEP * np.asarray(direction, dtype=float)
-            data = model.createData()
-            for k, (q, v, a) in enumerate(zip(self.motion.q, self.motion.dq, self.motion.ddq, strict=True)):
-                out[k] += np.sign(side) / _STEP * pinocchio.rnea(model, data, q, v, a)
+        arm = self._model()
+        model = pinocchio.Model()
+        model.gravity = arm.gravity
+        parent = 0
+        for link in range(self.robot.n):
+            if link == joint:
+                parent = model.addJoint(parent, pinocchio.JointModelTranslation(), pinocchio.SE3.Identity(), "moved")
+            name, placement = arm.names[1 + link], arm.jointPlacements[1 + link]
+            parent = model.addJoint(parent, arm.joints[1 + link], placement, name)
+            model.appendBodyToJoint(parent, arm.inertias[1 + link], pinocchio.SE3.Identity())
+        data = model.createData()
+        rows = [k for k in range(model.nv) if not joint <= k < joint + 3]
+        path = (np.insert(x, [joint] * 3, 0.0, axis=1) for x in (self.motion.q, self.motion.dq, self.motion.ddq))
+        out = np.empty((*self.motion.q.shape, 3))
+        for k, (q, v, a) in enumerate(zip(*path, strict=True)):
+            by_position, _, _ = pinocchio.computeRNEADerivatives(model, data, q, v, a)
+            out[k] = by_position[rows, joint : joint + 3]
         return out
 
     @property

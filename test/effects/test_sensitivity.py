@@ -11,7 +11,7 @@ import pytest
 
 from robot_ident.effects import make_effect
 from robot_ident.excitation.fourier import FourierSeries
-from robot_ident.model.rigid_sensitivity import RigidSensitivity
+from robot_ident.model.rigid_sensitivity import RigidSensitivity, standard_parameters
 from robot_ident.model.structure import Structure
 from robot_ident.motion import Array, Motion
 from robot_ident.robot import Robot
@@ -38,6 +38,30 @@ def test_displacement_against_differences(arm: str, case: Callable[[str], Any]) 
     found = RigidSensitivity(at.robot, at.structure.base, values, motion).displaced(Motion(*e))
     difference = (torque(1.0) - torque(-1.0)) / 2
     np.testing.assert_allclose(found, difference, atol=1e-6 * np.abs(difference).max())
+
+
+@pytest.mark.parametrize("arm", ARMS)
+def test_a_joint_that_stands_elsewhere_against_differences(arm: str, case: Callable[[str], Any]) -> None:
+    """Torque of an arm whose second joint's origin has moved, by recursive Newton-Euler: quadratic in the distance."""
+    at, joint, step = case(arm), 1, 1e-2
+    values, motion = other_values(at), at.motion[::20]
+    standard = standard_parameters(at.robot, at.structure.base, values)
+
+    def torque(shift: Array) -> Array:
+        model = at.robot.rigid.model.copy()
+        model.armature = np.zeros(at.robot.n)
+        for link, ten in enumerate(standard):
+            model.inertias[1 + link] = pinocchio.Inertia.FromDynamicParameters(ten)
+        placement = model.jointPlacements[1 + joint]
+        placement.translation = placement.translation + shift
+        data, paths = model.createData(), zip(motion.q, motion.dq, motion.ddq, strict=True)
+        return np.array([pinocchio.rnea(model, data, *x) for x in paths])
+
+    found = RigidSensitivity(at.robot, at.structure.base, values, motion).mounted(joint)
+    axes = step / 2 * np.eye(3)
+    difference = np.stack([(torque(axis) - torque(-axis)) / step for axis in axes], axis=2)
+    assert np.abs(difference).max() > 1.0
+    np.testing.assert_allclose(found, difference, atol=1e-9 * np.abs(difference).max())
 
 
 @pytest.mark.parametrize("arm", ARMS)

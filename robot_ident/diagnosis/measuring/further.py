@@ -10,7 +10,7 @@ from robot_ident.diagnosis.candidates import Candidate, Folds, score
 from robot_ident.diagnosis.diagnosis import Estimate
 from robot_ident.diagnosis.evidence import Evidence
 from robot_ident.diagnosis.measuring.finding import Finding, fitted_loss, with_columns
-from robot_ident.diagnosis.scan import BaseGram, base_gram, columns_of
+from robot_ident.diagnosis.scan import BaseGram, Columns, base_gram, columns_of
 from robot_ident.effects.catalogue import CATALOGUE
 from robot_ident.motion import Array
 
@@ -23,11 +23,11 @@ def link_lengths(evidence: Evidence, folds: Folds) -> list[Finding]:
     robot, out = evidence.structure.robot, []
     for joint in range(1, robot.n):
         effect = CATALOGUE["link_length"](robot, joint)
-        found = score(Candidate(effect.label, (columns_of(effect, evidence, evidence.torques),)), evidence, folds)
+        moved = columns_of(effect, evidence, evidence.torques)
+        found = score(Candidate(effect.label, (moved,)), evidence, folds)
         if found.held_out <= 0.0:
             continue
-        columns = partial(_moved, joint=joint)
-        after = with_columns(evidence, columns)
+        after = with_columns(evidence, partial(_beside, moved=moved))
         values = after.values[-3:]
         std = _spread(after)[-3:]
         if any(abs(v) - s > _FARTHEST for v, s in zip(values, std, strict=True)):
@@ -41,7 +41,7 @@ def link_lengths(evidence: Evidence, folds: Folds) -> list[Finding]:
             f"the URDF, joint {robot.joints[joint]}: its origin xyz by {' '.join(f'{1e-3 * v:.4f}' for v in values)} m"
             " (only what the torque tells of it)"
         )
-        out.append(Finding(effect, found.gain, found.held_out, told, columns, fix, 3))
+        out.append(Finding(effect, found.gain, found.held_out, told, partial(_moved, joint=joint), fix, 3))
     return out
 
 
@@ -71,11 +71,15 @@ def payloads(evidence: Evidence, base: BaseGram) -> list[Finding]:
 
 def _moved(evidence: Evidence, *, joint: int) -> tuple[Array, ...]:
     effect = CATALOGUE["link_length"](evidence.structure.robot, joint)
-    further = columns_of(effect, evidence, evidence.torques)
+    return _beside(evidence, columns_of(effect, evidence, evidence.torques))
+
+
+def _beside(evidence: Evidence, moved: Columns) -> tuple[Array, ...]:
+    """Return the model's columns with those of a joint's three directions."""
     out = []
-    for phi, part in zip(evidence.phi, further.parts, strict=True):
+    for phi, part in zip(evidence.phi, moved.parts, strict=True):
         more = np.zeros((*phi.shape[:2], 3))
-        more[:, further.joints] = part
+        more[:, moved.joints] = part
         out.append(np.concatenate([phi, more], axis=2))
     return tuple(out)
 
