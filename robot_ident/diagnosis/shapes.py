@@ -16,7 +16,7 @@ import numpy as np
 from robot_ident.diagnosis.candidates import Candidate, Score, score
 from robot_ident.diagnosis.refine import refined
 from robot_ident.diagnosis.scan import columns_of
-from robot_ident.diagnosis.stage import Stage
+from robot_ident.diagnosis.stage import GAIN, MOSTLY, Stage
 from robot_ident.diagnosis.ties import block_losses, significant
 from robot_ident.effects.effect import Coefficient, Effect, Torques
 from robot_ident.motion import Array, Motion
@@ -24,24 +24,33 @@ from robot_ident.robot.robot import Robot
 
 ENOUGH = 0.8  # of its joint's excess that an effect explains: no shape is asked any more
 MORE = 0.15  # of the excess that a shape must explain beyond it
+SEVERAL = 3.0  # times as much is left by effects that only together make one curve
+IMPERFECT = 0.02  # of the excess, that the formulas of true ones may leave
 
 _DEGREES = range(2, 8)  # of the polynomials of a curve: what is constant or a spring has names
 _WAVES = range(3, 13)  # to a turn: fewer are springs, weights and cams that have names
+_KNOTS = 16  # of a curve with corners, over all positions that the motions reach
 
 Course = Callable[[Motion, Torques | None], Array]
 """The columns [N, k] of a shape along a motion with the model's torques."""
 
 
 class Shape(Effect):
-    """Columns at a joint by a formula of the motion alone; `words`: what they follow, for the user."""
+    """Columns at a joint by a formula of the motion alone; `words`: what they follow, for the user.
+
+    broad: it may hold several small things beside a named one, and is no rival of what explains most.
+    """
 
     name = "shape"
     candidate = False
 
-    def __init__(self, robot: Robot, joint: int, words: str, course: Course, count: int = 1) -> None:
+    def __init__(
+        self, robot: Robot, joint: int, words: str, course: Course, count: int = 1, *, broad: bool = False
+    ) -> None:
         """Place a formula of `count` columns at a joint."""
         super().__init__(robot, joint)
         self.words = words
+        self.broad = broad
         self.course = course
         self.coefficients = tuple(Coefficient(f"c{k}", "Nm", "N") for k in range(count))
 
@@ -59,14 +68,25 @@ def doubted(members: Sequence[Score], first: Stage, last: Stage) -> dict[str, st
     """
     out = {}
     for member in members:
-        joints = list(member.columns.joints)
-        left = float(last.excess[joints].sum()) / max(float(first.excess[joints].sum()), 1e-300)
-        if len(joints) == 1 and not member.effect.whole and left > 1.0 - ENOUGH:
-            fellows = [m.effect for m in members if m.label != member.label]
-            words = _doubt(member, first.under(first.evidence, fellows) if fellows else first)
+        joint = member.effect.joint
+        left = float(last.excess[joint]) / max(float(first.excess[joint]), 1e-300)
+        if not member.effect.whole and left > 1.0 - ENOUGH:
+            words = _doubt(member, _without([member], members, first))
             if words:
                 out[member.label] = words
+    for joint in {m.effect.joint for m in members}:
+        group = [m for m in members if m.effect.over_position and m.effect.joint == joint and m.label not in out]
+        if len(group) > 1 and last.fits[joint].fails:
+            words = _one_curve(group, _without(group, members, first), last)
+            out |= {m.label: words for m in group if words}
     return out
+
+
+def _without(some: Sequence[Score], members: Sequence[Score], first: Stage) -> Stage:
+    """Return the stage with all members but some."""
+    labels = {m.label for m in some}
+    fellows = [m.effect for m in members if m.label not in labels]
+    return first.under(first.evidence, fellows) if fellows else first
 
 
 def _doubt(member: Score, stage: Stage) -> str | None:
@@ -79,10 +99,10 @@ def _doubt(member: Score, stage: Stage) -> str | None:
     mine = refined(found, evidence, folds)
     if mine.held_out_by_joint[joint] >= ENOUGH * excess:
         return None
+    most = mine.held_out_by_joint[joint] >= MOSTLY * excess
     robot = evidence.structure.robot
     rivals = [
-        score(Candidate(shape.words, (columns_of(shape, evidence, evidence.torques),)), evidence, folds)
-        for shape in shapes(robot, joint)
+        _scored(shape, stage) for shape in shapes(robot, joint, _reach(joint, stage)) if not (most and shape.broad)
     ]
     best = max(rivals, key=lambda s: s.held_out)
     if best.held_out - mine.held_out < MORE * excess:
@@ -97,11 +117,42 @@ def _doubt(member: Score, stage: Stage) -> str | None:
     )
 
 
-def shapes(robot: Robot, joint: int) -> Iterator[Shape]:
-    """Return the shapes that are tried at a joint."""
+def _one_curve(group: Sequence[Score], stage: Stage, last: Stage) -> str | None:
+    """Return in words that one curve over a joint's position predicts far better than several springs of that joint.
+
+    stage: that without them, last: with them.
+    """
+    joint, robot = group[0].effect.joint, stage.evidence.structure.robot
+    curve = _scored(_cornered(robot, joint, _reach(joint, stage)), stage)
+    excess = float(stage.excess[joint])
+    theirs, its = float(last.excess[joint]), max(excess - float(curve.held_out_by_joint[joint]), 0.0)
+    if theirs < IMPERFECT * excess or theirs - its < GAIN or its * SEVERAL > theirs:
+        return None
+    assert isinstance(curve.effect, Shape)
+    names, left = " and ".join(m.label for m in group), [100.0 * x / excess for x in (theirs, its)]
+    return (
+        f"{names} get no name: together they leave {left[0]:.1f} % of what {robot.joints[joint]} lacks,"
+        f" {curve.effect.words} {left[1]:.1f} %, and no effect of the catalogue is that"
+    )
+
+
+def _scored(shape: Shape, stage: Stage) -> Score:
+    columns = columns_of(shape, stage.evidence, stage.evidence.torques)
+    return score(Candidate(shape.words, (columns,)), stage.evidence, stage.folds)
+
+
+def _reach(joint: int, stage: Stage) -> tuple[float, float]:
+    """Return the least and the largest position of a joint in all recordings."""
+    paths = [t.motion.q[:, joint] for t in stage.evidence.trajectories]
+    return min(float(q.min()) for q in paths), max(float(q.max()) for q in paths)
+
+
+def shapes(robot: Robot, joint: int, reach: tuple[float, float]) -> Iterator[Shape]:
+    """Return the shapes that are tried at a joint; reach: least and largest of its positions."""
     names, j = robot.joints, joint
     mine = names[j]
     yield Shape(robot, j, f"a curve over q of {mine}", partial(_curve, joint=j), len(_DEGREES))
+    yield _cornered(robot, j, reach)
     for times in _WAVES:
         wave = f"a wave over q of {mine}, {times} a turn"
         yield Shape(robot, j, wave, partial(_wave, joint=j, times=times, loaded=False), 2)
@@ -117,6 +168,13 @@ def shapes(robot: Robot, joint: int) -> Iterator[Shape]:
         yield Shape(robot, j, f"dq of {other} * its size", partial(_rubbing, a=o, b=o))
         yield Shape(robot, j, f"dq of {mine} * q of {other}", partial(_leaning, a=j, b=o))
         yield Shape(robot, j, f"a curve over q of {other}", partial(_curve, joint=o), len(_DEGREES))
+
+
+def _cornered(robot: Robot, joint: int, reach: tuple[float, float]) -> Shape:
+    """Return any curve over a joint's position, as straight pieces between places as far apart as each other."""
+    knots = np.linspace(*reach, _KNOTS)
+    words = f"a curve with corners over q of {robot.joints[joint]}"
+    return Shape(robot, joint, words, partial(_pieces, joint=joint, knots=knots), len(knots), broad=True)
 
 
 def _product(motion: Motion, torques: Torques | None, *, a: int, b: int) -> Array:
@@ -146,3 +204,8 @@ def _curve(motion: Motion, torques: Torques | None, *, joint: int) -> Array:
     """Return Chebyshev's polynomials of a position in half turns [N, k]."""
     x = np.clip(motion.q[:, joint] / np.pi, -1.0, 1.0)
     return np.stack([np.cos(degree * np.arccos(x)) for degree in _DEGREES], axis=1)
+
+
+def _pieces(motion: Motion, torques: Torques | None, *, joint: int, knots: Array) -> Array:
+    """Return the straight pieces [N, k] of a curve with corners at knots [k]."""
+    return np.stack([np.interp(motion.q[:, joint], knots, one) for one in np.eye(len(knots))], axis=1)

@@ -20,6 +20,7 @@ class Cable(Effect):
     meaning = "pull of cables and hoses"
     coefficients = (Coefficient("stiffness", "Nm/rad", "N/m"), Coefficient("offset", "Nm", "N"))
     symmetry = "conservative"
+    over_position = True
     signature = "static in position, a straight line"
     confused_with = ("gravity_spring", "base_tilt", "end_stop", "encoder_eccentricity", "torque_offset")
     experiment = "a slow sweep over the whole range of the joint"

@@ -193,6 +193,7 @@ class Effect(ABC):
     periods tells its level alone. symbolic: `terms` works on expressions; where it doesn't, `smooth_terms` writes what
     the design of excitations takes instead. brief: its torque comes in bursts far shorter than the motion's own time
     scale.
+    over_position: its torque is a curve over its joint's position and depends on nothing else.
     seen_from: where effort may be measured for it to show. contains: effects whose column it holds too -> its
     coefficient. candidate: it may be what a model lacks. measuring: a
     fault of what is measured, to be put right in the robot YAML rather than added to the model.
@@ -218,6 +219,7 @@ class Effect(ABC):
     trends: ClassVar[bool] = False
     symbolic: ClassVar[bool] = True
     brief: ClassVar[bool] = False
+    over_position: ClassVar[bool] = False
     seen_from: ClassVar[tuple[Side, ...]] = EVERYWHERE
     contains: ClassVar[Mapping[str, str]] = {}
     candidate: ClassVar[bool] = True

@@ -29,6 +29,7 @@ class EndStop(Effect):
         Inner("start", "rad", "m", -7.0, 7.0, (0.2, 0.5, 0.8, 1.1, 1.4)),
     )
     symmetry = "conservative"
+    over_position = True
     signature = "static in position, one-sided"
     confused_with = ("cable", "gravity_spring")
     experiment = "two motions that both reach the end: a stop acts beyond one position alone"

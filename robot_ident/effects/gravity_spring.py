@@ -30,6 +30,7 @@ class GravitySpring(Effect):
     )
     inner = (Inner("ratio", "", "", 0.02, 0.95, (0.1, 0.2, 0.35, 0.5, 0.7)),)
     symmetry = "conservative"
+    over_position = True
     loads_gear = True
     signature = "static in position, beyond gravity's sine"
     confused_with = ("cable", "base_tilt", "end_stop")

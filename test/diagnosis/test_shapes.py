@@ -9,7 +9,9 @@ from typing import Any
 import numpy as np
 import pytest
 
+from robot_ident.diagnosis.candidates import Score
 from robot_ident.diagnosis.evidence import gather
+from robot_ident.diagnosis.refine import refined
 from robot_ident.diagnosis.shapes import doubted, shapes
 from robot_ident.diagnosis.stage import Stage
 from robot_ident.diagnosis.white_lines import whitened
@@ -45,12 +47,26 @@ def coupled(q: np.ndarray, dq: np.ndarray, tau: np.ndarray) -> np.ndarray:
     return 4.0 * dq[:, 1] + 2.0 * np.sign(dq[:, 1])
 
 
+def dent(q: np.ndarray, dq: np.ndarray, tau: np.ndarray) -> np.ndarray:
+    """Return the torque of a dent in a gear at one place of joint 3."""
+    return -14.0 / np.cosh((q[:, 2] - 0.5) / 0.12) ** 2
+
+
+def hose_and_stop(q: np.ndarray, dq: np.ndarray, tau: np.ndarray) -> np.ndarray:
+    """Return a hose that bends about 0.1 rad and a rubber stop that gets harder, both of joint 3."""
+    return 9.0 * np.tan(0.6 * (q[:, 2] - 0.1)) + 120.0 * np.maximum(q[:, 2] - 0.45, 0.0) ** 1.2
+
+
 def said_of(name: str, bench: Any, hidden: Torque) -> dict[str, str]:
-    """Return what is said of an effect at joint 3 as the only member of a model, on data with something hidden."""
+    """Return what is said of effects at joint 3 as the members of a model, on data with something hidden."""
     measured = [process(with_hidden(bench.record([], k), 2, hidden), bench.robot) for k in (0, 1)]
     first = Stage.of(whitened(gather(measured, bench.structure)))
-    member = next(s for s in first.scores if s.label == f"{name}@joint_3")
-    return doubted([member], first, first.under(first.evidence, [member.effect]))
+    members: list[Score] = []
+    for one in name.split():
+        stage = first.under(first.evidence, [m.effect for m in members])
+        found = next(s for s in stage.scores if s.label == f"{one}@joint_3")
+        members.append(refined(found, stage.evidence, stage.folds))
+    return doubted(members, first, first.under(first.evidence, [m.effect for m in members]))
 
 
 @pytest.mark.parametrize(
@@ -61,9 +77,23 @@ def said_of(name: str, bench: Any, hidden: Torque) -> dict[str, str]:
     ],
 )
 def test_what_follows_a_shape_gets_no_name(bench: Any, hidden: Torque, words: str) -> None:
-    for name in ("joint_coupling", "position_friction"):
+    for name in ("joint_coupling", "position_friction", "encoder_eccentricity"):
         why = said_of(name, bench, hidden)[f"{name}@joint_3"]
         assert "gets no name" in why and words in why
+
+
+@pytest.mark.parametrize("name", ["cable", "gravity_spring", "end_stop"])
+def test_a_dent_is_no_spring(bench: Any, name: str) -> None:
+    assert "a curve with corners over q of joint_3" in said_of(name, bench, dent)[f"{name}@joint_3"]
+
+
+def test_springs_that_only_together_make_a_dent_get_no_names(bench: Any) -> None:
+    why = said_of("end_stop gravity_spring", bench, dent)
+    assert set(why) == {"end_stop@joint_3", "gravity_spring@joint_3"}
+
+
+def test_two_springs_keep_their_names(bench: Any) -> None:
+    assert said_of("end_stop cable", bench, hose_and_stop) == {}
 
 
 def test_a_cause_keeps_its_name(bench: Any) -> None:
@@ -76,7 +106,7 @@ def test_shapes_are_columns_at_their_joint(bench: Any, joint: int) -> None:
     t = np.arange(0.0, 10.0, 0.02)
     q = np.stack([0.8 * np.sin(0.63 * k * t + k) for k in (1, 2, 3)], axis=1)
     motion = Motion(q, np.gradient(q, 0.02, axis=0), np.zeros_like(q), 0.02)
-    made = [shape for shape in shapes(bench.robot, joint) if "torque" not in shape.words]
+    made = [shape for shape in shapes(bench.robot, joint, (-1.0, 1.0)) if "torque" not in shape.words]
     columns = [shape.columns(motion) for shape in made]
     assert len({shape.words for shape in made}) == len(made)
     for one in columns:
