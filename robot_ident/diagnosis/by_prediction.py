@@ -15,7 +15,7 @@ from robot_ident.diagnosis.before_after import errors, estimates, mean_squares
 from robot_ident.diagnosis.braking import with_doubt
 from robot_ident.diagnosis.candidates import Score
 from robot_ident.diagnosis.diagnosis import Diagnosis, Suspect, Verdict
-from robot_ident.diagnosis.evidence import Evidence, added, extended
+from robot_ident.diagnosis.evidence import Evidence, extended
 from robot_ident.diagnosis.impossible import possible
 from robot_ident.diagnosis.left_out import Foreseen, in_parts
 from robot_ident.diagnosis.progress import Tell, after, silent
@@ -105,7 +105,7 @@ def _worthwhile(candidate: Score, stage: Foreseen) -> bool:
 
 def _least(joints: Sequence[int], structure: Structure) -> float:
     """Return the share of the error that a further member at some joints must remove."""
-    held = added(structure)
+    held = structure.added
     return AGAIN if any(effect.whole or effect.joint in joints for effect in held) else FALL
 
 

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Hashable, Mapping, Sequence
 from dataclasses import dataclass
 
 import numpy as np
@@ -72,11 +72,16 @@ def candidate_of(
     return Candidate(effect.label, tuple(c for c in columns if c.joints))
 
 
+def exactly(effect: Effect) -> Hashable:
+    """Return what tells an effect with its inner parameters from any other."""
+    return (effect.label, effect.parameter_names(), tuple(sorted(effect.setting.items())))
+
+
 def remembered(effect: Effect, evidence: Evidence, torques: Sequence[object]) -> Columns:
     """Return the columns of an effect, computed once where they don't depend on the model's torque."""
     if effect.uses_torque:
         return columns_of(effect, evidence, torques)
-    key = (effect.label, effect.parameter_names(), tuple(sorted(effect.setting.items())))
+    key = exactly(effect)
     if key not in evidence.memory:
         evidence.memory[key] = columns_of(effect, evidence, torques)
     found = evidence.memory[key]

@@ -10,7 +10,7 @@ import numpy as np
 from robot_ident.diagnosis.before_after import errors, estimates, mean_squares
 from robot_ident.diagnosis.candidates import Folds, candidate_of, score
 from robot_ident.diagnosis.diagnosis import Suspect
-from robot_ident.diagnosis.evidence import Evidence, added, extended, gather, held
+from robot_ident.diagnosis.evidence import Evidence, extended, gather, held
 from robot_ident.diagnosis.more_than_noise import ALPHA
 from robot_ident.diagnosis.refine import refined
 from robot_ident.diagnosis.scan import base_gram
@@ -146,7 +146,7 @@ def without_trends(
             periods = periods - np.stack([torque(replace(measured.motion, began=(start,))) for start in began])
         return replace(measured, torque=measured.torque - torque(measured.motion), period_torque=periods)
 
-    kept = [effect for effect in added(structure) if not effect.trends]
+    kept = [effect for effect in structure.added if not effect.trends]
     return [less(m) for m in measurements], Structure.build(structure.robot, kept), [less(m) for m in validation]
 
 

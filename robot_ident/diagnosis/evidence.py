@@ -191,7 +191,7 @@ def _passed_rigid(t: Trajectory, rigid: Array, memory: dict[Hashable, object]) -
 
 def extended(evidence: Evidence, effects: Sequence[Effect]) -> Evidence:
     """Return the evidence on the model with further effects."""
-    structure = Structure.build(evidence.structure.robot, [*added(evidence.structure), *effects])
+    structure = evidence.structure.with_further(effects)
     return fitted(structure, evidence.trajectories, evidence.rigid, evidence.memory)
 
 
@@ -200,12 +200,6 @@ def held(evidence: Evidence, structure: Structure, values: Array) -> Evidence:
     pairs = zip(evidence.trajectories, evidence.rigid, strict=True)
     phi = tuple(t.weighed(structure.columns(t.motion, values, rigid)) for t, rigid in pairs)
     return Evidence(structure, evidence.trajectories, evidence.rigid, phi, values, evidence.memory)
-
-
-def added(structure: Structure) -> list[Effect]:
-    """Return the effects of a structure that its robot doesn't bring along."""
-    usual = Structure.build(structure.robot).labels
-    return [effect for effect in structure.effects if effect.label not in usual]
 
 
 def split(evidence: Evidence, parts: int = 4, block: float | None = None) -> Evidence:

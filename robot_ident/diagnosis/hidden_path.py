@@ -15,7 +15,7 @@ from dataclasses import replace
 import numpy as np
 
 from robot_ident.diagnosis.candidates import Score
-from robot_ident.diagnosis.evidence import Evidence, Trajectory, added
+from robot_ident.diagnosis.evidence import Evidence, Trajectory
 from robot_ident.diagnosis.scan import BaseFit, BaseGram, add, base_gram, gram
 from robot_ident.diagnosis.white_lines import inertia_along
 from robot_ident.motion import Array, Mask
@@ -62,9 +62,9 @@ def _beside(evidence: Evidence) -> tuple[Evidence, BaseFit] | None:
 def _with_hidden_path(evidence: Evidence) -> tuple[Evidence, BaseFit] | None:
     if any(t.measured.position_lines is None or t.measured.decimate != 1 for t in evidence.trajectories):
         return None
-    kinks = {id(t.measured): _kinks_once(t, evidence) for t in evidence.trajectories}
+    counts = {id(t.measured): _kinks_once(t, evidence).shape[2] for t in evidence.trajectories}
     parts = [
-        t.weighed(np.concatenate([*_own(kinks, t), _given_way(t, rigid, evidence)], axis=2))
+        np.concatenate([*_own(counts, t, evidence), t.weighed(_given_way(t, rigid, evidence))], axis=2)
         for t, rigid in zip(evidence.trajectories, evidence.rigid, strict=True)
     ]
     matter = np.sum([np.sum(part**2, axis=(0, 1)) for part in parts], axis=0) > _MATTERS
@@ -79,10 +79,15 @@ def _with_hidden_path(evidence: Evidence) -> tuple[Evidence, BaseFit] | None:
     return beside, BaseFit.of(BaseGram(own, base.torque, base.power), range(len(parts)))
 
 
-def _own(kinks: Mapping[int, Array], t: Trajectory) -> list[Array]:
-    """Return the kinks of all measurements, those of others than a trajectory's as zeros: each has its own."""
+def _own(counts: Mapping[int, int], t: Trajectory, evidence: Evidence) -> list[Array]:
+    """Return the weighed kinks of all measurements, those of others than a trajectory's as zeros: each has its own."""
     rows, n = t.motion.q.shape
-    return [k if key == id(t.measured) else np.zeros((rows, n, k.shape[2])) for key, k in kinks.items()]
+    key: Hashable = (_KEY, "weighed", id(t))
+    if key not in evidence.memory:  # with the trajectory, so that no other one can have its id
+        evidence.memory[key] = (t, t.weighed(_kinks_once(t, evidence)))
+    found = evidence.memory[key]
+    assert isinstance(found, tuple)
+    return [found[1] if place == id(t.measured) else np.zeros((rows, n, count)) for place, count in counts.items()]
 
 
 def _kinks_once(t: Trajectory, evidence: Evidence) -> Array:
@@ -115,7 +120,7 @@ def _given_way(t: Trajectory, rigid: Array, evidence: Evidence) -> Array:
     structure, kept = evidence.structure, t.measured.position_lines
     assert kept is not None
     columns = structure.columns(t.motion, evidence.values, rigid)
-    mine = {effect.label for effect in added(structure)}
+    mine = {effect.label for effect in structure.added}
     start, out = rigid.shape[2], [np.zeros((*t.motion.q.shape, 0))]
     for effect in structure.effects:
         place = slice(start, start + len(effect.coefficients))

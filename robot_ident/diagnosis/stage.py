@@ -7,8 +7,8 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from robot_ident.diagnosis.candidates import Candidate, Folds, Score, enumerate_candidates, score
-from robot_ident.diagnosis.evidence import Evidence, added, extended
+from robot_ident.diagnosis.candidates import Candidate, Folds, Score, enumerate_candidates, exactly, score
+from robot_ident.diagnosis.evidence import Evidence, extended
 from robot_ident.diagnosis.hidden_path import gain_beside_hidden_path
 from robot_ident.diagnosis.lack_of_fit import LackOfFit, lack_of_fit
 from robot_ident.diagnosis.refine import refined, sharpened
@@ -29,6 +29,7 @@ CERTAIN = 160.0  # the same in chi-square units: enough where the effect explain
 NEARLY_ALL = 0.8  # the same from which on the hidden part isn't in question, whether its joints lack fit or not
 MOSTLY = 0.6  # of a joint's excess, explained where there is one recording only; or by a column, so no gap made it
 _EXACT = 3  # candidates that are refined before recordings kept aside judge them
+_STAGE = "stage"  # of the memory of an evidence
 LEAST = 0.25  # Nm rms (times the torque scale of the joint over 400 Nm) that every member must remove
 
 
@@ -57,8 +58,16 @@ class Stage:
         return cls(evidence, lack_of_fit(evidence, base), folds, candidates, scores, first)
 
     def under(self, evidence: Evidence, effects: Sequence[Effect]) -> Stage:
-        """Return the stage of the model of an evidence with further effects, the same recordings kept aside."""
-        return Stage.of(extended(evidence, effects), self.folds.unseen, self.initial)
+        """Return the stage of the model of an evidence with further effects, the same recordings kept aside.
+
+        Computed once: members are looked at in each other's light again and again.
+        """
+        key = (_STAGE, id(self.initial), evidence.structure.labels, tuple(exactly(effect) for effect in effects))
+        if key not in evidence.memory:
+            evidence.memory[key] = Stage.of(extended(evidence, effects), self.folds.unseen, self.initial)
+        found = evidence.memory[key]
+        assert isinstance(found, Stage)
+        return found
 
     @property
     def initial(self) -> Stage:
@@ -139,7 +148,7 @@ def _foreseen(stage: Stage) -> list[Score]:
 
 def worthwhile(candidate: Score, stage: Stage, rattling: Collection[int]) -> bool:
     """Return whether a candidate gains enough, explains enough of its joints' excess, and removes enough torque."""
-    gains, held = candidate.held_out_by_joint, added(stage.evidence.structure)
+    gains, held = candidate.held_out_by_joint, stage.evidence.structure.added
     joints = [
         j
         for j in candidate.columns.joints
@@ -169,7 +178,7 @@ def worthwhile(candidate: Score, stage: Stage, rattling: Collection[int]) -> boo
 
 def _explains(candidate: Score, stage: Stage, joints: Sequence[int]) -> bool:
     """Return whether a candidate explains enough of some joints' excess on all that is predicted."""
-    removed, held = _removed(candidate, joints), added(stage.evidence.structure)
+    removed, held = _removed(candidate, joints), stage.evidence.structure.added
     if not _touched(held, joints):
         return bool(removed >= PART * stage.surely[joints].sum())
     share = ALIKE if any(effect.name == candidate.effect.name for effect in held) else AGAIN
@@ -193,7 +202,7 @@ def _told(candidate: Score, stage: Stage, joints: Sequence[int]) -> bool:
         for t, r in zip(stage.evidence.trajectories, stage.evidence.residual, strict=True)
     )
     least = max(GAIN, KEPT_ASIDE * excess)
-    if _touched(added(stage.evidence.structure), joints) and stage.initial.unseen_excess is not None:
+    if _touched(stage.evidence.structure.added, joints) and stage.initial.unseen_excess is not None:
         least = max(least, LATER * stage.initial.unseen_excess[joints].sum())
     return bool(removed >= least and candidate.gain >= KEPT_ASIDE * fitted)
 

@@ -42,8 +42,8 @@ class TimeDelay(Effect):
         if torques is None:
             return out
         joints = slice(None) if self.whole else slice(self.joint, self.joint + 1)
-        change = _earlier(torques, motion, self._shift) - torques.total
-        out[:, joints, 0] = change[:, joints] / (1000.0 * self._shift)
+        change = _earlier(torques, motion, self._shift, joints) - torques.total[:, joints]
+        out[:, joints, 0] = change / (1000.0 * self._shift)
         return out
 
     def smooth_terms(self, x: Signals, m: Mathematics, course: Course) -> Sequence[dict[int, Any]]:
@@ -59,10 +59,12 @@ class TimeDelay(Effect):
         return float(np.copysign(max(abs(shift), 1e-4), shift))
 
 
-def _earlier(torques: Torques, motion: Motion, shift: float) -> Array:
-    """Return the total torque [N, n] at t - shift; steps of dry friction come where the velocity of then turns."""
+def _earlier(torques: Torques, motion: Motion, shift: float, joints: slice) -> Array:
+    """Return the total torque [N, joints] at t - shift; steps of dry friction come where the velocity of then turns."""
+    total, speed = torques.total[:, joints], motion.dq[:, joints]
     if torques.dry is None:
-        return delayed(torques.total, motion, shift)
-    smooth = delayed(torques.total - torques.dry, motion, shift)
-    level = delayed(torques.dry * np.sign(motion.dq), motion, shift)
-    return smooth + level * np.sign(delayed(motion.dq, motion, shift))
+        return delayed(total, motion, shift)
+    dry = torques.dry[:, joints]
+    smooth = delayed(total - dry, motion, shift)
+    level = delayed(dry * np.sign(speed), motion, shift)
+    return smooth + level * np.sign(delayed(speed, motion, shift))

@@ -10,28 +10,21 @@ import numpy as np
 from robot_ident.effects import Effect
 from robot_ident.estimation.identify import estimate
 from robot_ident.model.model import Model
-from robot_ident.model.structure import Structure
 from robot_ident.motion import Array
 from robot_ident.recording.measurement import Measurement, Processing
 
 
 def extend(model: Model, measurements: Sequence[Measurement], effects: Sequence[Effect]) -> list[Model]:
     """Return the model refitted as it is, then with one effect more each time."""
-    held, before = list(_added(model)), list(model.provenance.get("added", []))
+    before = list(model.provenance.get("added", []))
     processing = Processing(**dict(model.processing))
     steps = []
     for count in range(len(effects) + 1):
-        structure = Structure.build(model.robot, [*held, *effects[:count]])
+        structure = model.structure.with_further(effects[:count])
         fitted = estimate(measurements, structure, estimator=model.estimator, processing=processing)
         labels = [*before, *(effect.label for effect in effects[:count])]
         steps.append(replace(fitted, provenance={**model.provenance, "added": labels}))
     return steps
-
-
-def _added(model: Model) -> tuple[Effect, ...]:
-    """Return the effects of a model that its robot doesn't bring along."""
-    usual = Structure.build(model.robot).labels
-    return tuple(effect for effect in model.structure.effects if effect.label not in usual)
 
 
 def mean_square_errors(model: Model, measured: Measurement) -> Array:

@@ -65,7 +65,7 @@ class Target:
         robot: the same robot from its own files, whose limits may have changed since; InputError where it is another.
         """
         robot = robot or model.robot
-        structure = Structure.build(robot, [*_beyond_known(model), *effects])
+        structure = Structure.build(robot, [*(effect.label for effect in model.structure.added), *effects])
         if structure.names[: len(model.linear)] != model.structure.names:
             raise InputError(f"the model of robot {model.robot.name!r} does not fit robot {robot.name!r}")
         settings = structure.settings.copy()
@@ -144,11 +144,6 @@ def _root(information: Array) -> Array:
     length = np.where(length > 0, length, 1.0)
     values, vectors = np.linalg.eigh(information / np.outer(length, length))
     return np.asarray(np.sqrt(np.maximum(values, 0.0))[:, None] * vectors.T * length)
-
-
-def _beyond_known(model: Model) -> list[str]:
-    known = Structure.build(model.robot).labels
-    return [label for label in model.structure.labels if label not in known]
 
 
 def _measured(measured: Sequence[float | None], given: Array) -> Array:

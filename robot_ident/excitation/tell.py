@@ -344,14 +344,13 @@ def _rows_of(prior: Array | None) -> Array | None:
 def without(target: Target, labels: Sequence[str]) -> Target:
     """Return a target whose model lacks some effects that it held; those that every model of the robot has stay."""
     structure = target.structure
-    kept = [effect for effect in structure.effects if effect.label not in labels]
-    if len(kept) == len(structure.effects):
-        return target
-    known = Structure.build(structure.robot).labels
-    fixed = [label for label in labels if label in known]
+    fixed = [label for label in labels if label in structure.labels[: structure.given]]
     if fixed:
         raise InputError(f"--tell: {fixed[0]} is part of every model of {structure.robot.name}")
-    smaller = Structure.build(structure.robot, [effect for effect in kept if effect.label not in known])
+    kept = [effect for effect in structure.added if effect.label not in labels]
+    if len(kept) == len(structure.added):
+        return target
+    smaller = Structure.build(structure.robot, kept)
     if target.values is None:
         return replace(target, structure=smaller)
     place = {name: k for k, name in enumerate(structure.names)}

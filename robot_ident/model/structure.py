@@ -36,7 +36,7 @@ class Structure:
     """tau = Phi(q, dq, ddq) theta (Swevers et al. 1997, eq. 1): what the columns of Phi are.
 
     parameters [p]: those that Phi is linear in. inner [r]: those inside the columns of effects, whose values the
-    effects hold.
+    effects hold. given: how many of the effects, the first ones, every model of the robot has.
     """
 
     robot: Robot
@@ -45,6 +45,7 @@ class Structure:
     parameters: tuple[Parameter, ...]
     inner: tuple[Parameter, ...] = ()
     notes: tuple[str, ...] = ()
+    given: int = 0
 
     @classmethod
     def build(cls, robot: Robot, effects: Sequence[str | Effect] = ()) -> Structure:
@@ -69,19 +70,30 @@ class Structure:
                 notes.append(f"{effect.label} merges with {into}")
             else:
                 made.append(beside(effect, labels))
+        notes += _behind_the_gear(robot)
+        own = cls(robot, base, tuple(made), _linear(robot, base, made), _inner(made), tuple(notes), len(made))
+        return own.with_further(effects)
+
+    def with_further(self, effects: Sequence[str | Effect]) -> Structure:
+        """Return the model with further effects (`name@joint`, or effects themselves); raises InputError as `build`."""
+        made = list(self.effects)
         for item in effects:
-            effect = make_effect(item, robot) if isinstance(item, str) else item
+            effect = make_effect(item, self.robot) if isinstance(item, str) else item
             labels = [other.label for other in made]
             if effect.label in labels:
                 raise InputError(f"effect {effect.label!r} is in the model already")
             if effect.unseen:
                 raise InputError(f"effect {effect.label!r}: {effect.unseen}")
-            into = _merges(effect, base) or holder(effect, labels)
+            into = _merges(effect, self.base) or holder(effect, labels)
             if into:
                 raise InputError(f"effect {effect.label!r} merges with {into}: its column is in the model already")
             made.append(beside(effect, labels))
-        notes += _behind_the_gear(robot)
-        return cls(robot, base, tuple(made), _linear(robot, base, made), _inner(made), tuple(notes))
+        return replace(self, effects=tuple(made), parameters=_linear(self.robot, self.base, made), inner=_inner(made))
+
+    @property
+    def added(self) -> tuple[Effect, ...]:
+        """The effects that the robot doesn't bring along."""
+        return self.effects[self.given :]
 
     @property
     def names(self) -> tuple[str, ...]:
