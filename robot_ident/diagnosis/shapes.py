@@ -16,7 +16,7 @@ import numpy as np
 from robot_ident.diagnosis.candidates import Candidate, Score, score
 from robot_ident.diagnosis.refine import refined
 from robot_ident.diagnosis.scan import columns_of
-from robot_ident.diagnosis.stage import GAIN, MOSTLY, Stage
+from robot_ident.diagnosis.stage import GAIN, Stage
 from robot_ident.diagnosis.ties import block_losses, significant
 from robot_ident.effects.effect import Coefficient, Effect, Torques
 from robot_ident.motion import Array, Motion
@@ -24,8 +24,7 @@ from robot_ident.robot.robot import Robot
 
 ENOUGH = 0.8  # of its joint's excess that an effect explains: no shape is asked any more
 MORE = 0.15  # of the excess that a shape must explain beyond it
-SEVERAL = 3.0  # times as much is left by effects that only together make one curve
-IMPERFECT = 0.02  # of the excess, that the formulas of true ones may leave
+BROAD = 0.7  # of the excess, explained, from which on nothing broad is asked, either
 
 _DEGREES = range(2, 8)  # of the polynomials of a curve: what is constant or a spring has names
 _WAVES = range(3, 13)  # to a turn: fewer are springs, weights and cams that have names
@@ -38,7 +37,7 @@ Course = Callable[[Motion, Torques | None], Array]
 class Shape(Effect):
     """Columns at a joint by a formula of the motion alone; `words`: what they follow, for the user.
 
-    broad: it may hold several small things beside a named one, and is no rival of what explains most.
+    broad: it may hold several small things beside a named one, and is no rival of what explains much.
     """
 
     name = "shape"
@@ -76,9 +75,8 @@ def doubted(members: Sequence[Score], first: Stage, last: Stage) -> dict[str, st
                 out[member.label] = words
     for joint in {m.effect.joint for m in members}:
         group = [m for m in members if m.effect.over_position and m.effect.joint == joint and m.label not in out]
-        if len(group) > 1 and last.fits[joint].fails:
-            words = _one_curve(group, _without(group, members, first), last)
-            out |= {m.label: words for m in group if words}
+        if len(group) > 1:
+            out |= _one_curve(group, _without(group, members, first), last)
     return out
 
 
@@ -99,11 +97,10 @@ def _doubt(member: Score, stage: Stage) -> str | None:
     mine = refined(found, evidence, folds)
     if mine.held_out_by_joint[joint] >= ENOUGH * excess:
         return None
-    most = mine.held_out_by_joint[joint] >= MOSTLY * excess
+    much = mine.held_out_by_joint[joint] >= BROAD * excess
     robot = evidence.structure.robot
-    rivals = [
-        _scored(shape, stage) for shape in shapes(robot, joint, _reach(joint, stage)) if not (most and shape.broad)
-    ]
+    tried = [shape for shape in shapes(robot, joint, _reach(joint, stage)) if not (much and shape.broad)]
+    rivals = [_scored(shape, stage) for shape in tried]
     best = max(rivals, key=lambda s: s.held_out)
     if best.held_out - mine.held_out < MORE * excess:
         return None
@@ -117,23 +114,28 @@ def _doubt(member: Score, stage: Stage) -> str | None:
     )
 
 
-def _one_curve(group: Sequence[Score], stage: Stage, last: Stage) -> str | None:
-    """Return in words that one curve over a joint's position predicts far better than several springs of that joint.
+def _one_curve(group: Sequence[Score], stage: Stage, last: Stage) -> dict[str, str]:
+    """Return why several springs of one joint get no names, by their label: where one curve over its position predicts
+    as well, their number tells of a curve that no spring has. What explains nearly all alone keeps its name.
 
     stage: that without them, last: with them.
     """
     joint, robot = group[0].effect.joint, stage.evidence.structure.robot
-    curve = _scored(_cornered(robot, joint, _reach(joint, stage)), stage)
-    excess = float(stage.excess[joint])
+    curve, excess = _scored(_cornered(robot, joint, _reach(joint, stage)), stage), float(stage.excess[joint])
     theirs, its = float(last.excess[joint]), max(excess - float(curve.held_out_by_joint[joint]), 0.0)
-    if theirs < IMPERFECT * excess or theirs - its < GAIN or its * SEVERAL > theirs:
-        return None
+    if its - theirs >= GAIN:
+        return {}
+    labels = [m.label for m in group]
+    alone = [refined(s, stage.evidence, stage.folds) for s in stage.scores if s.label in labels]
+    kept = [s.label for s in alone if s.held_out_by_joint[joint] >= ENOUGH * excess][:1]
     assert isinstance(curve.effect, Shape)
-    names, left = " and ".join(m.label for m in group), [100.0 * x / excess for x in (theirs, its)]
-    return (
-        f"{names} get no name: together they leave {left[0]:.1f} % of what {robot.joints[joint]} lacks,"
-        f" {curve.effect.words} {left[1]:.1f} %, and no effect of the catalogue is that"
+    left = [100.0 * x / max(excess, 1e-300) for x in (theirs, its)]
+    nameless = [label for label in labels if label not in kept]
+    words = (
+        f"{' and '.join(nameless)} {'gets' if kept else 'get'} no name: {' and '.join(labels)} leave {left[0]:.1f} % of"
+        f" what {robot.joints[joint]} lacks, {curve.effect.words} {left[1]:.1f} %"
     )
+    return {label: words for label in nameless}
 
 
 def _scored(shape: Shape, stage: Stage) -> Score:
