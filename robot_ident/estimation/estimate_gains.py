@@ -292,9 +292,8 @@ def with_known_gains(
     refuse_untold(measurements)
     gains = estimate_gains(measurements, structure)
     known = robot_with(robot, gains)
-    labels = [label for label in structure.labels if label not in Structure.build(robot).labels]
     again = [process(recording, known, processing) for recording in recordings]
-    return again, Structure.build(known, labels), gains
+    return again, Structure.build(known, [effect.label for effect in structure.added]), gains
 
 
 def spread_by_gains(gains: Gains, solved: Solved, structure: Structure, values: Array) -> Array:

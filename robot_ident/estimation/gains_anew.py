@@ -59,11 +59,9 @@ def extended_with_gains(model: Model, recordings: Sequence[Recording], labels: S
     Raises InputError where the recordings don't tell the gains, or don't excite a parameter.
     """
     robot = _robot_without(model.robot, _estimated(model))
-    usual = Structure.build(robot).labels
-    held = [label for label in model.structure.labels if label not in usual]
     processing = Processing(**dict(model.processing))
     measurements = [process(recording, robot, processing) for recording in recordings]
-    structure = Structure.build(robot, [*held, *labels])
+    structure = Structure.build(robot, [*(effect.label for effect in model.structure.added), *labels])
     known, structure, gains = with_known_gains(recordings, measurements, structure, processing)
     fitted = estimate(known, structure, estimator=model.estimator, processing=processing, gains=gains)
     added = [*model.provenance.get("added", []), *labels]

@@ -83,8 +83,8 @@ def _robot(file: ModelFile, path: Path | str) -> Robot:
 
 
 def _structure(file: ModelFile, robot: Robot, path: Path | str) -> Structure:
-    known = Structure.build(robot).labels
-    structure = Structure.build(robot, [label for label in file.effects if label not in known])
+    own = Structure.build(robot)
+    structure = own.with_further([label for label in file.effects if label not in own.labels])
     names = [parameter.name for parameter in file.parameters]
     expected = [parameter.name for parameter in (*structure.parameters, *structure.inner)]
     if expected != names:
