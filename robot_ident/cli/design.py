@@ -269,6 +269,7 @@ def _design(
             symmetric=args.symmetric,
             bandwidth=band,
             starts=args.starts,
+            time_limit=args.time_limit,
             deadline=deadline,
             seed=args.seed,
             progress=show,

@@ -15,6 +15,8 @@ if TYPE_CHECKING:
     from robot_ident.diagnosis.diagnosis import Diagnosis, Suspect
     from robot_ident.model.model import Model
 
+_TIED_LISTED = 3  # of the candidates that one is tied with: the table stays readable, --json has them all
+
 
 def add_arguments(parser: argparse.ArgumentParser) -> None:
     """Add the verb's options."""
@@ -171,7 +173,8 @@ def _row(rank: int, s: Suspect, named: bool) -> tuple[object, ...]:
     joint = _joint(s)
     share = f"{100 * s.explained:.0f} %"
     before, after = s.mse_before[joint] ** 0.5, s.mse_after[joint] ** 0.5
-    tied = ", ".join(s.tied_with) or None
+    more = len(s.tied_with) - _TIED_LISTED
+    tied = ", ".join(s.tied_with[:_TIED_LISTED]) + (f" and {more} more" if more > 0 else "") or None
     return (rank, s.label, "missing" if named else None, share, f"{s.p_value:.1g}", before, after, tied)
 
 

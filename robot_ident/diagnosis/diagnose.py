@@ -19,6 +19,7 @@ from robot_ident.diagnosis.candidates import Score
 from robot_ident.diagnosis.diagnosis import Diagnosis, Suspect, Verdict
 from robot_ident.diagnosis.drift import DRIFT, UNSEEN_IN_MEANS, drift_suspect, drift_tests, without_trends
 from robot_ident.diagnosis.evidence import Evidence, extended, gather, split
+from robot_ident.diagnosis.hidden_rest import with_hidden_rest
 from robot_ident.diagnosis.impossible import possible
 from robot_ident.diagnosis.lack_of_fit import LackOfFit, lack_of_fit
 from robot_ident.diagnosis.measuring.first import Fault, measuring_fault, undecidable
@@ -63,7 +64,7 @@ def diagnose(
     notes = clock_notes(measurements, structure.robot)
     trending = {effect.label for effect in structure.effects if effect.trends}
     measurements, structure, validation = without_trends(measurements, structure, validation)
-    evidence = gather(measurements, structure)
+    evidence = plain = gather(measurements, structure)
     if len(evidence.trajectories) > 1:
         evidence = whitened(evidence)
     else:  # lines belong to a whole period: of its parts, the rows are weighed
@@ -84,7 +85,8 @@ def diagnose(
     tell(0.8, "weighing what was found")
     notes += undecidable(evidence, blind.folds)
     found_all = judged.low_passes.beside(_conclude(evidence, found, validation, notes, trending))
-    return with_doubt(with_jitter(found_all, evidence), evidence).seen_by(structure.robot)
+    found_all = with_doubt(with_jitter(found_all, evidence), evidence)
+    return with_hidden_rest(found_all, plain).seen_by(structure.robot)
 
 
 def _fault_first(

@@ -84,15 +84,24 @@ class Suspect:
         }
 
 
+EVERYWHERE = "spread over the whole motion"
+
+
 @dataclass(frozen=True)
 class Unexplained:
     """What no known effect explains: the joint, which variables the residual depends on (held-out shares), and where
-    it sits.
+    it sits; around_reversals: whether most of it is where the joint hardly moves.
     """
 
     joint: str
     depends_on: Mapping[str, float]
     where: str
+    around_reversals: bool = False
+
+    @property
+    def everywhere(self) -> bool:
+        """Whether no region of the motion holds more of it than its share."""
+        return self.where == EVERYWHERE
 
 
 @dataclass(frozen=True)
@@ -100,6 +109,7 @@ class Diagnosis:
     """Verdict, the members found in their order, further candidates, the remainder by joint [Nm rms], and notes.
 
     hidden_from_sensor: by joint the effects that were no candidates, since effort is measured where they don't show.
+    hidden_in_path: the joints whose remainder may all be of the part of the path that noise of the positions hides.
     """
 
     verdict: Verdict
@@ -109,12 +119,16 @@ class Diagnosis:
     unexplained: Unexplained | None
     notes: tuple[str, ...] = ()
     hidden_from_sensor: Mapping[str, tuple[str, ...]] = field(default_factory=dict)
+    hidden_in_path: tuple[str, ...] = ()
 
     @property
     def in_words(self) -> str:
         """The verdict in one sentence."""
         if self.verdict == "adequate":
-            return "adequate: what is left over is noise"
+            more = (
+                f", and at {', '.join(self.hidden_in_path)} what noise hides of the path" if self.hidden_in_path else ""
+            )
+            return f"adequate: what is left over is noise{more}"
         if self.verdict == "missing":
             return "missing: " + ", ".join(suspect.label for suspect in self.missing)
         if self.verdict == "not_decidable":
@@ -169,6 +183,7 @@ class Diagnosis:
                 "depends_on": dict(self.unexplained.depends_on),
                 "where": self.unexplained.where,
             },
+            "hidden_in_path": list(self.hidden_in_path),
             "hidden_from_sensor": {joint: list(names) for joint, names in self.hidden_from_sensor.items()},
             "notes": list(self.notes),
         }

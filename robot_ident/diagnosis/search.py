@@ -7,11 +7,11 @@ from itertools import count
 
 import numpy as np
 
-from robot_ident.diagnosis.backlash import best_gap, gap_behind, muted
+from robot_ident.diagnosis.backlash import best_gap, gap_behind, gap_near, muted
 from robot_ident.diagnosis.candidates import Score
 from robot_ident.diagnosis.evidence import Evidence
 from robot_ident.diagnosis.progress import Tell, after
-from robot_ident.diagnosis.stage import MOSTLY, PART, Stage, choose, least_torque, much_is_left, reconsider
+from robot_ident.diagnosis.stage import GAIN, MOSTLY, PART, Stage, choose, least_torque, much_is_left, reconsider
 from robot_ident.effects import Effect
 
 MOST = 6  # members
@@ -51,7 +51,7 @@ class Search:
             return False
         self.members.append(found)
         self._again()
-        self.members, self.last = reconsider(self.evidence, self.members, self.last, self.rattling)
+        self._reconsider(range(len(self.members) - 1))
         return True
 
     def _rattles(self) -> bool:
@@ -98,13 +98,26 @@ class Search:
         return enough and float(gains[joints].sum()) >= share * float(self.last.surely[joints].sum())
 
     def _keep(self, gap: Score, loud: Sequence[int]) -> None:
-        """Judge what comes without the time in which a gap makes its own joint and loud ones rattle."""
+        """Judge what comes without the time in which a gap makes its own joint and others rattle: loud ones and those
+        that it shakes. Members are judged again: they may have followed its bursts.
+        """
         self.gaps[gap.effect.joint] = gap.effect
-        for joint in {*loud, gap.effect.joint}:
+        for joint in {*loud, *self._shaken(gap.effect), gap.effect.joint}:
             self.rattling.setdefault(joint, set()).add(gap.effect.joint)
         self.evidence, unseen = muted(self.evidence, self.first.folds.unseen, self.rattling)
         self.first = Stage.of(self.evidence, unseen)
         self._again()
+        self._reconsider(range(len(self.members)))
+
+    def _shaken(self, gap: Effect) -> list[int]:
+        """Return the joints of whose excess, without any member, a gap explains most."""
+        alone = gap_near(gap, self.first.evidence, self.first.folds)
+        if alone is None:
+            return []
+        return np.flatnonzero(alone.held_out_by_joint >= MOSTLY * np.maximum(self.first.surely, GAIN)).tolist()
+
+    def _reconsider(self, places: Sequence[int]) -> None:
+        self.members, self.last = reconsider(self.evidence, self.members, self.last, self.rattling, places)
 
     def _again(self) -> None:
         self.last = self.first.under(self.evidence, [m.effect for m in self.members])

@@ -238,10 +238,10 @@ def _touched(effects: Sequence[Effect], joints: Collection[int]) -> bool:
 
 
 def reconsider(
-    evidence: Evidence, members: list[Score], stage: Stage, rattling: Collection[int]
+    evidence: Evidence, members: list[Score], stage: Stage, rattling: Collection[int], places: Sequence[int]
 ) -> tuple[list[Score], Stage]:
-    """Choose every earlier member again, given the others; drop one that explains nothing any more."""
-    for place in range(len(members) - 1):
+    """Choose the members at some places again, given the others; drop one that explains nothing any more."""
+    for place in places:
         others = [m for k, m in enumerate(members) if k != place]
         without = stage.under(evidence, [m.effect for m in others])
         again = choose(without, rattling)

@@ -7,10 +7,12 @@ from collections.abc import Mapping, Sequence
 import numpy as np
 
 from robot_ident.diagnosis.curves import Variable, held_out_share, own, variables
-from robot_ident.diagnosis.diagnosis import Unexplained
+from robot_ident.diagnosis.diagnosis import EVERYWHERE, Unexplained
 from robot_ident.diagnosis.evidence import Evidence
 from robot_ident.diagnosis.regions import Region, densest
 
+_MOVING = ("velocity", "speed", "time_since_reversal")  # variables that are zero as the joint reverses
+_MOST = 0.5  # of the excess, that sits there
 _SLOW = 0.02  # rad/s or m/s: slower than this a joint may stick
 _OTHERS = 0.02  # of the error that another joint's motion must explain to be listed
 
@@ -34,8 +36,12 @@ def explain_by_variables(evidence: Evidence, joint: int, *, floor: bool = True) 
     ]
     region = _densest(seen, shares, residual, used, level)
     listed = own(shares, _OTHERS)
-    where = "spread over the whole motion" if region is None else region.in_words(robot, joint)
-    return Unexplained(robot.joints[joint], listed, where)
+    where = EVERYWHERE if region is None else region.in_words(robot, joint)
+    return Unexplained(robot.joints[joint], listed, where, region is not None and _around_reversals(region))
+
+
+def _around_reversals(region: Region) -> bool:
+    return region.what in _MOVING and region.lower <= 0.0 <= region.upper and region.share >= _MOST
 
 
 def stiction_note(found: Unexplained, evidence: Evidence) -> list[str]:
@@ -47,11 +53,13 @@ def stiction_note(found: Unexplained, evidence: Evidence) -> list[str]:
     first = max(found.depends_on, key=lambda name: found.depends_on[name])
     speeds = [np.abs(t.motion.dq[t.measured.rows, joint])[t.weight[:, joint] > 0] for t in evidence.trajectories]
     slow = any(np.any(speed < _SLOW) for speed in speeds)
-    if first != "time_since_reversal" or found.depends_on[first] <= 0.0 or not slow:
+    follows = first == "time_since_reversal" and found.depends_on[first] > 0.0
+    if not slow or not (follows or found.around_reversals):
         return []
     return [
-        f"what remains of {found.joint} follows its reversals; where it sticks there, no model tells its torque:"
-        f" identify with --minimum-speed {_SLOW:g} (rad/s or m/s) and diagnose again"
+        f"what remains of {found.joint} follows its reversals; where it sticks there, no model tells its torque, and"
+        f" steps of friction fall between two samples: identify with --minimum-speed {_SLOW:g} (rad/s or m/s) and"
+        " diagnose again, or record at a higher rate"
     ]
 
 

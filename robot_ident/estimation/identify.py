@@ -81,7 +81,12 @@ def estimate(
     periods = per_period(measurements, found, estimator) if taken is measurements else ()
     if gains is not None:
         found, payloads = _with_gains(solved, gains)
-    notes = [*structure.notes, *(f"{m.source}: {note}" for m in measurements for note in m.notes), *found.notes]
+    notes = [
+        *structure.notes,
+        *structure.rotors_left_out,
+        *(f"{m.source}: {note}" for m in measurements for note in m.notes),
+        *found.notes,
+    ]
     notes += [note for payload in payloads for note in payload.notes]
     notes += () if gains is None else gains.notes
     notes = [*driven(found.structure, measurements, found.values, found.covariance).notes, *notes]

@@ -128,7 +128,7 @@ def design(
         "sample_rate": sample_rate,
         "effects": list(effects),
         "starts": starts or STARTS,
-        "time_limit": round(limit - started, 1) if np.isfinite(limit) else None,
+        "time_limit": time_limit or (round(limit - started, 1) if np.isfinite(limit) else None),
         "seed": seed,
     }
     further = (("trajectories", trajectories, 1), ("symmetric", symmetric, False), ("bandwidth", bandwidth, None))

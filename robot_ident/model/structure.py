@@ -74,6 +74,21 @@ class Structure:
         own = cls(robot, base, tuple(made), _linear(robot, base, made), _inner(made), tuple(notes), len(made))
         return own.with_further(effects)
 
+    @property
+    def rotors_left_out(self) -> tuple[str, ...]:
+        """A line on each rotor of the robot's description whose inertia neither a link nor an effect holds."""
+        robot, labels = self.robot, set(self.labels)
+        out = []
+        for joint in self.base.free_rotors:
+            name, size = robot.joints[joint], float(robot.drives.armature[joint])
+            label = f"rotor_inertia@{name}"
+            if size > 0.0 and label not in labels and robot.side(joint) != "link":
+                out.append(
+                    f"{name}: its armature, {size:.3g} kg m^2, is in no parameter of this model (no link's inertia has"
+                    f" its column): add --effect {label}, or effects: [{label}] in the robot YAML"
+                )
+        return tuple(out)
+
     def with_further(self, effects: Sequence[str | Effect]) -> Structure:
         """Return the model with further effects (`name@joint`, or effects themselves); raises InputError as `build`."""
         made = list(self.effects)

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import re
 from dataclasses import dataclass, replace
 
 import numpy as np
@@ -83,6 +84,9 @@ class Recording:
         missing = [name for name in joints if name not in self.names]
         if missing:
             hint = ": is it of another robot? identify --robot names its file" if len(missing) == len(joints) else ""
+            hint += "".join(
+                f"; {note}" for note in self.notes if re.match(rf"the effort of .*\b{re.escape(missing[0])}\b", note)
+            )
             raise InputError(
                 f"{self.source}: joint {missing[0]!r} is missing; the recording has {', '.join(self.names)}{hint}"
             )

@@ -4,11 +4,14 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 
+from robot_ident.diagnosis.comparison import JointComparison
 from robot_ident.diagnosis.diagnosis import Diagnosis, Suspect
 from robot_ident.diagnosis.staircase import Level, Step
 from robot_ident.report.findings import Findings
 from robot_ident.report.words import joined, short
 from robot_ident.robot.robot import Robot
+
+_AS_IT_IS = 1.2  # times what remains of the model identified anew: a model whose values fit leaves no more over
 
 
 def verdict(found: Findings) -> str:
@@ -49,15 +52,21 @@ def _lacking(found: Findings) -> str:
     if diagnosis.verdict == "not_decidable":
         why = f": {diagnosis.notes[0]}" if diagnosis.notes else ""
         return f"these recordings can't tell whether the model lacks anything{why}"
-    failing = [joint for joint in last.comparison.joints if joint.fails]
+    failing = [joint for joint in last.comparison.joints if joint.fails and not _as_good_as_can_be(joint, diagnosis)]
     if not failing:
-        return "the model is adequate: what it leaves over is noise"
+        return "the model is " + diagnosis.in_words
     worst = max(failing, key=lambda joint: joint.excess)
     unit = found.robot.torque_unit(found.robot.joint_index(worst.name))
     return (
         f"the model has all the effects it needs, but as it stands its values miss {worst.name} by"
         f" {worst.excess:.3g} {unit} rms beyond the noise: identify it anew from these recordings"
     )
+
+
+def _as_good_as_can_be(joint: JointComparison, diagnosis: Diagnosis) -> bool:
+    """Return whether a joint leaves no more over than it would with the best values that these effects can have."""
+    most = _AS_IT_IS * diagnosis.remaining_rms.get(joint.name, 0.0)
+    return joint.excess <= most
 
 
 def _missing(diagnosis: Diagnosis, last: Step, robot: Robot) -> str:
@@ -96,5 +105,5 @@ def _unexplained(diagnosis: Diagnosis, robot: Robot) -> str:
     unit = robot.torque_unit(robot.joint_index(found.joint))
     return (
         f"none of the known effects accounts for the error of {found.joint}, {remains:.3g} {unit} rms beyond the noise;"
-        f" it sits at {found.where}"
+        f" it {'is ' if found.everywhere else 'sits at '}{found.where}"
     )

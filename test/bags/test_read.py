@@ -163,6 +163,10 @@ def test_joint_without_sensor(tmp_path: Path, maker: SimpleNamespace) -> None:
     assert got.names == ("a",)
     assert got.dq is None
     assert "the effort of b is never a number; left out" in got.notes
+    with pytest.raises(
+        InputError, match="joint 'b' is missing; the recording has a; the effort of b is never a number"
+    ):
+        got.with_joints(("a", "b"))
     assert "the effort of joint 'b' is not a number in any" in one_line(path, joints=["a", "b"])
 
 

@@ -8,12 +8,14 @@ import numpy as np
 import pytest
 
 from robot_ident.diagnosis.candidates import Folds, enumerate_candidates, score
+from robot_ident.diagnosis.comparison import compare
 from robot_ident.diagnosis.diagnose import diagnose
 from robot_ident.diagnosis.evidence import gather
 from robot_ident.diagnosis.hidden_path import gain_beside_hidden_path
 from robot_ident.diagnosis.scan import base_gram
 from robot_ident.diagnosis.stage import GAIN, OWN
 from robot_ident.diagnosis.white_lines import whitened
+from robot_ident.estimation.identify import estimate
 from robot_ident.model.structure import Structure
 from robot_ident.motion import Motion
 from robot_ident.recording import Recording, process
@@ -47,6 +49,23 @@ def reversing(bench: Any) -> list[Measurement]:
     """Nothing hidden but a drive whose gear gives way."""
     rng = np.random.default_rng(6)
     return [giving_way(m, bench.robot, 3e-4, rng) for m in bench.measure(())]
+
+
+def test_an_adequate_model_says_what_the_hidden_path_leaves(bench: Any, sticking: list[Measurement]) -> None:
+    """As `compare` judges it the model misfits; the diagnosis says where, and why nothing is missing all the same."""
+    found = diagnose(sticking, bench.structure)
+    misfits = [one.name for one in compare(estimate(sticking, bench.structure), sticking).joints if one.fails]
+    assert found.verdict == "adequate"
+    assert misfits
+    assert list(found.hidden_in_path) == misfits
+    assert found.in_words.endswith(f"and at {', '.join(misfits)} what noise hides of the path")
+    assert "--minimum-speed" in found.notes[-1]
+
+
+def test_a_model_that_fits_hides_nothing(bench: Any) -> None:
+    found = diagnose(bench.measure((), noise=1.0), bench.structure)
+    assert found.in_words == "adequate: what is left over is noise"
+    assert not found.hidden_in_path
 
 
 def test_kinks_of_the_path_gain_but_not_beside_what_they_may_make(bench: Any, sticking: list[Measurement]) -> None:

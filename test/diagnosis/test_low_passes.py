@@ -73,6 +73,13 @@ def test_a_low_pass_of_any_form_is_named_and_no_friction_is(bench: Any, filtered
     assert named.fix and "anti_alias" in named.fix
 
 
+def test_a_delay_says_the_line_that_takes_it_out(bench: Any) -> None:
+    found = found_behind(bench, lambda tau: np.concatenate([tau[:2], tau[:-2]]), 0)
+    assert [s.label for s in found.missing] == ["time_delay@joint_1"]
+    (named,) = found.missing
+    assert named.fix and "joints: {joint_1: {torque_delay: 0.013" in named.fix
+
+
 def test_a_fast_low_pass_may_be_a_delay_but_no_friction(bench: Any) -> None:
     """A smoothing of 2 ms beside the noise of the paper: the data tell it from nothing that is late."""
     found = found_behind(bench, lambda x: np.asarray(signal.lfilter([0.75], [1.0, -0.25], x)), 0, noise=1.0)

@@ -8,8 +8,10 @@ from typing import Any
 import numpy as np
 import pytest
 
+from robot_ident.diagnosis.backlash import best_gap
 from robot_ident.diagnosis.diagnose import diagnose
 from robot_ident.diagnosis.evidence import gather
+from robot_ident.diagnosis.search import Search
 from robot_ident.diagnosis.stage import Stage, choose, worthwhile
 from robot_ident.diagnosis.white_lines import whitened
 
@@ -50,6 +52,21 @@ def test_an_effect_has_to_help_its_own_joint_where_that_lacks_something(bench: A
     elsewhere = np.array([found.held_out_by_joint[1], -1.0, 0.0])
     assert worthwhile(replace(found, held_out_by_joint=elsewhere + [0.0, 2.0, 0.0]), stage, ())
     assert not worthwhile(replace(found, held_out_by_joint=elsewhere), stage, ())
+
+
+def test_what_followed_a_gap_on_another_joint_is_dropped(bench: Any) -> None:
+    """Joint 2's gap shakes joint 3: a delay that followed the shaking is no member once the gap is known."""
+    evidence = gather(bench.measure(("backlash@joint_2:gap=0.0012",)), bench.structure)
+    given = Stage.of(evidence)
+    gap = best_gap(evidence, given.folds, [1])
+    assert gap is not None
+    search = Search(evidence, given)
+    assert 2 in search._shaken(gap.effect)
+    follower = max((s for s in given.scores if s.label == "time_delay@joint_3"), key=lambda s: s.gain)
+    search.members = [follower]
+    search._keep(gap, ())
+    assert set(search.rattling) >= {1, 2}
+    assert not search.members
 
 
 def test_noise_is_nothing_that_an_effect_has_to_explain(bench: Any) -> None:

@@ -72,3 +72,5 @@ def test_a_remainder_at_reversals_says_how_to_leave_them_out(bench: Any) -> None
     assert not stiction_note(at_reversals, gather([fast], bench.structure))
     elsewhere = replace(at_reversals, depends_on={"position": 0.3, "time_since_reversal": 0.2})
     assert not stiction_note(elsewhere, gather([every], bench.structure))
+    slow = replace(elsewhere, around_reversals=True)
+    assert stiction_note(slow, gather([every], bench.structure)) == [note]

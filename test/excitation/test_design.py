@@ -97,6 +97,11 @@ def test_a_time_limit_that_ends_too_soon_is_said_and_not_laid_on_the_limits(kuka
         design(kuka, criterion="condition", time_limit=0.01, workers=1)
 
 
+def test_what_was_asked_for_is_written_whatever_the_start_of_the_process_took(kuka: Robot) -> None:
+    found = design(kuka, time_limit=6.0, deadline=time.monotonic() + 2.0, workers=1)
+    assert found.excitation.reproduce["time_limit"] == 6.0
+
+
 def test_who_cancels_keeps_the_best(kuka: Robot) -> None:
     found = design(kuka, workers=1, cancel=lambda: True)
     assert found.interrupted

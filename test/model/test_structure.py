@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from dataclasses import replace
+
 import numpy as np
 import pytest
 
@@ -44,6 +46,16 @@ def test_symbolic_columns_are_the_numeric_ones(robot: str, effects: list[str]) -
 def test_an_effect_that_can_not_be_added_is_one_line(label: str, words: str) -> None:
     with pytest.raises(InputError, match=words):
         Structure.build(load_robot(), [label])
+
+
+def test_a_rotor_that_no_parameter_holds_is_told() -> None:
+    robot = load_robot()
+    robot = replace(robot, drives=replace(robot.drives, armature=np.array([4.0, 6.0, 1.5])))
+    (line,) = Structure.build(robot).rotors_left_out
+    assert "joint_3: its armature, 1.5 kg m^2" in line
+    assert "--effect rotor_inertia@joint_3" in line
+    assert not Structure.build(robot, ["rotor_inertia@joint_3"]).rotors_left_out
+    assert not Structure.build(load_robot()).rotors_left_out
 
 
 def test_true_torque_is_inverse_dynamics_plus_friction() -> None:

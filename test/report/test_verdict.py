@@ -8,7 +8,7 @@ from dataclasses import replace
 import pytest
 
 from robot_ident.cli.main import build_parser
-from robot_ident.diagnosis.diagnosis import Diagnosis, Unexplained
+from robot_ident.diagnosis.diagnosis import EVERYWHERE, Diagnosis, Unexplained
 from robot_ident.provenance import fingerprint
 from robot_ident.report.findings import Findings
 from robot_ident.report.sections.candidates import Candidates
@@ -24,7 +24,7 @@ def only_first(findings: Findings, diagnosis: Diagnosis) -> Findings:
 def test_an_adequate_model_after_an_effect_was_added(findings: Findings) -> None:
     text = verdict(findings)
     assert text.startswith("Adding stribeck@joint_2 takes the error of joint_2 on a motion that no fit has seen from ")
-    assert text.endswith("; the model is adequate: what it leaves over is noise.")
+    assert text.endswith("; the model is adequate: what is left over is noise.")
 
 
 def test_a_model_that_lacks_something(findings: Findings) -> None:
@@ -72,6 +72,25 @@ def test_a_model_of_other_values_is_not_called_adequate(findings: Findings) -> N
     text = verdict(replace(findings, steps=steps, diagnoses={0: findings.diagnosis}))
     assert "as it stands its values miss joint_1" in text
     assert "identify it anew" in text
+
+
+def test_a_model_whose_values_fit_as_well_as_can_be_is_called_adequate(findings: Findings) -> None:
+    """What remains at every joint is no more than a model identified anew would leave."""
+    worst, *others = findings.last.comparison.joints
+    failing = replace(worst, excess=0.5, misfit=replace(worst.misfit, p_value=1e-9))
+    assert failing.fails
+    last = replace(findings.last, comparison=replace(findings.last.comparison, joints=(failing, *others)))
+    hidden = replace(findings.diagnosis, remaining_rms={worst.name: 0.49}, hidden_in_path=(worst.name,))
+    found = replace(findings, steps=(*findings.steps[:-1], last), diagnoses={len(findings.steps) - 1: hidden})
+    assert f"the model is adequate: what is left over is noise, and at {worst.name} what noise hides" in verdict(found)
+    anew = replace(hidden, remaining_rms={worst.name: 0.2})
+    assert "identify it anew" in verdict(replace(found, diagnoses={len(findings.steps) - 1: anew}))
+
+
+def test_what_is_everywhere_sits_nowhere(findings: Findings) -> None:
+    everywhere = Unexplained("joint_1", {}, EVERYWHERE)
+    found = replace(findings.diagnosis, verdict="unexplained", unexplained=everywhere, remaining_rms={"joint_1": 2.0})
+    assert verdict(only_first(findings, found)).endswith("; it is spread over the whole motion.")
 
 
 def test_commands_can_be_run_again(findings: Findings) -> None:

@@ -59,7 +59,7 @@ def payloads(evidence: Evidence, base: BaseGram) -> list[Finding]:
         gain = before - fitted_loss(base_gram(after), everything)
         weight, std = _gravity_change(after)
         fix = (
-            f"{source.source}.conditions.yaml: payload of that recording"
+            f"{source.source}.conditions.yaml: payload: estimate  # or its mass, com and inertia"
             if weight >= 0.0
             else f"the other recordings' .conditions.yaml: a payload that {source.source} lacks"
         )

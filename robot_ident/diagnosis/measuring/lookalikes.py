@@ -40,8 +40,10 @@ class LowPasses:
     scores: Sequence[Score]
 
     def beside(self, diagnosis: Diagnosis) -> Diagnosis:
-        """Return a diagnosis whose suspects say where a low pass in their place predicts as well."""
-        return replace(diagnosis, missing=tuple(self._beside(suspect) for suspect in diagnosis.missing))
+        """Return a diagnosis whose suspects say where a low pass in their place predicts as well, and what to change
+        where the measuring is at fault.
+        """
+        return replace(diagnosis, missing=tuple(self._beside(_with_line(suspect)) for suspect in diagnosis.missing))
 
     def _beside(self, suspect: Suspect) -> Suspect:
         mine = next((s for s in self.scores if s.label == suspect.label), None)
@@ -54,7 +56,21 @@ class LowPasses:
         if float(lead.sum()) > 0.0 and not alike(lead, score.held_out):
             return suspect
         experiment = suspect.experiment or low_pass.effect.experiment
-        return replace(suspect, tied_with=(*suspect.tied_with, low_pass.label), experiment=experiment)
+        fix = f"{given.fix} (if it is {low_pass.label})"
+        fix = fix if suspect.fix is None else f"{suspect.fix}, or {fix}"
+        return replace(suspect, tied_with=(*suspect.tied_with, low_pass.label), experiment=experiment, fix=fix)
+
+
+def _with_line(suspect: Suspect) -> Suspect:
+    """Return a delay with the line that takes it out of what is measured, any other suspect as it is."""
+    effect = suspect.effect
+    if effect.name != _DELAY:
+        return suspect
+    declared = np.broadcast_to(effect.robot.torque_delay, (effect.robot.n,))[effect.joint if effect.place else 0]
+    line = f"torque_delay: {float(declared) + suspect.parameters[0].value / 1000.0:.4g}"
+    if effect.place is not None:
+        line = f"joints: {{{effect.place}: {{{line}}}}}"
+    return replace(suspect, fix=f"{line}  # s, in the robot YAML")
 
 
 def holds(low_pass: Finding, scores: Sequence[Score], evidence: Evidence, given: Folds, lead: float) -> bool:

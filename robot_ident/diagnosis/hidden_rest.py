@@ -1,0 +1,35 @@
+"""An adequate model may leave more than noise over: what the hidden part of the path makes of the torque."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+
+import numpy as np
+
+from robot_ident.diagnosis.diagnosis import Diagnosis
+from robot_ident.diagnosis.evidence import Evidence
+from robot_ident.diagnosis.misfit import misfit
+
+
+def with_hidden_rest(found: Diagnosis, evidence: Evidence) -> Diagnosis:
+    """Return a diagnosis with the joints at which an adequate model doesn't fit as it stands, and a note.
+
+    evidence: on the model as it was given, not whitened: judged as `compare` judges.
+    """
+    if found.verdict != "adequate":
+        return found
+    robot = evidence.structure.robot
+    phi = np.concatenate([columns.reshape(-1, columns.shape[2]) for columns in evidence.phi])
+    tests = misfit(evidence, np.linalg.pinv(phi.T @ phi, hermitian=True))
+    joints = tuple(name for name, test in zip(robot.joints, tests, strict=True) if test.fails)
+    if not joints:
+        return found
+    sizes = ", ".join(
+        f"{name} {found.remaining_rms[name]:.3g} {robot.torque_unit(robot.joint_index(name))}" for name in joints
+    )
+    note = (
+        "more than noise remains, but such as bends of the path make that the noise of its positions hides, and steps"
+        f" of friction between two samples (rms: {sizes}); no effect is told from that: record at a higher rate, or"
+        " leave out the rows around reversals with identify --minimum-speed"
+    )
+    return replace(found, notes=(*found.notes, note), hidden_in_path=joints)
