@@ -100,7 +100,7 @@ def _verdict_is_that_of_the_core(page: Any, findings: Findings) -> None:
     sentence = page.locator(".verdict").inner_text()
     assert "stribeck@joint_2" in sentence
     assert f"from {before.rms:.3g} to {after.rms:.3g} Nm rms" in sentence
-    assert "what it leaves over is noise" in sentence
+    assert "what is left over is noise" in sentence
     rows = rows_of(page, "the-falling-error")
     assert [row[0] for row in rows] == ["model_1"] * 3 + ["model_2"] * 3
     assert float(rows[1][5]) == pytest.approx(before.rms, rel=0.01)
