@@ -27,7 +27,7 @@ from robot_ident.diagnosis.measuring.jitter import with_jitter
 from robot_ident.diagnosis.progress import Tell, silent
 from robot_ident.diagnosis.scan import base_gram
 from robot_ident.diagnosis.search import Search
-from robot_ident.diagnosis.shapes import doubted
+from robot_ident.diagnosis.shapes import doubted, of_another_form
 from robot_ident.diagnosis.stage import GAIN, MOSTLY, Stage
 from robot_ident.diagnosis.suspects import Ground, further, gap_suspects, suspect
 from robot_ident.diagnosis.unexplained import explain_by_variables, stiction_note
@@ -116,7 +116,7 @@ def _conclude(
     trusted = _trusted(found, failing)
     why = doubted(trusted, first, found.last)
     trusted, against = possible([m for m in trusted if m.label not in why], whole)
-    notes = [*notes, *why.values(), *against]
+    notes = [*notes, *why.values(), *against, *of_another_form(trusted, first, found.last)]
     gaps = gap_suspects(whole, trusted, list(found.gaps.values()), validation)
     suspects = [*(suspect(_ground(whole, found, gaps, validation), m, trusted) for m in trusted), *gaps]
     held = [s.effect for s in suspects]

@@ -24,6 +24,7 @@ from robot_ident.robot.robot import Robot
 
 ENOUGH = 0.8  # of its joint's excess that an effect explains: no shape is asked any more
 MORE = 0.15  # of the excess that a shape must explain beyond it
+_CLOSER = 0.5  # of what a spring leaves, that another curve over position must hold to be told
 BROAD = 0.7  # of the excess, explained, from which on nothing broad is asked, either
 
 _DEGREES = range(2, 8)  # of the polynomials of a curve: what is constant or a spring has names
@@ -138,6 +139,35 @@ def _one_curve(group: Sequence[Score], stage: Stage, last: Stage) -> dict[str, s
     return {label: words for label in nameless}
 
 
+def of_another_form(members: Sequence[Score], first: Stage, last: Stage) -> list[str]:
+    """Return a line on each named spring whose joint still lacks something that another curve over its position holds.
+
+    The name stays: it explains most. But its values then are those of the nearest straight line or sine.
+    """
+    out = []
+    for member in members:
+        joint = member.effect.joint
+        if not member.effect.over_position or not last.fits[joint].fails:
+            continue
+        stage = _without([member], members, first)
+        mine = next((refined(s, stage.evidence, stage.folds) for s in stage.scores if s.label == member.label), None)
+        if mine is None:
+            continue
+        excess, robot = float(stage.excess[joint]), stage.evidence.structure.robot
+        best = max((_scored(s, stage) for s in _curves(robot, joint, _reach(joint, stage))), key=lambda s: s.held_out)
+        theirs, its = (float(s.held_out_by_joint[joint]) for s in (mine, best))
+        behind = block_losses(mine, stage.evidence, stage.folds) - block_losses(best, stage.evidence, stage.folds)
+        if its - theirs < max(GAIN, _CLOSER * (excess - theirs)) or not significant(behind):
+            continue
+        assert isinstance(best.effect, Shape)
+        shares = [100.0 * float(np.clip(share / excess, 0.0, 1.0)) for share in (theirs, its)]
+        out.append(
+            f"{member.label} predicts {shares[0]:.0f} % of what {robot.joints[joint]} lacks, {best.effect.words}"
+            f" {shares[1]:.0f} %: what is there is static in q, but of another form"
+        )
+    return out
+
+
 def _scored(shape: Shape, stage: Stage) -> Score:
     columns = columns_of(shape, stage.evidence, stage.evidence.torques)
     return score(Candidate(shape.words, (columns,)), stage.evidence, stage.folds)
@@ -153,12 +183,10 @@ def shapes(robot: Robot, joint: int, reach: tuple[float, float]) -> Iterator[Sha
     """Return the shapes that are tried at a joint; reach: least and largest of its positions."""
     names, j = robot.joints, joint
     mine = names[j]
-    yield Shape(robot, j, f"a curve over q of {mine}", partial(_curve, joint=j), len(_DEGREES))
-    yield _cornered(robot, j, reach)
+    yield from _curves(robot, j, reach)
     for times in _WAVES:
-        wave = f"a wave over q of {mine}, {times} a turn"
-        yield Shape(robot, j, wave, partial(_wave, joint=j, times=times, loaded=False), 2)
-        yield Shape(robot, j, f"its torque * {wave}", partial(_wave, joint=j, times=times, loaded=True), 2)
+        wave = f"its torque * {_words(mine, times)}"
+        yield Shape(robot, j, wave, partial(_wave, joint=j, times=times, loaded=True), 2)
     for a, b in combinations(range(robot.n), 2):
         yield Shape(robot, j, f"dq of {names[a]} * dq of {names[b]}", partial(_product, a=a, b=b))
         yield Shape(robot, j, f"q of {names[a]} * q of {names[b]}", partial(_positions, a=a, b=b))
@@ -170,6 +198,19 @@ def shapes(robot: Robot, joint: int, reach: tuple[float, float]) -> Iterator[Sha
         yield Shape(robot, j, f"dq of {other} * its size", partial(_rubbing, a=o, b=o))
         yield Shape(robot, j, f"dq of {mine} * q of {other}", partial(_leaning, a=j, b=o))
         yield Shape(robot, j, f"a curve over q of {other}", partial(_curve, joint=o), len(_DEGREES))
+
+
+def _curves(robot: Robot, joint: int, reach: tuple[float, float]) -> Iterator[Shape]:
+    """Return the shapes over a joint's own position alone."""
+    mine = robot.joints[joint]
+    yield Shape(robot, joint, f"a curve over q of {mine}", partial(_curve, joint=joint), len(_DEGREES))
+    yield _cornered(robot, joint, reach)
+    for times in _WAVES:
+        yield Shape(robot, joint, _words(mine, times), partial(_wave, joint=joint, times=times, loaded=False), 2)
+
+
+def _words(joint: str, times: int) -> str:
+    return f"a wave over q of {joint}, {times} a turn"
 
 
 def _cornered(robot: Robot, joint: int, reach: tuple[float, float]) -> Shape:

@@ -12,7 +12,7 @@ import pytest
 from robot_ident.diagnosis.candidates import Score
 from robot_ident.diagnosis.evidence import gather
 from robot_ident.diagnosis.refine import refined
-from robot_ident.diagnosis.shapes import doubted, shapes
+from robot_ident.diagnosis.shapes import doubted, of_another_form, shapes
 from robot_ident.diagnosis.stage import Stage
 from robot_ident.diagnosis.white_lines import whitened
 from robot_ident.motion import Motion
@@ -57,8 +57,21 @@ def hose_and_stop(q: np.ndarray, dq: np.ndarray, tau: np.ndarray) -> np.ndarray:
     return 9.0 * np.tan(0.6 * (q[:, 2] - 0.1)) + 120.0 * np.maximum(q[:, 2] - 0.45, 0.0) ** 1.2
 
 
-def said_of(name: str, bench: Any, hidden: Torque) -> dict[str, str]:
-    """Return what is said of effects at joint 3 as the members of a model, on data with something hidden."""
+def cogging(q: np.ndarray, dq: np.ndarray, tau: np.ndarray) -> np.ndarray:
+    """Return a wave over the position of joint 3, of which the motions see little more than a turn."""
+    return 6.0 * np.sin(3.0 * q[:, 2] + 0.7)
+
+
+def hose(q: np.ndarray, dq: np.ndarray, tau: np.ndarray) -> np.ndarray:
+    """Return a hose that pulls in proportion."""
+    return 8.0 * (q[:, 2] - 0.1)
+
+
+Members = tuple[list[Score], Stage, Stage]
+
+
+def members_of(name: str, bench: Any, hidden: Torque) -> Members:
+    """Return effects at joint 3 as the members of a model, on data with something hidden, its first and last stage."""
     measured = [process(with_hidden(bench.record([], k), 2, hidden), bench.robot) for k in (0, 1)]
     first = Stage.of(whitened(gather(measured, bench.structure)))
     members: list[Score] = []
@@ -66,7 +79,12 @@ def said_of(name: str, bench: Any, hidden: Torque) -> dict[str, str]:
         stage = first.under(first.evidence, [m.effect for m in members])
         found = next(s for s in stage.scores if s.label == f"{one}@joint_3")
         members.append(refined(found, stage.evidence, stage.folds))
-    return doubted(members, first, first.under(first.evidence, [m.effect for m in members]))
+    return members, first, first.under(first.evidence, [m.effect for m in members])
+
+
+def said_of(name: str, bench: Any, hidden: Torque) -> dict[str, str]:
+    """Return what is said of effects at joint 3 on data with something hidden."""
+    return doubted(*members_of(name, bench, hidden))
 
 
 @pytest.mark.parametrize(
@@ -96,6 +114,14 @@ def test_of_two_springs_the_one_that_explains_nearly_all_keeps_its_name(bench: A
     why = said_of("end_stop cable", bench, hose_and_stop)
     assert set(why) == {"cable@joint_3"}
     assert "cable@joint_3 gets no name" in why["cable@joint_3"]
+
+
+def test_a_spring_that_stands_for_another_form_is_told(bench: Any) -> None:
+    (line,) = of_another_form(*members_of("cable", bench, cogging))
+    assert line.startswith("cable@joint_3 predicts ")
+    assert "over q of joint_3" in line and line.endswith("static in q, but of another form")
+    assert not of_another_form(*members_of("cable", bench, hose))
+    assert not of_another_form(*members_of("joint_coupling", bench, of_two_speeds))
 
 
 def test_a_cause_keeps_its_name(bench: Any) -> None:
