@@ -13,7 +13,8 @@ import numpy as np
 
 from robot_ident.diagnosis.curves import Variable, held_out_share, own, variables
 from robot_ident.diagnosis.evidence import Evidence, Trajectory, trajectory
-from robot_ident.diagnosis.misfit import misfit
+from robot_ident.diagnosis.hidden_path import note
+from robot_ident.diagnosis.misfit import beside_hidden_path, misfit
 from robot_ident.diagnosis.more_than_noise import NoiseTest, chance
 from robot_ident.diagnosis.profile import Profile, profiles
 from robot_ident.diagnosis.regions import Region, densest
@@ -41,7 +42,8 @@ class JointComparison:
     noise. explained_by: share of the excess that a curve over each variable explains on unseen motion. by_frequency:
     share of the excess in bands (lower, upper [Hz], share). odd, even: shares under time reversal, None where the
     motion has no mirror. worst: regions that hold most error beyond their share of the time. profiles: mean and rms
-    beside the noise along each variable, whether it fits or not.
+    beside the noise along each variable, whether it fits or not. hidden_in_path: whether bends of the path that the
+    noise of the positions hides may make all that is beyond the noise, where the model fails.
     """
 
     name: str
@@ -55,6 +57,7 @@ class JointComparison:
     even: float | None
     worst: tuple[Region, ...]
     profiles: tuple[Profile, ...]
+    hidden_in_path: bool = False
 
     @property
     def fails(self) -> bool | None:
@@ -63,8 +66,12 @@ class JointComparison:
 
     @property
     def in_words(self) -> str:
-        """Whether the model fits: `fits`, `does not fit`, or `not judged` where the noise is unknown."""
-        return "not judged" if self.misfit is None else "does not fit" if self.misfit.fails else "fits"
+        """Whether the model fits: `fits`, `does not fit`, `fits but for the hidden path` where it fails by no more than
+        that may do, or `not judged` where the noise is unknown.
+        """
+        if self.misfit is None:
+            return "not judged"
+        return "fits but for the hidden path" if self.hidden_in_path else "does not fit" if self.fails else "fits"
 
     def row(self) -> tuple[object, ...]:
         """Return the joint as a row of a table.
@@ -97,6 +104,7 @@ class JointComparison:
             },
             "fails": self.fails,
             "excess_rms": self.excess,
+            "hidden_in_path": self.hidden_in_path,
             "explained_by": dict(self.explained_by),
             "by_frequency": [{"from": a, "to": b, "share": share} for a, b, share in self.by_frequency],
             "time_symmetry": None if self.odd is None else {"odd": self.odd, "even": self.even},
@@ -142,7 +150,25 @@ def compare(model: Model, measurements: Sequence[Measurement]) -> Comparison:
         for measured, yes in zip(measurements, known, strict=True)
         if not yes
     ]
-    return Comparison(joints, (*notes, *_at_reversals(evidence, joints)))
+    if any(joint.fails for joint in joints):
+        joints = _with_hidden_path(joints, _evidence(model, tested), model.covariance)
+    return Comparison(joints, (*notes, *_at_reversals(evidence, joints), *_hidden_note(joints)))
+
+
+def _with_hidden_path(
+    joints: Sequence[JointComparison], evidence: Evidence, covariance: Array
+) -> tuple[JointComparison, ...]:
+    """Return the joints, told which of those that fail may do so for bends of the path that noise hides."""
+    beside = beside_hidden_path(evidence, covariance)
+    return tuple(
+        replace(joint, hidden_in_path=bool(joint.fails and not test.fails))
+        for joint, test in zip(joints, beside, strict=True)
+    )
+
+
+def _hidden_note(joints: Sequence[JointComparison]) -> list[str]:
+    hidden = [joint.name for joint in joints if joint.hidden_in_path]
+    return [note(hidden)] if hidden else []
 
 
 def _at_reversals(evidence: Evidence, joints: Sequence[JointComparison]) -> list[str]:

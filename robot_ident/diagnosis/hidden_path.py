@@ -9,7 +9,7 @@ effect seem to lag and to fade.
 
 from __future__ import annotations
 
-from collections.abc import Hashable, Mapping
+from collections.abc import Hashable, Iterable, Mapping
 from dataclasses import replace
 
 import numpy as np
@@ -25,6 +25,15 @@ _MATTERS = 1.0  # chi-square units that a hidden part must make, at its usual si
 _LAST = 0.5  # of the number of lines that stand above the noise, from which on they tell how large the next ones are
 _MOST = 2.0  # times the smallest line that stands above the noise: were they larger, the next would stand above it, too
 _KEY = "hidden path"
+
+
+def note(joints: Iterable[str]) -> str:
+    """Return a line on joints where no more is left over than the hidden path may make."""
+    return (
+        f"{', '.join(joints)}: all that is left beyond the noise may be bends of the path that the noise of the"
+        " positions hides, and steps of friction between two samples; no effect is told from that: record at a higher"
+        " rate, or leave out the rows around reversals with identify --minimum-speed"
+    )
 
 
 def gain_beside_hidden_path(found: Score, evidence: Evidence) -> float:
@@ -47,6 +56,20 @@ def residual_beside_hidden_path(evidence: Evidence) -> tuple[Array, ...]:
         return evidence.residual
     with_hidden, fit = beside
     return tuple(t.y - phi @ fit.values for t, phi in zip(evidence.trajectories, with_hidden.phi, strict=True))
+
+
+def misfit_beside_hidden_path(evidence: Evidence) -> tuple[Array, ...]:
+    """Return the weighed residual [N, n] of a model as it stands, without what the hidden path may have made of it."""
+    beside = _beside(evidence)
+    if beside is None:
+        return evidence.residual
+    own = evidence.phi[0].shape[2]
+    hidden = [phi[:, :, own:] for phi in beside[0].phi]
+    pairs = list(zip(hidden, evidence.residual, strict=True))
+    prior = np.eye(hidden[0].shape[2])  # each is known beforehand to be 0 +- 1
+    square = prior + sum(np.einsum("tjk,tjl->kl", columns, columns, optimize=True) for columns in hidden)
+    sizes = np.linalg.solve(square, sum(np.einsum("tjk,tj->k", columns, rest) for columns, rest in pairs))
+    return tuple(rest - columns @ sizes for columns, rest in pairs)
 
 
 def _beside(evidence: Evidence) -> tuple[Evidence, BaseFit] | None:

@@ -8,6 +8,7 @@ import numpy as np
 
 from robot_ident.diagnosis.diagnosis import Diagnosis
 from robot_ident.diagnosis.evidence import Evidence
+from robot_ident.diagnosis.hidden_path import note
 from robot_ident.diagnosis.misfit import misfit
 
 
@@ -24,12 +25,4 @@ def with_hidden_rest(found: Diagnosis, evidence: Evidence) -> Diagnosis:
     joints = tuple(name for name, test in zip(robot.joints, tests, strict=True) if test.fails)
     if not joints:
         return found
-    sizes = ", ".join(
-        f"{name} {found.remaining_rms[name]:.3g} {robot.torque_unit(robot.joint_index(name))}" for name in joints
-    )
-    note = (
-        "more than noise remains, but such as bends of the path make that the noise of its positions hides, and steps"
-        f" of friction between two samples (rms: {sizes}); no effect is told from that: record at a higher rate, or"
-        " leave out the rows around reversals with identify --minimum-speed"
-    )
-    return replace(found, notes=(*found.notes, note), hidden_in_path=joints)
+    return replace(found, notes=(*found.notes, note(joints)), hidden_in_path=joints)

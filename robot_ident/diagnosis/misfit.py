@@ -2,11 +2,15 @@
 
 from __future__ import annotations
 
+from dataclasses import replace
+
 import numpy as np
 
-from robot_ident.diagnosis.evidence import Evidence
+from robot_ident.diagnosis.evidence import Evidence, held, kept_between_parts
+from robot_ident.diagnosis.hidden_path import misfit_beside_hidden_path
 from robot_ident.diagnosis.more_than_noise import NoiseTest, Share, noise_tests
 from robot_ident.diagnosis.spectrum import wholes
+from robot_ident.diagnosis.white_lines import white_lines
 from robot_ident.motion import Array
 
 _FITTED = 0.2  # of the parameters' number: less than that between estimate and best fit means that it is the fit
@@ -20,6 +24,18 @@ def misfit(evidence: Evidence, covariance: Array) -> tuple[NoiseTest, ...]:
     recordings nothing of it lies along the columns, whitened where the fit counted the noise's colour, plain otherwise.
     """
     return noise_tests(evidence, evidence.residual, _share(evidence, covariance))
+
+
+def beside_hidden_path(evidence: Evidence, covariance: Array) -> tuple[NoiseTest, ...]:
+    """Return `misfit` of what the part of the path that the noise of the positions hides can't have made.
+
+    As `diagnose` judges whether anything is missing, but with the model's values as they are.
+    """
+    lines = replace(
+        evidence, trajectories=white_lines(evidence.trajectories, evidence), memory=kept_between_parts(evidence)
+    )
+    white = held(lines, evidence.structure, evidence.values)
+    return noise_tests(white, misfit_beside_hidden_path(white), _share(white, covariance))
 
 
 def _share(evidence: Evidence, covariance: Array) -> Share:

@@ -45,7 +45,7 @@ def comparison(found: Comparison, model: Model, validation: Sequence[Measurement
     joints = []
     for number, joint in enumerate(found.joints):
         words = [region.in_words(model.robot, number) for region in joint.worst]
-        joints.append({**joint.to_dict(), "worst_in_words": words})
+        joints.append({**joint.to_dict(), "in_words": joint.in_words, "worst_in_words": words})
     robot = model.robot
     return {
         "joints": joints,

@@ -106,7 +106,8 @@ def _diagnosed(view: View, found: Mapping[str, Any]) -> Next:
     first = (named or listed or [None])[0]
     look = (f"Show what {first['label']} would do", "look", first["label"]) if first else (None, None, "")
     if found["verdict"] == "adequate":
-        return Next("watch", "Nothing is missing: what is left over is noise. Next: save the model.", *_SAVE)
+        rest = found["in_words"].partition(": ")[2]
+        return Next("watch", f"Nothing is missing: {rest}. Next: save the model.", *_SAVE)
     if found["verdict"] == "missing" and named:
         are = "is" if len(found["named"]) == 1 else "are"
         words = (

@@ -18,8 +18,7 @@ def joint_cards(view: View) -> list[Any]:
 def _card(view: View, joint: int) -> html.Button:
     found, unit = view.comparison["joints"][joint], view.unit(joint)
     noise = found["noise_variance"]
-    fails = found["fails"]
-    word = "not judged" if fails is None else "does not fit" if fails else "fits"
+    fails, word = found["fails"], str(found["in_words"])
     if joint == view.worst and fails is not False:
         word += ", worst"
     lines = [
