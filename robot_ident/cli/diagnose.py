@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import argparse
 from dataclasses import replace
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING
 
 from robot_ident.cli.output import Progress, print_json, say, table, tell
 from robot_ident.errors import InputError
@@ -26,7 +26,9 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
         "inputs", nargs="+", metavar="model.yaml BAG", help="a model and recordings, two or more for a firm verdict"
     )
     parser.add_argument(
-        "--add-until-adequate", action="store_true", help="add what is found, and print the falling error"
+        "--add-until-adequate",
+        action="store_true",
+        help="add what is found and diagnose again until nothing is; print the falling error",
     )
     parser.add_argument(
         "-o", "--output", metavar="MODEL", help="with --add-until-adequate: the model with what was found"
@@ -38,6 +40,7 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
 def run(args: argparse.Namespace) -> int:
     """Say which physical effect is missing."""
     from robot_ident.cli.loop import read_inputs
+    from robot_ident.cli.until_adequate import Additions, add_until_adequate, print_additions, to_dict
     from robot_ident.diagnosis.diagnose import diagnose
     from robot_ident.files import refuse_existing
 
@@ -50,29 +53,22 @@ def run(args: argparse.Namespace) -> int:
         raise InputError("diagnose takes one model and at least one recording")
     with Progress("diagnose", 1.0) as bar:
         found = diagnose(inputs.measurements, inputs.models[0].structure, inputs.validation, bar.reach)
-    steps = _added(found, inputs, args) if args.add_until_adequate else []
+    added = add_until_adequate(found, inputs, args) if args.add_until_adequate else Additions([found])
+    steps = added.steps
     if args.output:
         _write(steps[-1].model if steps else inputs.models[0], args)
     found = replace(found, notes=(*found.notes, *_troubles(found, inputs, steps)))
     if args.json:
-        print_json(_to_dict(found, steps))
+        print_json(found.to_dict() | (to_dict(added) if steps else {}))
         return 0
     _print(found, inputs)
     if steps:
-        _print_staircase(found, steps)
+        print_additions(found, added)
     elif args.add_until_adequate:
         say("\nnothing to add")
     if args.output:
         say(f"written: {args.output}")
     return 0
-
-
-def _added(found: Diagnosis, inputs: Inputs, args: argparse.Namespace) -> list[Step]:
-    """Return the model as it was and with one of the named effects more each time."""
-    from robot_ident.cli.extended import steps_of
-
-    columns = [s.effect for s in found.missing if not s.effect.measuring]
-    return steps_of(inputs, columns, args.validation, args.topic) if columns else []
 
 
 def _troubles(found: Diagnosis, inputs: Inputs, steps: list[Step]) -> tuple[str, ...]:
@@ -99,20 +95,6 @@ def _write(model: Model, args: argparse.Namespace) -> None:
     from robot_ident.model.model_file import write_model
 
     write_model(model, args.output, force=args.force)
-
-
-def _to_dict(found: Diagnosis, steps: list[Step]) -> dict[str, Any]:
-    data = found.to_dict()
-    if steps:
-        data["staircase"] = [
-            {
-                "added": None if number == 0 else step.model.structure.labels[-1],
-                "residual_mse": {joint: fit.mse for joint, fit in step.model.residual.items()},
-                "validation_mse": step.unseen,
-            }
-            for number, step in enumerate(steps)
-        ]
-    return data
 
 
 def _print(found: Diagnosis, inputs: Inputs) -> None:
@@ -185,18 +167,3 @@ def _floors(inputs: Inputs) -> dict[str, float | None]:
     variance = np.mean([measured.averaged_variance for measured in inputs.measurements], axis=0)
     joints = inputs.models[0].robot.joints
     return {joint: float(np.sqrt(v)) if np.isfinite(v) else None for joint, v in zip(joints, variance, strict=True)}
-
-
-def _print_staircase(found: Diagnosis, steps: list[Step]) -> None:
-    """Print the falling error, and what had been predicted of it beside what came."""
-    from robot_ident.cli.extended import staircase
-
-    say()
-    say(staircase(steps))
-    told = steps[-1].unseen
-    last = next((s for s in reversed(found.missing) if s.validation_after is not None), None)
-    if told is None or last is None or last.validation_after is None:
-        return
-    rows = [(joint, last.validation_after[joint] ** 0.5, told[joint] ** 0.5) for joint in told]
-    say()
-    say(table(("validation", "rms predicted", "rms with all added"), rows))

@@ -5,7 +5,7 @@ from __future__ import annotations
 import argparse
 import os
 from collections.abc import Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from typing import TYPE_CHECKING
 
 from robot_ident.errors import InputError
@@ -60,6 +60,17 @@ def read_inputs(words: Sequence[str], validation: Sequence[str], topic: str | No
 def validated_for(model: Model, validation: Sequence[str], topic: str | None) -> tuple[Measurement, ...]:
     """Return recordings kept aside, processed as a model says."""
     return tuple(_measured(model, bag, topic) for bag in validation)
+
+
+def with_model(inputs: Inputs, model: Model, validation: Sequence[str], topic: str | None) -> Inputs:
+    """Return inputs with another model that came from theirs; measured anew where that model measures otherwise."""
+    from robot_ident.estimation.gains_anew import measured_anew
+
+    given = replace(inputs, models=(model,))
+    if not measured_anew(model):
+        return given
+    measured = tuple(_measured(model, bag, topic) for bag in inputs.bags)
+    return replace(given, measurements=measured, validation=validated_for(model, validation, topic))
 
 
 def _refuse_fitted(bags: Sequence[str], validation: Sequence[str]) -> None:

@@ -150,6 +150,8 @@ def test_until_adequate_prints_and_writes_the_staircase(verb: Verb, files: Any, 
     data = json.loads(out)
     first, *others = data["staircase"]
     assert first["added"] is None
+    assert data["after_adding"]["verdict"] == "adequate"
+    assert not data["after_adding"]["stopped"]
     assert [step["added"] for step in others] == [f"{m['effect']}@{m['joint']}" for m in data["missing"]]
     for key in ("residual_mse", "validation_mse"):
         assert others[-1][key]["joint_2"] < 0.9 * first[key]["joint_2"]
@@ -160,6 +162,7 @@ def test_until_adequate_prints_and_writes_the_staircase(verb: Verb, files: Any, 
     assert out.startswith("missing: stribeck@joint_2")
     for words_said in ("adding it to the rest: rms at joint_2", "validation rms", "noise rms", "rms predicted"):
         assert words_said in out
+    assert "diagnosed again with what was added: adequate: what is left over is noise" in out
     assert "\x1b" not in out
 
 

@@ -1,0 +1,60 @@
+"""What is missing is added, and the longer model diagnosed again."""
+
+from __future__ import annotations
+
+from argparse import Namespace
+from dataclasses import replace
+from typing import Any
+
+import pytest
+
+from robot_ident.cli.loop import Inputs
+from robot_ident.cli.until_adequate import add_until_adequate, print_additions, to_dict
+from robot_ident.diagnosis.diagnosis import Diagnosis
+
+HIDDEN = ("stribeck@joint_2:stribeck=20,speed=0.08", "torque_offset@joint_3:torque_offset=5")
+WORDS = Namespace(validation=[], topic=None)
+
+
+@pytest.fixture(scope="module")
+def inputs(bench: Any) -> Inputs:
+    """Recordings with two effects hidden, and the model without either."""
+    measured = bench.measure(HIDDEN)
+    return Inputs((bench.model(measured),), ("model.yaml",), (), tuple(measured), tuple(bench.measure(HIDDEN, [3])))
+
+
+@pytest.fixture(scope="module")
+def half(bench: Any) -> Diagnosis:
+    """A diagnosis that has seen one of the two only."""
+    found = bench.diagnose(HIDDEN)
+    assert {suspect.label for suspect in found.missing} == {"stribeck@joint_2", "torque_offset@joint_3"}
+    return replace(found, missing=tuple(s for s in found.missing if s.label == "stribeck@joint_2"))
+
+
+def test_what_the_longer_model_lacks_is_added_too(
+    half: Diagnosis, inputs: Inputs, capsys: pytest.CaptureFixture[str]
+) -> None:
+    added = add_until_adequate(half, inputs, WORDS)
+    assert [one.verdict for one in added.said] == ["missing", "missing", "adequate"]
+    assert [step.model.structure.labels[-1] for step in added.steps[1:]] == [
+        "stribeck@joint_2",
+        "torque_offset@joint_3",
+    ]
+    assert added.foreseen == 1
+    data = to_dict(added)
+    assert [step["added"] for step in data["staircase"]] == [None, "stribeck@joint_2", "torque_offset@joint_3"]
+    falling = [sum(step["validation_mse"].values()) for step in data["staircase"]]
+    assert falling == sorted(falling, reverse=True)
+    assert data["after_adding"]["verdict"] == "adequate"
+    print_additions(half, added)
+    assert "diagnosed again with what was added: adequate: what is left over is noise" in capsys.readouterr().out
+
+
+def test_what_does_not_lower_the_error_on_the_validation_is_left_out(
+    bench: Any, half: Diagnosis, inputs: Inputs
+) -> None:
+    """The offset is in the recordings that are fitted, not in the one kept aside."""
+    other = replace(inputs, validation=tuple(bench.measure(HIDDEN[:1], [3])))
+    added = add_until_adequate(half, other, WORDS)
+    assert [step.model.structure.labels[-1] for step in added.steps[1:]] == ["stribeck@joint_2"]
+    assert added.stopped == "torque_offset@joint_3 does not lower the error on the validation, and was left out"
