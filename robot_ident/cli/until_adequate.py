@@ -98,7 +98,8 @@ def print_additions(found: Diagnosis, added: Additions) -> None:
     if rest is not None:
         robot = added.steps[-1].model.robot
         unit = robot.torque_unit(robot.joint_index(rest.joint))
-        say(f"not explained: {rest.joint}, {added.last.remaining_rms[rest.joint]:.3g} {unit} rms, {rest.where}")
+        where = f", {rest.where}" if added.last.verdict == "missing" else ""  # else it is among the words
+        say(f"not explained of {rest.joint}: {added.last.remaining_rms[rest.joint]:.3g} {unit} rms{where}")
     if added.stopped:
         say(added.stopped)
 
