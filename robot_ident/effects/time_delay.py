@@ -24,7 +24,7 @@ class TimeDelay(Effect):
     equation = "delay (tau(t - shift) - tau(t)) / shift"
     meaning = "delay of the torque behind the position"
     coefficients = (Coefficient("delay", "ms", "ms"),)
-    inner = (Inner("shift", "s", "s", -0.04, 0.04, (-0.02, -0.01, -0.005, 0.003, 0.006, 0.01, 0.02)),)
+    inner = (Inner("shift", "s", "s", -0.04, 0.04, (-0.02, -0.01, -0.005, -0.003, 0.003, 0.006, 0.01, 0.02)),)
     symmetry = "memory"
     signature = "over the rate of torque, spikes at reversals"
     confused_with = ("presliding", "joint_elasticity")

@@ -47,6 +47,13 @@ def test_what_is_hidden_is_named(bench: Any, effects: tuple[str, ...]) -> None:
     assert {suspect.label for suspect in found.missing} == labels(effects)
 
 
+@pytest.mark.parametrize("joint", ["joint_1", "joint_3"])
+def test_effort_that_is_half_a_sample_early_is_named(bench: Any, joint: str) -> None:
+    """It shows in the one sample before a reversal that it carries across."""
+    found = diagnose(bench.measure((f"time_delay@{joint}:time_delay=-0.003",)), bench.structure)
+    assert [suspect.label for suspect in found.missing] == [f"time_delay@{joint}"]
+
+
 def test_an_unknown_phenomenon_gets_no_name_but_a_place(bench: Any) -> None:
     found = bench.diagnose(BUMP)
     assert found.verdict == "unexplained"
