@@ -8,11 +8,12 @@ from pathlib import Path
 import numpy as np
 import yaml
 
-from foreign.cases import ForeignCase, make_case
+from foreign.cases import make_case
 from robot_ident.diagnosis.diagnose import diagnose
-from robot_ident.diagnosis.trial import Outcome
+from robot_ident.diagnosis.trial import Outcome, outcome
 from robot_ident.estimation.identify import estimate
 from robot_ident.model.structure import Structure
+from robot_ident.motion import Array
 from robot_ident.recording import Recording, process
 from robot_ident.recording.measurement import Measurement
 from robot_ident.robot import load_robot
@@ -30,36 +31,25 @@ def run_case(seed: int, kind: str, files: list[Path]) -> Outcome:
     started = time.process_time()
     found = diagnose(training, structure)
     seconds = time.process_time() - started
-    names = tuple(s.label for s in found.missing)
-    before = after = None
+    errors = None
     if found.missing and kind == "known":
         longer = Structure.build(robot, [suspect.effect for suspect in found.missing])
         before, after = (_errors(training, s, unseen) for s in (structure, longer))
-    return Outcome(
+        errors = (before, after)
+    return outcome(
+        found,
+        robot,
         seed=seed,
         kind=KINDS[kind],
         hidden=(case.what,),
         truth=(case.truth,) if case.truth else (),
-        background=(),
-        visible=_visible(case),
-        verdict=found.verdict,
-        named=names,
-        tied=tuple(s.tied_with for s in found.missing),
-        explained=tuple(s.explained for s in found.missing),
-        others=tuple(s.label for s in found.others),
-        remaining_rms=dict(found.remaining_rms),
-        error_before=before,
-        error_after=after,
+        visible=case.visible,
         seconds=seconds,
+        errors=errors,
     )
 
 
-def _visible(case: ForeignCase) -> dict[str, float]:
-    return {f"joint_{k}": float(x) for k, x in enumerate(case.visible, 1)}
-
-
-def _errors(training: list[Measurement], structure: Structure, unseen: Measurement) -> dict[str, float]:
+def _errors(training: list[Measurement], structure: Structure, unseen: Measurement) -> Array:
     model = estimate(training, structure)
     rows = (unseen.used & ~unseen.standstill).all(axis=1)
-    mean = np.mean((unseen.torque - model.predict(unseen.motion))[rows] ** 2, axis=0)
-    return dict(zip(structure.robot.joints, mean.tolist(), strict=True))
+    return np.asarray(np.mean((unseen.torque - model.predict(unseen.motion))[rows] ** 2, axis=0))

@@ -20,7 +20,7 @@ if TYPE_CHECKING:
     from robot_ident.robot.robot import Robot
 
 _TRAINING = 3  # motions that are identified and diagnosed; one more is kept unseen
-_SCHEMA = "robot_ident/trial_cases/1"
+_SCHEMA = "robot_ident/trial_cases/2"
 _STOPPED = 130
 _ROWS = {
     "named_right": "named right, effect and joint",

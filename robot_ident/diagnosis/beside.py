@@ -6,7 +6,6 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from robot_ident.diagnosis.evidence import direction_known
 from robot_ident.model.model import Model
 from robot_ident.motion import Array, Mask
 from robot_ident.recording.measurement import Measurement
@@ -68,7 +67,7 @@ def beside(model: Model, measured: Measurement) -> Beside:
         load=np.asarray(load)[rows],
         measured=measured.passed(measured.torque),
         predicted=measured.passed(predicted),
-        used=(measured.used & direction_known(measured))[rows],
+        used=(measured.used & measured.direction_known)[rows],
         sigma=np.sqrt(noise_variance(model, measured)),
         independent=measured.independent,
         periods=measured.periods,

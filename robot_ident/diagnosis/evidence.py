@@ -105,31 +105,11 @@ def trajectory(measured: Measurement) -> Trajectory:
             f"{measured.source}: its noise is unknown without periods;"
             " record at least 2 (better 8 or more) periods of a motion"
         )
-    used: Mask = (measured.used & direction_known(measured))[measured.rows]
+    used: Mask = (measured.used & measured.direction_known)[measured.rows]
     # rows that a low pass has smeared share their noise: their weight in chi-square is that of the independent ones
     weight = used.astype(float) * np.sqrt(measured.independent / variance)
     y = measured.passed(measured.torque) * weight
     return Trajectory(measured, measured.motion, weight, y, used.sum(axis=0) * measured.independent)
-
-
-_KINK = 9.0  # (|c_k| / its noise)^2 below which a Fourier line may hide among noise
-
-
-def direction_known(measured: Measurement) -> Mask:
-    """Return the rows [N, n] where kinks of the path that noise hides can't have turned the direction of motion.
-
-    A drive that sticks or gives way as it reverses bends its velocity at once. Lines of such a kink fall with the third
-    power of frequency, so that those beyond the last one above the noise (at f_c, of amplitude c) add up to a velocity
-    of 2 pi c f_c^2 / f_0 beside the reversal. No more is given up than the motion usually gains within a sample.
-    """
-    variance, lines = measured.averaged_position_variance, measured.position_lines
-    if measured.base_frequency is None or variance is None or lines is None:
-        return np.ones(measured.used.shape, dtype=bool)
-    motion = measured.motion
-    amplitude = np.sqrt(_KINK * 4.0 * variance / len(motion.q))
-    hidden = 2.0 * np.pi * amplitude * lines.sum(axis=0) ** 2 * measured.base_frequency
-    usual = np.sqrt(np.mean(motion.ddq**2, axis=0)) * measured.dt
-    return np.asarray(np.abs(motion.dq) >= np.minimum(hidden, usual))
 
 
 def gather(measurements: Sequence[Measurement], structure: Structure) -> Evidence:

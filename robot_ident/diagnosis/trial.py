@@ -7,7 +7,7 @@ was found, and looks at a motion that no fit has seen.
 from __future__ import annotations
 
 import time
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from dataclasses import asdict, dataclass
 from typing import Any
 
@@ -20,14 +20,19 @@ from robot_ident.errors import InputError
 from robot_ident.estimation.identify import estimate
 from robot_ident.excitation.fourier import FourierSeries
 from robot_ident.model.structure import Structure
+from robot_ident.motion import Array
 from robot_ident.recording.measurement import Measurement
 from robot_ident.recording.process import process
 from robot_ident.robot.robot import Robot
+from robot_ident.simulation.calibrate import torque_scale
 from robot_ident.simulation.measuring_faults import MeasuringFault, draw_fault, recordings_with
-from robot_ident.simulation.scenario import Scenario, draw_scenario
+from robot_ident.simulation.scenario import draw_scenario
 
 MEASUREMENT = "measurement"
 """The kind of a case in which the measuring is at fault and the arm is as modelled."""
+
+Errors = tuple[Array, Array]
+"""Mean square errors [n] (Nm)^2 along an unseen motion, before and after."""
 
 _QUIET_PERIODS = 2  # without noise one would do, were it periodic
 
@@ -62,8 +67,8 @@ class Outcome:
     hidden: with their values; truth, background: `name@joint` of what was to be found and of what else there was.
     visible [Nm rms]: what a model without it leaves, by joint. named: members of `missing`; tied: their tie groups.
     error_before, error_after: mean square error along an unseen motion as it truly was, by joint [(Nm)^2], before and
-    after what was named was added; None where nothing was. seconds: processor time of the diagnosis. trouble: the
-    message where `add` was refused.
+    after what was named was added; None where nothing was. scale [Nm]: what the joints' errors are compared in, their
+    noise. seconds: processor time of the diagnosis. trouble: the message where `add` was refused.
     """
 
     seed: int
@@ -80,6 +85,7 @@ class Outcome:
     remaining_rms: Mapping[str, float]
     error_before: Mapping[str, float] | None
     error_after: Mapping[str, float] | None
+    scale: Mapping[str, float]
     seconds: float
     trouble: str = ""
 
@@ -95,10 +101,18 @@ class Outcome:
 
     @property
     def removed(self) -> float | None:
-        """Share of the error on the unseen motion that adding what was named has removed; None where nothing was."""
+        """Share of the error on the unseen motion that adding what was named has removed; None where nothing was.
+
+        1 - sum_j (e_j after / s_j)^2 / sum_j (e_j before / s_j)^2, each joint in units of its noise s_j: a wrist counts
+        as a shoulder does, a force as a torque.
+        """
         if self.error_before is None or self.error_after is None:
             return None
-        return 1.0 - sum(self.error_after.values()) / max(sum(self.error_before.values()), 1e-300)
+        before, after = (
+            sum(error[joint] / self.scale[joint] ** 2 for joint in self.scale)
+            for error in (self.error_before, self.error_after)
+        )
+        return 1.0 - after / max(before, 1e-300)
 
 
 def run_case(case: Case, setting: Setting) -> Outcome:
@@ -119,8 +133,20 @@ def run_case(case: Case, setting: Setting) -> Outcome:
     started = time.process_time()
     found = diagnose(measurements, structure)
     seconds = time.process_time() - started
-    before, after, trouble = _errors(measurements, structure, found, TrueMotion.of(plays[-1]))
-    return _outcome(scenario, robot, found, before, after, seconds, trouble)
+    errors, trouble = _errors(measurements, structure, found, TrueMotion.of(plays[-1]))
+    return outcome(
+        found,
+        robot,
+        seed=case.seed,
+        kind=scenario.kind,
+        hidden=scenario.all_effects,
+        truth=scenario.labels,
+        background=tuple(effect.partition(":")[0] for effect in scenario.background),
+        visible=scenario.visible,
+        seconds=seconds,
+        errors=errors,
+        trouble=trouble,
+    )
 
 
 def _run_measuring_case(case: Case, setting: Setting) -> Outcome:
@@ -136,8 +162,17 @@ def _run_measuring_case(case: Case, setting: Setting) -> Outcome:
     found = diagnose(measurements, structure)
     seconds = time.process_time() - started
     visible = _visible_of_fault(fault, case, setting, structure)
-    scenario = Scenario(MEASUREMENT, case.seed, robot.name, (fault.text(robot),), (), visible)
-    return _outcome(scenario, robot, found, None, None, seconds, "")
+    hidden = fault.text(robot)
+    return outcome(
+        found,
+        robot,
+        seed=case.seed,
+        kind=MEASUREMENT,
+        hidden=(hidden,),
+        truth=(hidden.partition(":")[0],),
+        visible=visible,
+        seconds=seconds,
+    )
 
 
 def _visible_of_fault(fault: MeasuringFault, case: Case, setting: Setting, structure: Structure) -> tuple[float, ...]:
@@ -149,37 +184,47 @@ def _visible_of_fault(fault: MeasuringFault, case: Case, setting: Setting, struc
 
 def _errors(
     measurements: list[Measurement], structure: Structure, found: Diagnosis, unseen: TrueMotion
-) -> tuple[dict[str, float] | None, dict[str, float] | None, str]:
+) -> tuple[Errors | None, str]:
     """Return the errors on the unseen motion before and after what was named is added, or why it couldn't be."""
     named = [suspect.effect for suspect in found.missing if not suspect.effect.measuring]
     if not named:
-        return None, None, ""
+        return None, ""
     try:
         longer = Structure.build(structure.robot, named)
         models = [estimate(measurements, s) for s in (structure, longer)]
     except InputError as error:
-        return None, None, str(error)
+        return None, str(error)
     before, after = (unseen.errors(model) for model in models)
-    joints = structure.robot.joints
-    return dict(zip(joints, before.tolist(), strict=True)), dict(zip(joints, after.tolist(), strict=True)), ""
+    return (before, after), ""
 
 
-def _outcome(
-    scenario: Scenario,
-    robot: Robot,
+def outcome(  # noqa: PLR0913
     found: Diagnosis,
-    before: dict[str, float] | None,
-    after: dict[str, float] | None,
+    robot: Robot,
+    *,
+    seed: int,
+    kind: str,
+    hidden: tuple[str, ...],
+    truth: tuple[str, ...],
+    visible: Sequence[float] | Array,
     seconds: float,
-    trouble: str,
+    background: tuple[str, ...] = (),
+    errors: Errors | None = None,
+    trouble: str = "",
 ) -> Outcome:
+    """Return what was said of what was hidden; visible [n] Nm rms, errors: before and after, each [n] (Nm)^2."""
+
+    def by_joint(values: Sequence[float] | Array) -> dict[str, float]:
+        return {joint: float(value) for joint, value in zip(robot.joints, values, strict=True)}
+
+    before, after = (None, None) if errors is None else (by_joint(each) for each in errors)
     return Outcome(
-        seed=scenario.seed,
-        kind=scenario.kind,
-        hidden=scenario.all_effects,
-        truth=scenario.labels,
-        background=tuple(effect.partition(":")[0] for effect in scenario.background),
-        visible=dict(zip(robot.joints, scenario.visible, strict=True)),
+        seed=seed,
+        kind=kind,
+        hidden=hidden,
+        truth=truth,
+        background=background,
+        visible=by_joint(visible),
         verdict=found.verdict,
         named=tuple(s.label for s in found.missing),
         tied=tuple(s.tied_with for s in found.missing),
@@ -188,6 +233,7 @@ def _outcome(
         remaining_rms=dict(found.remaining_rms),
         error_before=before,
         error_after=after,
+        scale=by_joint(torque_scale(robot)),
         seconds=seconds,
         trouble=trouble,
     )

@@ -11,6 +11,7 @@ from robot_ident.motion import Array, Mask, Motion
 from robot_ident.recording.clock import Stamps
 from robot_ident.recording.conditions import Conditions
 from robot_ident.recording.cycles import Cycles
+from robot_ident.recording.direction import direction_known
 from robot_ident.recording.low_pass import LowPass, PeriodicLowPass, SoftPeriodicLowPass
 from robot_ident.recording.noise import NoiseSpectrum
 from robot_ident.recording.off_clock import OffClock
@@ -127,6 +128,14 @@ class Measurement:
         """Share of the rows, after decimation, that carry independent noise."""
         share = self.low_pass.independent if self.low_pass else 1.0
         return min(1.0, share * self.decimate)
+
+    @property
+    def direction_known(self) -> Mask:
+        """Rows [N, n] where no kink of the path that noise hides can have turned the direction of motion."""
+        variance, lines = self.averaged_position_variance, self.position_lines
+        if self.base_frequency is None or variance is None or lines is None:
+            return np.ones(self.used.shape, dtype=bool)
+        return direction_known(self.motion, lines, variance, self.base_frequency, self.dt)
 
     def passed(self, x: Array) -> Array:
         """Return x [N, ...] as it is compared: low-passed and decimated."""

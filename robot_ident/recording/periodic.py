@@ -65,7 +65,7 @@ def of_mean(
         dt=period / rate / len(mean.q),
         motion=motion,
         torque=mean.tau,
-        used=trusted(motion, robot, processing, _speed_noise(share, variance, frequency, len(mean.q))),
+        used=trusted(motion, robot, processing, velocity_noise(share, variance, frequency, len(mean.q))),
         standstill=at_rest(motion, robot),
         torque_variance=mean.tau_variance,
         position_variance=mean.q_variance,
@@ -206,7 +206,7 @@ def _motion(mean: Average, frequency: float, robot: Robot, recording: Recording)
     return Motion(q, dq, ddq, dt=1.0 / (frequency * samples), periodic=True), variance, strong, share
 
 
-def _speed_noise(share: Array, variance: Array, frequency: float, samples: int) -> Array:
+def velocity_noise(share: Array, variance: Array, frequency: float, samples: int) -> Array:
     """Return the error [n] rad/s of the velocity that shares of the measured lines give."""
     rates = 2.0 * np.pi * frequency * np.arange(len(share))[:, None]
     noise: Array = np.sqrt(np.sum(share * rates**2, axis=0) * variance * 2.0 / samples)

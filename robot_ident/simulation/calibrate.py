@@ -9,14 +9,20 @@ import numpy as np
 
 from robot_ident.excitation.fourier import FourierSeries
 from robot_ident.model.structure import Structure
-from robot_ident.motion import Array, Motion
+from robot_ident.motion import Array, Mask, Motion
+from robot_ident.recording.direction import direction_known
+from robot_ident.recording.lines import above_noise, evaluate, lines_of_grid
+from robot_ident.recording.measurement import Processing
+from robot_ident.recording.periodic import trusted, velocity_noise
 from robot_ident.robot.robot import Robot
 from robot_ident.simulation.periodic import Play
 from robot_ident.simulation.physics import Physics, home_pose
 from robot_ident.simulation.physics.physics import strength
+from robot_ident.simulation.readings import Readings
+from robot_ident.simulation.sensors import Sensors
 
-EVERY = 3
-"""Samples a row: a smooth model needs no more to be fitted."""
+PERIODS = 16
+"""Periods whose mean a phenomenon has to be seen in."""
 
 TRIES = 6
 TOLERANCE = 0.12
@@ -63,23 +69,46 @@ def pooled(motions: Sequence[FourierSeries], samples: int = 500) -> Motion:
     return Motion(q, dq, ddq)
 
 
-def visible(structure: Structure, plays: Sequence[Play]) -> Array:
-    """Return the rms [n] Nm of what the model leaves of all plays' torque after one weighted fit, without noise.
-
-    Slow phenomena count with their beginning and their end.
-    """
-    robot = structure.robot
-    made = [readings for play in plays for readings in (play.period, *(end for _, end in play.ends))]
-    shown = ("shown_q", "shown_dq", "shown_ddq")
-    q, dq, ddq = (np.concatenate([getattr(r, name)[::EVERY] for r in made]) for name in shown)
-    motion = Motion(q, dq, ddq)
-    torque = np.concatenate([r.recorded[::EVERY] for r in made])
+def torque_scale(robot: Robot) -> Array:
+    """Return in what unit [n] Nm the torques of a robot's joints are alike: their noise, where unknown their limit."""
     noise = np.sqrt(robot.noise.torque_variance)
-    weight = 1 / np.where(np.isfinite(noise) & (noise > 0), noise, [strength(robot, j) for j in range(robot.n)])
-    columns = structure.columns(motion)
-    phi = (columns * weight[:, None]).reshape(-1, columns.shape[2])
+    limit = [strength(robot, j) for j in range(robot.n)]
+    return np.asarray(np.where(np.isfinite(noise) & (noise > 0), noise, limit))
+
+
+def visible(structure: Structure, plays: Sequence[Play]) -> Array:
+    """Return the rms [n] Nm of what the model leaves of all plays' exact torque after one weighted fit.
+
+    Rows and motion are those that a recording of `PERIODS` periods gives: of each Fourier line of the positions the
+    share that their noise leaves, without the rows where the direction is not certain. Slow phenomena count with their
+    beginning and their end.
+    """
+    made = [(play, readings) for play in plays for readings in (play.period, *(end for _, end in play.ends))]
+    measured = [_measured(readings, play) for play, readings in made]
+    q, dq, ddq = (np.concatenate([getattr(m, name) for m, _ in measured]) for name in ("q", "dq", "ddq"))
+    counts = np.concatenate([known for _, known in measured])
+    torque = np.concatenate([readings.recorded for _, readings in made])
+    weight = counts / torque_scale(structure.robot)
+    columns = structure.columns(Motion(q, dq, ddq))
+    phi = (columns * weight[:, :, None]).reshape(-1, columns.shape[2])
     theta, *_ = np.linalg.lstsq(phi, (torque * weight).ravel(), rcond=None)
-    return np.asarray(np.sqrt(np.mean((torque - columns @ theta) ** 2, axis=0)))
+    left = np.where(counts, torque - columns @ theta, 0.0)
+    return np.asarray(np.sqrt(np.sum(left**2, axis=0) / np.maximum(np.sum(counts, axis=0), 1)))
+
+
+def _measured(made: Readings, play: Play) -> tuple[Motion, Mask]:
+    """Return the motion of one steady period as its Fourier lines tell beside noise, and the rows [N, n] that count."""
+    samples, frequency = len(made.shown_q), play.sample_rate / len(made.shown_q)
+    sensors = Sensors.of(play.robot, play.sample_rate)
+    variance = sensors.position**2 / PERIODS
+    lines = lines_of_grid(made.shown_q)
+    strong = above_noise(lines, variance, samples)
+    power = np.abs(lines) ** 2 * samples / (4.0 * np.maximum(variance, 1e-300))
+    share = np.where(strong, 1.0, power / (1.0 + power))
+    q, dq, ddq = (evaluate(share * lines, samples, frequency, derivative) for derivative in (0, 1, 2))
+    motion = Motion(q, dq, ddq)
+    counts = trusted(motion, play.robot, Processing(), velocity_noise(share, variance, frequency, samples))
+    return motion, counts & direction_known(motion, strong, variance, frequency, 1.0 / play.sample_rate)
 
 
 def calibrate(

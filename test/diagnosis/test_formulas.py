@@ -10,7 +10,6 @@ import numpy as np
 import pytest
 
 from robot_ident.diagnosis.diagnose import diagnose
-from robot_ident.diagnosis.evidence import direction_known
 from robot_ident.effects import make_effect
 from robot_ident.motion import Array
 from robot_ident.recording.measurement import Measurement
@@ -55,9 +54,9 @@ def test_friction_that_sets_in_rises_and_what_bends_at_speed_may_bend_either_way
 
 def test_direction_is_known_but_beside_reversals_of_a_drive_that_sticks(bench: Any) -> None:
     smooth, sticky = bench.measure(())[0], bench.measure(("stribeck@joint_3:stribeck=20,speed=0.1",))[0]
-    assert direction_known(smooth)[smooth.used].all()
-    rows = ~direction_known(sticky)[:, 2]
+    assert smooth.direction_known[smooth.used].all()
+    rows = ~sticky.direction_known[:, 2]
     assert 5 < rows.sum() < 60
-    assert direction_known(sticky)[:, 0].mean() > 0.99
+    assert sticky.direction_known[:, 0].mean() > 0.99
     gained = np.sqrt(np.mean(sticky.motion.ddq[:, 2] ** 2)) * sticky.dt
     assert np.abs(sticky.motion.dq[rows, 2]).max() < gained

@@ -34,6 +34,7 @@ RIGHT = Outcome(
     remaining_rms={"joint_1": 0.0, "joint_2": 0.1},
     error_before={"joint_1": 0.0, "joint_2": 10.0},
     error_after={"joint_1": 0.0, "joint_2": 1.0},
+    scale={"joint_1": 2.0, "joint_2": 10.0},
     seconds=1.0,
 )
 TIED = replace(RIGHT, seed=2, named=("cable@joint_2",), tied=(("stribeck@joint_2",),))
@@ -87,6 +88,11 @@ def test_a_fault_counts_as_found_only_where_it_shows() -> None:
     assert (found["fault_named"].successes, found["fault_named"].exceptions) == (1, (2,))
     assert (found["invisible_fault_named"].successes, found["invisible_fault_named"].cases) == (1, 2)
     assert (found["friction_named_for_fault"].successes, found["friction_named_for_fault"].exceptions) == (2, (2, 4))
+
+
+def test_errors_of_unlike_joints_count_in_units_of_their_noise() -> None:
+    made = replace(RIGHT, error_before={"joint_1": 4.0, "joint_2": 100.0}, error_after={"joint_1": 4.0, "joint_2": 0.0})
+    assert made.removed == pytest.approx(0.5)
 
 
 def test_nothing_added_removes_nothing() -> None:
