@@ -56,16 +56,14 @@ def run(args: argparse.Namespace) -> int:
     added = add_until_adequate(found, inputs, args) if args.add_until_adequate else Additions([found])
     steps = added.steps
     if args.output:
-        _write(steps[-1].model if steps else inputs.models[0], args)
-    found = replace(found, notes=(*found.notes, *_troubles(found, inputs, steps)))
+        _write(steps[-1].model if added.foreseen else inputs.models[0], args)
+    found = replace(found, notes=(*found.notes, *_troubles(found, inputs, steps if added.foreseen else [])))
     if args.json:
         print_json(found.to_dict() | (to_dict(added) if steps else {}))
         return 0
     _print(found, inputs)
     if steps:
         print_additions(found, added)
-    elif args.add_until_adequate:
-        say("\nnothing to add")
     if args.output:
         say(f"written: {args.output}")
     return 0

@@ -21,7 +21,7 @@ _ROUNDS = 5  # of adding; a robot lacks less than that, and each costs a diagnos
 
 @dataclass
 class Additions:
-    """The model as it was and with one effect more each time, and what was said of it after every round.
+    """The model refitted as it was and with one effect more each time, and what was said of it after every round.
 
     foreseen: steps of the first round. stopped: why the last round's effects were left out, empty where none was.
     """
@@ -45,19 +45,24 @@ def add_until_adequate(found: Diagnosis, inputs: Inputs, args: argparse.Namespac
     from robot_ident.diagnosis.diagnose import diagnose
 
     out = Additions([found])
-    for number in range(_ROUNDS):
+    if not _columns(found):
+        out.steps = steps_of(inputs, (), args.validation, args.topic)
+    for number in range(_ROUNDS + 1):
         effects = _columns(out.last)
         if not effects:
+            break
+        if number == _ROUNDS:
+            out.stopped = f"{_listed(effects)} named after {_ROUNDS} rounds of adding, and not added"
             break
         try:
             steps = steps_of(inputs, effects, args.validation, args.topic)
         except InputError as error:
             if not number:
                 raise
-            out.stopped = f"{_listed(effects)} could not be added: {error}"
+            out.stopped = f"{_listed(effects)}: can't be added: {error}"
             break
         if number and not _lower(steps):
-            out.stopped = f"{_listed(effects)} does not lower the error on the validation, and was left out"
+            out.stopped = f"{_listed(effects)}: left out, adding it does not lower the error on the validation"
             break
         out.steps += steps[1:] if number else steps
         out.foreseen = out.foreseen or len(steps) - 1
@@ -85,6 +90,9 @@ def to_dict(added: Additions) -> dict[str, Any]:
 def print_additions(found: Diagnosis, added: Additions) -> None:
     """Print the falling error, what had been predicted of it beside what came, and what is said of the model now."""
     say()
+    if not added.foreseen:
+        say("nothing to add")
+        return
     say(staircase(added.steps))
     told = added.steps[added.foreseen].unseen
     last = next((s for s in reversed(found.missing) if s.validation_after is not None), None)

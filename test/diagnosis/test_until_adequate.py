@@ -57,4 +57,27 @@ def test_what_does_not_lower_the_error_on_the_validation_is_left_out(
     other = replace(inputs, validation=tuple(bench.measure(HIDDEN[:1], [3])))
     added = add_until_adequate(half, other, WORDS)
     assert [step.model.structure.labels[-1] for step in added.steps[1:]] == ["stribeck@joint_2"]
-    assert added.stopped == "torque_offset@joint_3 does not lower the error on the validation, and was left out"
+    assert added.stopped == ("torque_offset@joint_3: left out, adding it does not lower the error on the validation")
+
+
+def test_where_nothing_is_named_the_staircase_is_the_model_as_it_is(
+    bench: Any, capsys: pytest.CaptureFixture[str]
+) -> None:
+    measured = bench.measure(())
+    plain = Inputs((bench.model(measured),), ("model.yaml",), (), tuple(measured), tuple(bench.measure((), [3])))
+    added = add_until_adequate(bench.diagnose(()), plain, WORDS)
+    data = to_dict(added)
+    assert [step["added"] for step in data["staircase"]] == [None]
+    assert data["after_adding"]["verdict"] == "adequate"
+    assert set(data["staircase"][0]["validation_mse"]) == {"joint_1", "joint_2", "joint_3"}
+    print_additions(added.last, added)
+    assert capsys.readouterr().out.strip() == "nothing to add"
+
+
+def test_adding_ends_after_some_rounds_and_says_so(
+    half: Diagnosis, inputs: Inputs, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.setattr("robot_ident.cli.until_adequate._ROUNDS", 1)
+    added = add_until_adequate(half, inputs, WORDS)
+    assert [step.model.structure.labels[-1] for step in added.steps[1:]] == ["stribeck@joint_2"]
+    assert added.stopped == "torque_offset@joint_3 named after 1 rounds of adding, and not added"
