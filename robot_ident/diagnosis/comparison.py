@@ -141,7 +141,8 @@ def compare(model: Model, measurements: Sequence[Measurement]) -> Comparison:
     trajectories = [judged(measured, model) for measured in measurements]
     evidence = _evidence(model, trajectories)
     tested = [t for t, yes in zip(trajectories, known, strict=True) if yes]
-    fits = misfit(_evidence(model, tested), model.covariance) if tested else None
+    testable = evidence if len(tested) == len(trajectories) else _evidence(model, tested) if tested else None
+    fits = None if testable is None else misfit(testable, model.covariance)
     joints = tuple(
         _joint(evidence, joint, None if fits is None else fits[joint]) for joint in range(evidence.structure.robot.n)
     )
@@ -150,8 +151,8 @@ def compare(model: Model, measurements: Sequence[Measurement]) -> Comparison:
         for measured, yes in zip(measurements, known, strict=True)
         if not yes
     ]
-    if any(joint.fails for joint in joints):
-        joints = _with_hidden_path(joints, _evidence(model, tested), model.covariance)
+    if testable is not None and any(joint.fails for joint in joints):
+        joints = _with_hidden_path(joints, testable, model.covariance)
     return Comparison(joints, (*notes, *_at_reversals(evidence, joints), *_hidden_note(joints)))
 
 
