@@ -22,10 +22,11 @@ WRIST = {"ur5": 3, "panda": 4}
 def write_arm(name: str, folder: Path) -> Path:
     """Write the robot YAML of an arm; return it. FileNotFoundError without the wheel of example-robot-data.
 
-    Rotors are left out: those that no link's inertia takes up would be missing from the model, whatever else is hidden.
+    Reflected rotors have .1 kg m^2, as in MuJoCo Menagerie's models of both arms; where no link's inertia takes one up,
+    the model has its own parameter of it.
     """
-    large = {"gear_ratio": 101.0, "torque_variance": 4.0, "position_variance": 1e-9}
-    small = {"gear_ratio": 101.0, "torque_variance": 0.4, "position_variance": 1e-9}
+    large = {"gear_ratio": 101.0, "armature": 0.1, "torque_variance": 4.0, "position_variance": 1e-9}
+    small = {"gear_ratio": 101.0, "armature": 0.1, "torque_variance": 0.4, "position_variance": 1e-9}
     drives = {
         joint: {**(large if k < WRIST[name] else small), "velocity": 1.5, "acceleration": 5.0}
         for k, joint in enumerate(JOINTS[name])
@@ -36,6 +37,7 @@ def write_arm(name: str, folder: Path) -> Path:
         "name": name,
         "urdf": str(_robots() / URDF[name]),
         "joints": drives,
+        "effects": [f"rotor_inertia@{joint}" for joint in JOINTS[name]],
         "simulation": {"viscous": dict(friction), "coulomb": dict(friction)},
     }
     folder.mkdir(parents=True, exist_ok=True)

@@ -9,14 +9,16 @@ effect seem to lag and to fade.
 
 from __future__ import annotations
 
-from collections.abc import Hashable, Iterable, Mapping
+from collections.abc import Hashable, Iterable
 from dataclasses import replace
+from typing import NamedTuple
 
 import numpy as np
 
 from robot_ident.diagnosis.candidates import Score
 from robot_ident.diagnosis.evidence import Evidence, Trajectory
-from robot_ident.diagnosis.scan import BaseFit, BaseGram, add, base_gram, gram
+from robot_ident.diagnosis.nuisance import Nuisance, through
+from robot_ident.diagnosis.scan import BaseFit, BaseGram, Columns, add, base_gram, gram
 from robot_ident.diagnosis.white_lines import inertia_along
 from robot_ident.motion import Array, Mask
 from robot_ident.recording.lines import Lines, evaluate, least_above_noise, lines_of_grid
@@ -39,14 +41,18 @@ def note(joints: Iterable[str]) -> str:
 def gain_beside_hidden_path(found: Score, evidence: Evidence) -> float:
     """Return the gain of an effect beside what the hidden path may make, in units of chi-square.
 
-    The latter are columns of the base whose coefficients are known beforehand to be 0 +- 1, in units of their usual
-    size; such knowledge counts as an observation of each.
+    The latter's coefficients are known beforehand to be 0 +- 1, in units of their usual size; such knowledge counts as
+    an observation of each.
     """
     beside = _beside(evidence)
     if beside is None:
         return found.gain
-    with_hidden, fit = beside
-    return add(gram(found.columns, with_hidden), fit, found.effect.ranges).gain
+    columns, n = found.columns, evidence.structure.robot.n
+    parts = [np.zeros((len(part), n, part.shape[2])) for part in columns.parts]
+    for whole, part in zip(parts, columns.parts, strict=True):
+        whole[:, columns.joints] = part
+    spread = Columns(columns.effect, tuple(range(n)), through(beside.kinks, parts, whitened=True))
+    return add(gram(spread, beside.white), beside.fit, found.effect.ranges).gain
 
 
 def residual_beside_hidden_path(evidence: Evidence) -> tuple[Array, ...]:
@@ -54,8 +60,9 @@ def residual_beside_hidden_path(evidence: Evidence) -> tuple[Array, ...]:
     beside = _beside(evidence)
     if beside is None:
         return evidence.residual
-    with_hidden, fit = beside
-    return tuple(t.y - phi @ fit.values for t, phi in zip(evidence.trajectories, with_hidden.phi, strict=True))
+    pairs = zip(evidence.trajectories, evidence.phi, beside.given_way, strict=True)
+    rest = [t.y - np.concatenate([phi, given], axis=2) @ beside.fit.values for t, phi, given in pairs]
+    return through(beside.kinks, rest, whitened=False)
 
 
 def misfit_beside_hidden_path(evidence: Evidence) -> tuple[Array, ...]:
@@ -63,54 +70,85 @@ def misfit_beside_hidden_path(evidence: Evidence) -> tuple[Array, ...]:
     beside = _beside(evidence)
     if beside is None:
         return evidence.residual
-    own = evidence.phi[0].shape[2]
-    hidden = [phi[:, :, own:] for phi in beside[0].phi]
-    pairs = list(zip(hidden, evidence.residual, strict=True))
-    prior = np.eye(hidden[0].shape[2])  # each is known beforehand to be 0 +- 1
-    square = prior + sum(np.einsum("tjk,tjl->kl", columns, columns, optimize=True) for columns in hidden)
-    sizes = np.linalg.solve(square, sum(np.einsum("tjk,tj->k", columns, rest) for columns, rest in pairs))
-    return tuple(rest - columns @ sizes for columns, rest in pairs)
+    white = through(beside.kinks, beside.given_way, whitened=True)
+    rest = through(beside.kinks, evidence.residual, whitened=True)
+    square = np.eye(white[0].shape[2]) + sum(np.einsum("tjk,tjl->kl", g, g, optimize=True) for g in white)
+    right = sum(np.einsum("tjk,tj->k", g, r) for g, r in zip(white, rest, strict=True))
+    sizes = np.linalg.solve(square, right)
+    less = [r - g @ sizes for g, r in zip(beside.given_way, evidence.residual, strict=True)]
+    return through(beside.kinks, less, whitened=False)
 
 
-def _beside(evidence: Evidence) -> tuple[Evidence, BaseFit] | None:
-    """Return the evidence with the hidden path among its base columns, and the base fitted; None where none matters."""
+class _Beside(NamedTuple):
+    """The hidden path of an evidence: kinks of each measurement, given_way: columns [N, n, g] of each trajectory.
+
+    white: the evidence with the latter among its base columns, in units of noise and kinks; fit: the base fitted.
+    """
+
+    kinks: tuple[Nuisance, ...]
+    given_way: tuple[Array, ...]
+    white: Evidence
+    fit: BaseFit
+
+
+def _beside(evidence: Evidence) -> _Beside | None:
+    """Return the evidence beside the hidden path, computed once; None where none of it matters."""
     key: Hashable = (_KEY, evidence.structure.labels, evidence.values.tobytes())
     if key not in evidence.memory:
         evidence.memory[key] = _with_hidden_path(evidence)
     found = evidence.memory[key]
-    assert found is None or isinstance(found, tuple)
+    assert found is None or isinstance(found, _Beside)
     return found
 
 
-def _with_hidden_path(evidence: Evidence) -> tuple[Evidence, BaseFit] | None:
+def _with_hidden_path(evidence: Evidence) -> _Beside | None:
     if any(t.measured.position_lines is None or t.measured.decimate != 1 for t in evidence.trajectories):
         return None
-    counts = {id(t.measured): _kinks_once(t, evidence).shape[2] for t in evidence.trajectories}
-    parts = [
-        np.concatenate([*_own(counts, t, evidence), t.weighed(_given_way(t, rigid, evidence))], axis=2)
+    kinks = _kinks_by_measurement(evidence)
+    given = [
+        t.weighed(_given_way(t, rigid, evidence))
         for t, rigid in zip(evidence.trajectories, evidence.rigid, strict=True)
     ]
-    matter = np.sum([np.sum(part**2, axis=(0, 1)) for part in parts], axis=0) > _MATTERS
-    if not matter.any():
+    matter = np.sum([np.sum(part**2, axis=(0, 1)) for part in given], axis=0) > _MATTERS
+    if not kinks and not matter.any():
         return None
-    phi = tuple(np.concatenate([p, k[:, :, matter]], axis=2) for p, k in zip(evidence.phi, parts, strict=True))
-    beside = replace(evidence, phi=phi)
-    base = base_gram(beside)
+    given_way = tuple(part[:, :, matter] for part in given)
+    phi = [np.concatenate(pair, axis=2) for pair in zip(evidence.phi, given_way, strict=True)]
+    turned = through(kinks, [t.y for t in evidence.trajectories], whitened=True)
+    white = replace(
+        evidence,
+        phi=through(kinks, phi, whitened=True),
+        trajectories=tuple(replace(t, y=y) for t, y in zip(evidence.trajectories, turned, strict=True)),
+    )
+    base = base_gram(white)
     own = base.own.copy()
     further = np.arange(evidence.phi[0].shape[2], phi[0].shape[2])
     own[0, 0, further, further] += 1.0
-    return beside, BaseFit.of(BaseGram(own, base.torque, base.power), range(len(parts)))
+    fit = BaseFit.of(BaseGram(own, base.torque, base.power), range(len(phi)))
+    return _Beside(kinks, given_way, white, fit)
 
 
-def _own(counts: Mapping[int, int], t: Trajectory, evidence: Evidence) -> list[Array]:
-    """Return the weighed kinks of all measurements, those of others than a trajectory's as zeros: each has its own."""
-    rows, n = t.motion.q.shape
-    key: Hashable = (_KEY, "weighed", id(t))
-    if key not in evidence.memory:  # with the trajectory, so that no other one can have its id
-        evidence.memory[key] = (t, t.weighed(_kinks_once(t, evidence)))
+def _kinks_by_measurement(evidence: Evidence) -> tuple[Nuisance, ...]:
+    """Return the weighed kinks of every measurement that has any that matter; each has its own."""
+    key: Hashable = (_KEY, "weighed", tuple(id(t) for t in evidence.trajectories))
+    if key not in evidence.memory:  # with the trajectories, so that no other ones can have their ids
+        evidence.memory[key] = (evidence.trajectories, _weighed_kinks(evidence))
     found = evidence.memory[key]
     assert isinstance(found, tuple)
-    return [found[1] if place == id(t.measured) else np.zeros((rows, n, count)) for place, count in counts.items()]
+    return tuple(found[1])
+
+
+def _weighed_kinks(evidence: Evidence) -> tuple[Nuisance, ...]:
+    places: dict[int, list[int]] = {}
+    for place, t in enumerate(evidence.trajectories):
+        places.setdefault(id(t.measured), []).append(place)
+    out = []
+    for mine in places.values():
+        parts = [t.weighed(_kinks_once(t, evidence)) for t in (evidence.trajectories[place] for place in mine)]
+        matter = np.sum([np.sum(part**2, axis=(0, 1)) for part in parts], axis=0) > _MATTERS
+        if matter.any():
+            out.append(Nuisance.of(mine, [part[:, :, matter] for part in parts]))
+    return tuple(out)
 
 
 def _kinks_once(t: Trajectory, evidence: Evidence) -> Array:
