@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import difflib
 from collections.abc import Iterable
+from itertools import accumulate
 
 LONGEST = 2000  # characters of an error
 _WORDS = 1000  # that are compared with a misspelt one
@@ -42,4 +43,7 @@ def did_you_mean(value: str, known: Iterable[str]) -> str:
     near = difflib.get_close_matches(value[:100], [word for word in words[:_WORDS] if len(word) <= 100], n=1)
     if near:
         return f"; did you mean {near[0]!r}?"
-    return f"; known: {one_line(', '.join(words), _LISTED)}" if words else ""
+    lengths = accumulate(len(word) + 2 for word in words)
+    listed = [word for word, length in zip(words, lengths, strict=False) if length <= _LISTED]
+    more = f" and {len(words) - len(listed)} more" if len(words) > len(listed) else ""
+    return f"; known: {one_line(', '.join(listed), _LISTED)}{more}" if words else ""

@@ -14,6 +14,7 @@ if TYPE_CHECKING:
     from robot_ident.cli.loop import Inputs
     from robot_ident.diagnosis.diagnosis import Diagnosis, Suspect
     from robot_ident.model.model import Model
+    from robot_ident.robot.robot import Robot
 
 _TIED_LISTED = 3  # of the candidates that one is tied with: the table stays readable, --json has them all
 
@@ -108,15 +109,16 @@ def _print(found: Diagnosis, inputs: Inputs) -> None:
         for number, joint in enumerate(robot.joints)
     ]
     known = all(floor is not None for floor in floors.values())
+    remains = "remains, rms beyond noise" if known else "remains, rms with noise"
+    if found.verdict == "adequate" and not found.hidden_in_path:
+        remains += ", within chance"
     say()
-    say(
-        table(("joint", "remains, rms beyond noise" if known else "remains, rms with noise", "noise rms", "unit"), rows)
-    )
+    say(table(("joint", remains, "noise rms", "unit"), rows))
     if found.missing or found.others:
         say()
         listed = [*found.missing, *found.others]
-        header = ("rank", "candidate", "", "explains", "p", "rms before", "rms after", "tied with")
-        say(table(header, [_row(rank, s, s in found.missing) for rank, s in enumerate(listed, 1)]))
+        header = ("rank", "candidate", "named", "explains", "p", "rms before", "rms after", "unit", "tied with")
+        say(table(header, [_row(rank, s, s in found.missing, robot) for rank, s in enumerate(listed, 1)]))
     for note in found.notes:
         tell(f"note: {note}")
 
@@ -128,12 +130,13 @@ def _print_named(suspect: Suspect, inputs: Inputs) -> None:
     say(f"\n{suspect.label}: {suspect.effect.meaning}")
     for p in suspect.parameters:
         say(f"  {p.in_words}")
-    kinds = [("on the data", suspect.mse_before, suspect.mse_after)]
+    kinds = [] if suspect.effect.trends else [("on the data", suspect.mse_before, suspect.mse_after)]
     if suspect.validation_before is not None and suspect.validation_after is not None:
         kinds.append(("on the validation", suspect.validation_before, suspect.validation_after))
     falls = [f"{kind} {before[joint] ** 0.5:.3g} -> {after[joint] ** 0.5:.3g} {unit}" for kind, before, after in kinds]
     doing = "putting it right" if suspect.effect.measuring else "adding it to the rest"
-    say(f"  {doing}: rms at {joint} {', '.join(falls)}")
+    if falls:
+        say(f"  {doing}: rms at {joint} {', '.join(falls)}")
     if suspect.fix:
         say(f"  to change: {suspect.fix}")
     if suspect.tied_with:
@@ -149,13 +152,17 @@ def _joint(suspect: Suspect) -> str:
     return suspect.effect.place or max(before, key=lambda name: before[name] - after[name])
 
 
-def _row(rank: int, s: Suspect, named: bool) -> tuple[object, ...]:
+def _row(rank: int, s: Suspect, named: bool, robot: Robot) -> tuple[object, ...]:
+    from robot_ident.diagnosis.more_than_noise import chance
+
     joint = _joint(s)
     share = f"{100 * s.explained:.0f} %"
     before, after = s.mse_before[joint] ** 0.5, s.mse_after[joint] ** 0.5
     more = len(s.tied_with) - _TIED_LISTED
     tied = ", ".join(s.tied_with[:_TIED_LISTED]) + (f" and {more} more" if more > 0 else "") or None
-    return (rank, s.label, "missing" if named else None, share, f"{s.p_value:.1g}", before, after, tied)
+    unit = robot.torque_unit(robot.joint_index(joint))
+    p = chance(s.p_value)
+    return (rank, s.label, "missing" if named else "", share, p, before, after, unit, tied if named else "")
 
 
 def _floors(inputs: Inputs) -> dict[str, float | None]:

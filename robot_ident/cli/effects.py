@@ -92,7 +92,24 @@ def page(effect: type[Effect]) -> str:
         ("told by", effect.experiment),
         ("usual size", effect.magnitude + (" (industrial arm / cobot)" if effect.magnitude else "")),
     ]
+    lines += _simulated(effect.name)
     return "\n".join([effect.name, *(f"  {name:16s}{text}" if name else f"  {text}" for name, text in lines if text)])
+
+
+def _simulated(name: str) -> list[tuple[str, str]]:
+    """Return how the simulated robot makes an effect and what `simulate --effect` may say of it."""
+    from robot_ident.simulation.physics import PHYSICS
+    from robot_ident.simulation.physics.words import formula
+
+    if name not in PHYSICS:
+        return []
+    kind = PHYSICS[name]
+    first, place = kind.parameters[0].name, "" if kind.scope == "robot" else "@JOINT"
+    return [
+        ("simulated", f"{formula(kind)} (a formula of its own: its values differ from those identified)"),
+        ("simulate with", f"--effect {name}{place}:{first}=VALUE,...; a bare :VALUE is {first}"),
+        *(("value", f"{p.name} [{_unit(p)}]") for p in kind.parameters),
+    ]
 
 
 _SYMMETRY = {

@@ -56,7 +56,8 @@ def run(args: argparse.Namespace) -> int:
 
         training = read_sources(args.bag, models[0][1], topic=args.topic, heard=heard)
         unseen = read_sources(args.validation, models[0][1], topic=args.topic, heard=heard)
-        found = gather(models, training, unseen, excitations, command=_command(args), heard=heard)
+        command, own = _command(args), args.effects_from
+        found = gather(models, training, unseen, excitations, command=command, effects_from=own, heard=heard)
         heard("drawing")
         write_report(args.output, found, force=args.force)
     if args.json:

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import argparse
 import time
+from collections.abc import Sequence
 from typing import TYPE_CHECKING, Any
 
 from robot_ident.cli.output import add_json, add_output, add_robot, print_json, say, tell, within
@@ -28,7 +29,11 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
         help="steady periods of an excitation, after one transient (default %(default)s)",
     )
     parser.add_argument(
-        "--effect", action="append", default=[], metavar="NAME@JOINT[:k=v,...]", help="further physics of the plant"
+        "--effect",
+        action="append",
+        default=[],
+        metavar="NAME@JOINT[:k=v,...]",
+        help="further physics of the plant (robot_ident effects NAME lists its values)",
     )
     parser.add_argument(
         "--hidden",
@@ -64,6 +69,8 @@ def run(args: argparse.Namespace) -> int:
     from robot_ident.files import refuse_existing, write_text
     from robot_ident.recording.conditions import Conditions, sidecar
     from robot_ident.robot import load_robot
+    from robot_ident.simulation.physics import plant_physics
+    from robot_ident.simulation.physics.words import values_in_words
     from robot_ident.simulation.scenario import draw_scenario
     from robot_ident.simulation.sealed import seal, sealed_path
     from robot_ident.simulation.simulate import simulate, simulated_effects
@@ -74,6 +81,7 @@ def run(args: argparse.Namespace) -> int:
         refuse_existing(answer, force=args.force)
         if args.effect:
             raise InputError("--hidden and --effect exclude each other: what is hidden might be the same")
+    _none_of_ones_own(args.effect)
     if args.periods < 1:
         raise InputError(f"--periods {args.periods}: at least 1")
     if args.seed < 0:
@@ -112,11 +120,24 @@ def run(args: argparse.Namespace) -> int:
         return 0
     for note in notes:
         tell(note)
+    for effect in plant_physics(robot, effects)[-len(effects) :] if scenario is None and effects else ():
+        say(f"with {values_in_words(effect.text, robot)}")
     say(f"{result.recording.samples} samples, {result.recording.duration:.1f} s of robot time in {seconds:.2f} s")
     say(f"written: {args.output}")
     if answer is not None:
-        say(f"what is hidden stands in {answer} (sealed)")
+        say(f"what is hidden stands in {answer}: robot_ident trial --open shows it")
     return 0
+
+
+def _none_of_ones_own(effects: Sequence[str]) -> None:
+    """Refuse effects of the catalogue that the simulated robot doesn't know: those of --effects-from."""
+    from robot_ident.effects import CATALOGUE
+    from robot_ident.errors import InputError
+    from robot_ident.simulation.physics import PHYSICS
+
+    for name in (effect.partition(":")[0].partition("@")[0] for effect in effects):
+        if name in CATALOGUE and name not in PHYSICS:
+            raise InputError(f"--effect {name}: can't be simulated: the simulated robot has physics of its own")
 
 
 def _payload(text: str | None) -> KnownPayload | None:

@@ -104,6 +104,7 @@ def run(args: argparse.Namespace) -> int:
 
 
 def _open(args: argparse.Namespace) -> int:
+    from robot_ident.simulation.physics.words import values_in_words
     from robot_ident.simulation.scenario import Scenario
     from robot_ident.simulation.sealed import open_sealed
 
@@ -113,10 +114,12 @@ def _open(args: argparse.Namespace) -> int:
         return 0
     say(f"{scenario.kind} in {scenario.robot} (seed {scenario.seed})")
     for effect in scenario.effects:
-        say(f"  {effect}")
+        say(f"  {values_in_words(effect)}")
     for effect in scenario.background:
-        say(f"  in the background: {effect}")
-    if not scenario.all_effects:
+        say(f"  in the background: {values_in_words(effect)}")
+    if scenario.all_effects:
+        say("values are those of the simulated robot's own formulas (robot_ident effects NAME shows them)")
+    else:
         say("  nothing is hidden")
     return 0
 

@@ -9,7 +9,7 @@ from typing import TYPE_CHECKING, Any
 
 from robot_ident.cli.extended import Step, staircase, steps_of
 from robot_ident.cli.loop import Inputs, with_model
-from robot_ident.cli.output import Progress, say, table
+from robot_ident.cli.output import Progress, say, table, tell
 from robot_ident.errors import InputError
 
 if TYPE_CHECKING:
@@ -101,7 +101,7 @@ def print_additions(found: Diagnosis, added: Additions) -> None:
         say()
         say(table(("validation", "rms predicted", "rms with all of it added"), rows))
     say()
-    say(f"diagnosed again with what was added: {added.last.in_words}")
+    say(f"diagnosed again with what was added: {_again(added.last)}")
     rest = added.last.unexplained
     if rest is not None:
         robot = added.steps[-1].model.robot
@@ -110,6 +110,20 @@ def print_additions(found: Diagnosis, added: Additions) -> None:
         say(f"not explained of {rest.joint}: {added.last.remaining_rms[rest.joint]:.3g} {unit} rms{where}")
     if added.stopped:
         say(added.stopped)
+    for line in added.last.notes:
+        if line not in found.notes:
+            tell(f"note: {line}")
+
+
+def _again(found: Diagnosis) -> str:
+    """Return what is said of the longer model; of a remainder, that it is beside what was added."""
+    if found.verdict != "unexplained":
+        return found.in_words
+    where = f"; {found.unexplained.joint}: {found.unexplained.where}" if found.unexplained else ""
+    return (
+        "unexplained: beside what was added something remains that no known effect accounts for, another form of"
+        f" it or more than one effect{where}"
+    )
 
 
 def _columns(found: Diagnosis) -> list[Effect]:

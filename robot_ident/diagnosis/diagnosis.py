@@ -12,6 +12,8 @@ from robot_ident.robot.robot import Robot
 
 Verdict = Literal["adequate", "missing", "unexplained", "not_decidable"]
 
+_TIED_NAMED = 2  # of those that can't be told from an effect, in a sentence
+
 
 @dataclass(frozen=True)
 class Estimate:
@@ -104,6 +106,15 @@ class Unexplained:
         return self.where == EVERYWHERE
 
 
+def _or_tied(suspect: Suspect) -> str:
+    """Return an effect and, in brackets, those that recordings can't tell from it, two of them by name."""
+    tied = suspect.tied_with
+    if not tied:
+        return suspect.label
+    more = f" or {len(tied) - _TIED_NAMED} more" if len(tied) > _TIED_NAMED else ""
+    return f"{suspect.label} (or {', '.join(tied[:_TIED_NAMED])}{more})"
+
+
 @dataclass(frozen=True)
 class Diagnosis:
     """Verdict, the members found in their order, further candidates, the remainder by joint [Nm rms], and notes.
@@ -130,7 +141,7 @@ class Diagnosis:
             )
             return f"adequate: what is left over is noise{more}"
         if self.verdict == "missing":
-            return "missing: " + ", ".join(suspect.label for suspect in self.missing)
+            return "missing: " + ", ".join(_or_tied(suspect) for suspect in self.missing)
         if self.verdict == "not_decidable":
             return "not decidable from these recordings"
         where = f"; {self.unexplained.joint}: {self.unexplained.where}" if self.unexplained else ""

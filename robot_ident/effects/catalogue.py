@@ -90,7 +90,8 @@ def make_effect(label: str, robot: Robot, setting: Mapping[str, float] | None = 
     """
     name, at, joint = label.partition("@")
     if name not in CATALOGUE:
-        raise InputError(f"unknown effect {name!r}{did_you_mean(name, CATALOGUE)} (robot_ident effects lists them)")
+        more = "robot_ident effects lists them; those of your own come by --effects-from FILE.py"
+        raise InputError(f"unknown effect {name!r}{did_you_mean(name, CATALOGUE)} ({more})")
     kind = CATALOGUE[name]
     if at and kind.scope == "robot":
         raise InputError(f"effect {name!r} is of the whole robot: write it without @{joint}")

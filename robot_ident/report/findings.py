@@ -32,7 +32,8 @@ class Findings:
     """Models in their order beside recordings, and what the first and the last of them lack.
 
     training: recordings to compare with; validation: those that no fit has seen. diagnoses: by the number of the model,
-    from 0. command: what was typed. troubles: a line for each validation on which the last model is worse than none.
+    from 0. command: what was typed; effects_from: the files of a user's own effects that it named. troubles: a line for
+    each validation on which the last model is worse than none.
     """
 
     steps: tuple[Step, ...]
@@ -42,6 +43,7 @@ class Findings:
     played: tuple[Played, ...] = ()
     command: str = ""
     troubles: tuple[str, ...] = ()
+    effects_from: tuple[str, ...] = ()
 
     @property
     def robot(self) -> Robot:
@@ -107,11 +109,13 @@ def gather(
     excitations: Sequence[tuple[str, Excitation]] = (),
     *,
     command: str = "",
+    effects_from: Sequence[str] = (),
     heard: Callable[[str], None] = lambda what: None,
 ) -> Findings:
     """Return what models (path, model) tell beside recordings; InputError where they are of several robots.
 
-    excitations: (path, excitation) that were played. heard: is told what is done next.
+    excitations: (path, excitation) that were played. effects_from: files of effects that are not the catalogue's.
+    heard: is told what is done next.
     """
     heard("comparing")
     steps = staircase(models, training, validation)
@@ -126,4 +130,6 @@ def gather(
         heard(f"certifying {path}")
         played.append(Played(path, excitation, certify(excitation, steps[0].model.robot)))
     troubles = unusable_on(steps[-1].model, [one.measured for one in validation])
-    return Findings(steps, tuple(training), tuple(validation), diagnoses, tuple(played), command, troubles)
+    return Findings(
+        steps, tuple(training), tuple(validation), diagnoses, tuple(played), command, troubles, tuple(effects_from)
+    )

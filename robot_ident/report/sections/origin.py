@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import platform
 import shlex
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from importlib.metadata import PackageNotFoundError, version
 from typing import Any
@@ -39,7 +39,7 @@ class Origin(Section):
             "notes": [f"{source.path}: {note}" for source, _ in sources for note in source.measured.notes],
             "models": [self._model(step) for step in self.found.steps],
             "versions": _versions(),
-            "commands": [*(_made_by(step) for step in self.found.steps), self.found.command],
+            "commands": [*(_made_by(step, self.found.effects_from) for step in self.found.steps), self.found.command],
         }
 
     def _model(self, step: Step) -> dict[str, Any]:
@@ -82,8 +82,8 @@ def _versions() -> str:
     return ", ".join(listed)
 
 
-def _made_by(step: Step) -> str:
-    """Return the command that makes a model again from its recordings."""
+def _made_by(step: Step, effects_from: Sequence[str]) -> str:
+    """Return the command that makes a model again from its recordings; effects_from: files of a user's own effects."""
     provenance, model = step.model.provenance, step.model
     options = provenance.get("options", {})
     words = ["robot_ident", "identify"]
@@ -93,6 +93,8 @@ def _made_by(step: Step) -> str:
     known = set(type(model.structure).build(model.robot).labels)
     for label in model.structure.labels:
         words += ["--effect", label] if label not in known else []
+    if not all(type(effect).__module__.startswith("robot_ident.") for effect in model.structure.effects):
+        words += [word for path in effects_from for word in ("--effects-from", path)]
     words += ["--physical"] if model.physical is not None else []
     for option, key in (("--trajectory", "trajectory"), ("--topic", "topic")):
         words += [option, str(options[key])] if options.get(key) else []
