@@ -78,5 +78,5 @@ def refuse_twice(paths: Iterable[Path | str]) -> None:
     for path in paths:
         place = os.path.realpath(path)
         if place in seen:
-            raise InputError(f"{path} is given twice; its noise would be counted as two independent recordings'")
+            raise InputError(f"{path} is given twice; its noise would be counted as two independent recordings")
         seen.add(place)

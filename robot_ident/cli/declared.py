@@ -10,12 +10,19 @@ if TYPE_CHECKING:
     from robot_ident.robot import Robot
 
 
-def contradictions(measurements: Sequence[Measurement], robot: Robot, *, as_declared: bool) -> list[str]:
+def contradictions(
+    measurements: Sequence[Measurement],
+    robot: Robot,
+    *,
+    as_declared: bool,
+    otherwise: str = ", or go on with --as-declared",
+) -> list[str]:
     """Return what in the data contradicts the declaration of effort.
 
     Raises InputError, with the line of the robot YAML to change, unless the user goes on all the same; of a clock that
     runs wrong no line tells, and it is only said. Where nothing contradicts it once stated payloads are left out, the
-    sidecars that state them are named instead. Recordings with an unknown payload are not judged.
+    sidecars that state them are named instead. otherwise: what else the user may do. Recordings with an unknown payload
+    are not judged.
     """
     from robot_ident.configuration import line_of
     from robot_ident.errors import InputError
@@ -37,9 +44,9 @@ def contradictions(measurements: Sequence[Measurement], robot: Robot, *, as_decl
     if stated and contradiction(judge_all([with_payload(m, robot) for m in measurements], robot), robot) is None:
         told = ", ".join(f"{file}: payload.mass = {one.mass:g}" for file, one in stated.items())
         raise InputError(
-            f"{told}: the effort contradicts this payload; mass is in kg, centre in m in the end effector's frame, or"
-            " go on with --as-declared"
+            f"{told}: the effort contradicts this payload; mass is in kg, centre in m in the end effector's frame"
+            f"{otherwise}"
         )
     line = line_of(robot.source, found.entry)
     place = robot.source if line is None else f"{robot.source}:{line}"
-    raise InputError(f"{place}: {found.in_words}; change it to '{found.change}', or go on with --as-declared")
+    raise InputError(f"{place}: {found.in_words}; change it to '{found.change}'{otherwise}")

@@ -40,9 +40,10 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
 
 def run(args: argparse.Namespace) -> int:
     """Say which physical effect is missing."""
-    from robot_ident.cli.loop import read_inputs
+    from robot_ident.cli.loop import read_inputs, refuse_other_units
     from robot_ident.cli.until_adequate import Additions, add_until_adequate, print_additions, to_dict
     from robot_ident.diagnosis.diagnose import diagnose
+    from robot_ident.diagnosis.kept_aside import misfit_aside
     from robot_ident.files import refuse_existing
 
     if args.output and not args.add_until_adequate:
@@ -52,12 +53,15 @@ def run(args: argparse.Namespace) -> int:
     inputs = read_inputs(args.inputs, args.validation, args.topic)
     if len(inputs.models) != 1 or not inputs.measurements:
         raise InputError("diagnose takes one model and at least one recording")
+    refuse_other_units(inputs)
     with Progress("diagnose", 1.0) as bar:
         found = diagnose(inputs.measurements, inputs.models[0].structure, inputs.validation, bar.reach)
     added = add_until_adequate(found, inputs, args) if args.add_until_adequate else Additions([found])
     steps = added.steps
     if args.output:
         _write(steps[-1].model if added.foreseen else inputs.models[0], args)
+    if found.verdict == "adequate":
+        found = replace(found, notes=(*found.notes, *misfit_aside(inputs.models[0], inputs.validation)))
     found = replace(found, notes=(*found.notes, *_troubles(found, inputs, steps if added.foreseen else [])))
     if args.json:
         print_json(found.to_dict() | (to_dict(added) if steps else {}))

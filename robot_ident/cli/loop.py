@@ -15,6 +15,9 @@ if TYPE_CHECKING:
     from robot_ident.recording.measurement import Measurement
 
 
+_ABSURD = 10.0  # times the torque itself by which a model errs where efforts are in another unit or of another side
+
+
 def add_common(parser: argparse.ArgumentParser) -> None:
     """Add the options that the three verbs share."""
     from robot_ident.cli.output import add_json
@@ -71,6 +74,19 @@ def with_model(inputs: Inputs, model: Model, validation: Sequence[str], topic: s
         return given
     measured = tuple(_measured(model, bag, topic) for bag in inputs.bags)
     return replace(given, measurements=measured, validation=validated_for(model, validation, topic))
+
+
+def refuse_other_units(inputs: Inputs) -> None:
+    """Raise InputError where efforts are a tenth or less of what the model makes of a motion, and a declaration that
+    they contradict tells why.
+    """
+    from robot_ident.cli.declared import contradictions
+    from robot_ident.estimation.unusable import residual_on
+
+    model = inputs.models[0]
+    errors = [one.relative or 0.0 for m in inputs.measurements for one in residual_on(model, m).values()]
+    if max(errors, default=0.0) > _ABSURD:
+        contradictions(inputs.measurements, model.robot, as_declared=False, otherwise="")
 
 
 def _refuse_fitted(bags: Sequence[str], validation: Sequence[str]) -> None:

@@ -14,7 +14,7 @@ from types import FrameType
 
 from robot_ident import __version__
 from robot_ident.cli.effects_from import add_effects_from, register_effects
-from robot_ident.cli.output import Parser, refuse_own_input
+from robot_ident.cli.output import Parser, flush, refuse_own_input
 from robot_ident.errors import RobotIdentError
 from robot_ident.parallel import on_cluster
 
@@ -73,7 +73,9 @@ def main(argv: Sequence[str] | None = None) -> int:
         refuse_own_input(args)
         register_effects(getattr(args, "effects_from", []))
         with _released_on_sigterm(), on_cluster(getattr(args, "cluster", None)):
-            return int(importlib.import_module(f"robot_ident.cli.{args.verb}").run(args) or 0)
+            code = int(importlib.import_module(f"robot_ident.cli.{args.verb}").run(args) or 0)
+            flush()
+            return code
     except RobotIdentError as error:
         print(f"robot_ident {verb}: {error}", file=sys.stderr)
         return error.exit_code
@@ -81,8 +83,16 @@ def main(argv: Sequence[str] | None = None) -> int:
         os.dup2(os.open(os.devnull, os.O_WRONLY), sys.stdout.fileno())
         return 0
     except KeyboardInterrupt:
-        print(f"robot_ident {verb}: stopped; nothing was written", file=sys.stderr)
-        return 130
+        return _stopped(verb)
+    except SystemError as error:  # of compiled code that an interrupt has broken into
+        if not isinstance(error.__cause__ or error.__context__, KeyboardInterrupt):
+            raise
+        return _stopped(verb)
+
+
+def _stopped(verb: str | None) -> int:
+    print(f"robot_ident {verb}: stopped; nothing was written", file=sys.stderr)
+    return 130
 
 
 @contextmanager

@@ -9,7 +9,8 @@ import re
 import shutil
 import sys
 import textwrap
-from collections.abc import Callable, Iterable, Sequence
+from collections.abc import Callable, Iterable, Iterator, Sequence
+from contextlib import contextmanager
 from typing import Any, NoReturn
 
 from robot_ident.errors import InputError
@@ -96,7 +97,7 @@ def refuse_own_input(args: argparse.Namespace) -> None:
 
 def say(text: str = "") -> None:
     """Print a result; in a terminal with the headers of its tables in bold, unless NO_COLOR is set."""
-    print(_dressed(text) if _coloured() else text)
+    _out(_dressed(text) if _coloured() else text)
 
 
 def _coloured() -> bool:
@@ -118,7 +119,30 @@ def tell(text: str) -> None:
 
 def print_json(data: dict[str, Any]) -> None:
     """Print one JSON object; a number that isn't finite is null."""
-    print(json.dumps(_finite(data), indent=2))
+    _out(json.dumps(_finite(data), indent=2))
+    flush()
+
+
+def _out(text: str) -> None:
+    with _writable():
+        print(text)
+
+
+def flush() -> None:
+    """Write out what was printed; InputError where standard output takes no more."""
+    with _writable():
+        sys.stdout.flush()
+
+
+@contextmanager
+def _writable() -> Iterator[None]:
+    try:
+        yield
+    except BrokenPipeError:  # the reader has had enough
+        raise
+    except OSError as error:
+        os.dup2(os.open(os.devnull, os.O_WRONLY), sys.stdout.fileno())  # what is left in its buffer goes nowhere
+        raise InputError(f"standard output can't be written ({error.strerror or error})") from error
 
 
 def _finite(value: Any) -> Any:

@@ -11,6 +11,7 @@ from functools import partial
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
+from robot_ident.cli.journal import SCHEMA, Journal
 from robot_ident.cli.output import Progress, add_cluster, add_json, add_robot, print_json, say, table, tell
 from robot_ident.errors import InputError, did_you_mean
 
@@ -20,7 +21,6 @@ if TYPE_CHECKING:
     from robot_ident.robot.robot import Robot
 
 _TRAINING = 3  # motions that are identified and diagnosed; one more is kept unseen
-_SCHEMA = "robot_ident/trial_cases/2"
 _STOPPED = 130
 _ROWS = {
     "named_right": "named right, effect and joint",
@@ -92,7 +92,7 @@ def run(args: argparse.Namespace) -> int:
     motions = _motions(args, robot)
     series = tuple(motion.series for motion in motions)
     setting = Setting(robot, series[:-1], series[-1], args.periods, args.noise)
-    done = _Journal.open(args.cases_file, _settings(args, motions))
+    done = Journal.open(args.cases_file, _settings(args, motions))
     try:
         _run_cases(cases, setting, done, args.workers)
     except KeyboardInterrupt:
@@ -180,7 +180,7 @@ def _settings(args: argparse.Namespace, motions: Sequence[Excitation]) -> dict[s
     content = json.dumps([motion.to_dict() for motion in motions], sort_keys=True)
     digest = hashlib.sha256(content.encode()).hexdigest()[:16]
     return {
-        "schema": _SCHEMA,
+        "schema": SCHEMA,
         "robot": motions[0].robot,
         "noise": args.noise,
         "periods": args.periods,
@@ -188,58 +188,7 @@ def _settings(args: argparse.Namespace, motions: Sequence[Excitation]) -> dict[s
     }
 
 
-class _Journal:
-    """Finished cases, on disk a line each as soon as they are finished."""
-
-    def __init__(self, path: Path | None) -> None:
-        self.path = path
-        self.outcomes: dict[Case, Outcome] = {}
-
-    @classmethod
-    def open(cls, path: str | None, settings: dict[str, Any]) -> _Journal:
-        """Return what is finished; InputError where the file belongs to another trial."""
-        from robot_ident.diagnosis.trial import Case, Outcome
-
-        journal = cls(Path(path) if path else None)
-        if journal.path is None:
-            return journal
-        try:
-            lines = journal.path.read_text(encoding="utf-8").split("\n") if journal.path.exists() else []
-            if not lines:
-                journal.path.write_text(json.dumps(settings) + "\n", encoding="utf-8")
-        except (OSError, UnicodeDecodeError) as error:
-            raise InputError(f"{path}: can't be used as a file of cases ({error})") from error
-        for number, line in enumerate(lines[:-1]):  # what follows the last line's end was torn off when it was written
-            try:
-                data = json.loads(line)
-            except json.JSONDecodeError as error:
-                raise InputError(f"{path}: line {number + 1} is no case ({error})") from error
-            if number == 0:
-                _same(data, settings, path)
-            else:
-                case = Case(data["seed"], data.pop("asked"))
-                journal.outcomes[case] = Outcome.of_dict(data)
-        if lines and lines[-1]:
-            journal.path.write_text("\n".join([*lines[:-1], ""]), encoding="utf-8")
-        return journal
-
-    def add(self, case: Case, outcome: Outcome) -> None:
-        """Keep an outcome."""
-        self.outcomes[case] = outcome
-        if self.path is not None:
-            with self.path.open("a", encoding="utf-8") as file:
-                file.write(json.dumps({**outcome.to_dict(), "asked": case.kind}) + "\n")
-
-
-def _same(found: Any, settings: dict[str, Any], path: str | None) -> None:
-    if not isinstance(found, dict) or found.get("schema") != _SCHEMA:
-        raise InputError(f"{path}: is no file of cases ({_SCHEMA!r})")
-    for key, value in settings.items():
-        if found.get(key) != value:
-            raise InputError(f"{path}: holds cases of {key} {found.get(key)!r}, not {value!r}; give another file")
-
-
-def _run_cases(cases: Sequence[Case], setting: Setting, done: _Journal, workers: int | None) -> None:
+def _run_cases(cases: Sequence[Case], setting: Setting, done: Journal, workers: int | None) -> None:
     from contextlib import closing
 
     from robot_ident.diagnosis.trial import run_case

@@ -24,6 +24,7 @@ from robot_ident.errors import InputError
 from robot_ident.model.model import Model
 from robot_ident.motion import Array, Mask
 from robot_ident.recording.measurement import Measurement
+from robot_ident.recording.silent import refuse_silent
 
 EDGES = (0.0, 0.5, 1.0, 2.0, 5.0, 10.0, 15.0, 30.0, np.inf)  # Hz
 _LISTED = 6  # regions named for a joint
@@ -137,6 +138,7 @@ def compare(model: Model, measurements: Sequence[Measurement]) -> Comparison:
     """Return where a model fails on measurements of its robot."""
     if not measurements:
         raise InputError("no recording was given")
+    refuse_silent(measurements, "; a model of the others alone: identify --joints {moving}")
     known = [_noise_known(measured) for measured in measurements]
     trajectories = [judged(measured, model) for measured in measurements]
     evidence = _evidence(model, trajectories)

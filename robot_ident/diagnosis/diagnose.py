@@ -38,6 +38,7 @@ from robot_ident.estimation.declaration import clock_notes
 from robot_ident.model.structure import Structure
 from robot_ident.motion import Array
 from robot_ident.recording.measurement import Measurement
+from robot_ident.recording.silent import refuse_silent
 
 SHARE = 0.35  # of a joint's excess that its members must explain on trajectories not seen
 STRICTER = 0.37  # more than that where what remains is seen beside the noise: a proxy leaves much, a cause little
@@ -59,6 +60,7 @@ def diagnose(
     doesn't tell its noise, all are judged by prediction alone, and none can be called adequate. tell: hears how far it
     has come.
     """
+    refuse_silent(measurements, "; a model of the others alone: identify --joints {moving}")
     if not all(tells_noise(measured) for measured in measurements):
         return diagnose_by_prediction(measurements, structure, validation, tell).seen_by(structure.robot)
     notes = clock_notes(measurements, structure.robot)

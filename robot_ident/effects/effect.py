@@ -11,6 +11,7 @@ from typing import Any, ClassVar, Literal, NamedTuple, Protocol
 
 import numpy as np
 
+from robot_ident.effects.own import is_own, own_columns
 from robot_ident.errors import InputError, did_you_mean
 from robot_ident.motion import Array, Motion
 from robot_ident.robot.effort import Side, in_ampere
@@ -286,13 +287,15 @@ class Effect(ABC):
     def columns(self, motion: Motion, torques: Torques | None = None) -> Array:
         """Return the torque per unit of each coefficient [N, n, k].
 
-        Raises InputError where they depend on the past and the motion is a set of single instants.
+        Raises InputError where they depend on the past and the motion is a set of single instants, and where a user's
+        own effect fails.
         """
         if self.needs_time and motion.dt is None:
             raise InputError(f"{self.label} depends on the past: its motion must be sampled evenly")
         if self.hidden_in(motion):
             return np.zeros((motion.samples, self.robot.n, len(self.coefficients)))
-        return self.full_columns(motion, torques)[:, :, list(self._kept)]
+        made = own_columns(self, motion, torques) if is_own(type(self)) else self.full_columns(motion, torques)
+        return made[:, :, list(self._kept)]
 
     def at(self, setting: Mapping[str, float]) -> Effect:
         """Return the same effect with other inner parameters."""

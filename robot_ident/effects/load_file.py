@@ -77,7 +77,7 @@ def _run(path: Path, source: bytes) -> ModuleType:
     sys.modules[name] = module
     try:
         exec(code, vars(module))
-    except Exception as error:  # whatever a user's file does wrong is an error of that file
+    except (Exception, SystemExit) as error:  # whatever a user's file does wrong is an error of that file
         del sys.modules[name]
         lines = [frame.lineno for frame in traceback.extract_tb(error.__traceback__) if frame.filename == str(path)]
         at = f", line {lines[-1]}" if lines else ""

@@ -11,8 +11,7 @@ from robot_ident.errors import InputError
 from robot_ident.model.structure import Structure
 from robot_ident.motion import Array
 from robot_ident.recording.measurement import Measurement
-
-_STILL = 1e-3  # rad or m: what strays less stands still
+from robot_ident.recording.silent import refuse_silent
 
 
 @dataclass(frozen=True)
@@ -49,6 +48,7 @@ def stack(
     values [p]: where columns depend on the model's torque. rigid: base columns of each measurement, where known
     already.
     """
+    refuse_silent(measurements, "; identify the others alone: --joints {moving}")
     source = ", ".join(measured.source for measured in measurements)
     parts: list[list[np.ndarray]] = []
     for block, measured in enumerate(measurements):
@@ -73,18 +73,6 @@ def stack(
             )
     joined = [np.concatenate(part) for part in zip(*parts, strict=True)]
     phi, torque, joint_of, block_of, sample, variance_of, independent = joined
-    reach = np.max([np.ptp(measured.motion.q, axis=0) for measured in measurements], axis=0)
-    silent = [
-        name
-        for joint, name in enumerate(structure.robot.joints)
-        if reach[joint] < _STILL or not np.any(joint_of == joint)
-    ]
-    if silent:
-        moving = [name for name in structure.robot.joints if name not in silent]
-        hint = f"; identify the others alone: --joints {','.join(moving)}" if moving else ""
-        raise InputError(
-            f"{source}: {silent[0]} has no usable sample (it stands still, or is slower than the minimum speed){hint}"
-        )
     if len(torque) <= len(structure.parameters):
         raise InputError(
             f"{source}: {len(torque)} usable samples are too few for {len(structure.parameters)} parameters"

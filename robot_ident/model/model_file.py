@@ -18,6 +18,7 @@ from robot_ident.robot.load import robot_of
 from robot_ident.robot.robot import Definition, Robot
 
 _SCHEMA = tuple(f"\nschema: {quote}robot_ident/model/" for quote in ("", "'", '"'))
+_ROUNDING = 1e-9  # by which a bound may be passed in writing and reading
 _HEAD = 4_000_000  # characters in which a model says what it is
 
 
@@ -84,10 +85,18 @@ def _robot(file: ModelFile, path: Path | str) -> Robot:
 
 def _structure(file: ModelFile, robot: Robot, path: Path | str) -> Structure:
     own = Structure.build(robot)
-    structure = own.with_further([label for label in file.effects if label not in own.labels])
+    try:
+        structure = own.with_further([label for label in file.effects if label not in own.labels])
+    except InputError as error:
+        raise InputError(f"{path}: {error}") from error
     names = [parameter.name for parameter in file.parameters]
     expected = [parameter.name for parameter in (*structure.parameters, *structure.inner)]
     if expected != names:
         differ = next((a for a, b in zip(names, expected, strict=False) if a != b), "their number")
         raise InputError(f"{path}: its parameters are not those of robot {robot.name} (first difference: {differ})")
-    return structure.with_settings([parameter.value for parameter in file.parameters[len(structure.parameters) :]])
+    values = [parameter.value for parameter in file.parameters[len(structure.parameters) :]]
+    inner = [i for effect in structure.effects for i in effect.inner]
+    for name, one, value in zip(names[len(structure.parameters) :], inner, values, strict=True):
+        if not one.lower - _ROUNDING <= value <= one.upper + _ROUNDING:
+            raise InputError(f"{path}: {name} = {value:g} lies outside [{one.lower:g}, {one.upper:g}]")
+    return structure.with_settings(values)

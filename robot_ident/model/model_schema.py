@@ -10,6 +10,8 @@ from robot_ident.configuration import Closed, schema
 
 MOST_DECIMATED = 1000
 """Of so many rows one is kept at most: of a minute at 1 kHz 60 are left then."""
+HIGHEST_BASE_FREQUENCY = 1e4
+"""Hz: no motion repeats as often."""
 Positive = Annotated[float, Field(gt=0)]
 NotNegative = Annotated[float, Field(ge=0)]
 
@@ -48,7 +50,7 @@ class NoiseFile(Closed):
 class ProcessingFile(Closed):
     """How recordings were processed, in `model.yaml`; what is left out is as the program has it."""
 
-    base_frequency: Positive | None = None
+    base_frequency: Annotated[float, Field(gt=0, le=HIGHEST_BASE_FREQUENCY)] | None = None
     periodic: bool | None = None
     low_pass: Positive | None = None
     derivative_bandwidth: Positive | None = None

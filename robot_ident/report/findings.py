@@ -8,6 +8,7 @@ from typing import Any
 
 from robot_ident.diagnosis.diagnose import diagnose
 from robot_ident.diagnosis.diagnosis import Diagnosis
+from robot_ident.diagnosis.kept_aside import misfit_aside
 from robot_ident.diagnosis.staircase import Foreseen, Level, Step, foresee, staircase
 from robot_ident.estimation.unusable import unusable_on
 from robot_ident.excitation.excitation import Excitation
@@ -33,7 +34,8 @@ class Findings:
 
     training: recordings to compare with; validation: those that no fit has seen. diagnoses: by the number of the model,
     from 0. command: what was typed; effects_from: the files of a user's own effects that it named. troubles: a line for
-    each validation on which the last model is worse than none.
+    each validation on which the last model is worse than none, and one where it is adequate but for what is kept
+    aside.
     """
 
     steps: tuple[Step, ...]
@@ -129,7 +131,10 @@ def gather(
     for path, excitation in excitations:
         heard(f"certifying {path}")
         played.append(Played(path, excitation, certify(excitation, steps[0].model.robot)))
-    troubles = unusable_on(steps[-1].model, [one.measured for one in validation])
+    last, aside = steps[-1].model, [one.measured for one in validation]
+    troubles = unusable_on(last, aside)
+    if diagnoses[len(steps) - 1].verdict == "adequate":
+        troubles = (*troubles, *misfit_aside(last, aside))
     return Findings(
         steps, tuple(training), tuple(validation), diagnoses, tuple(played), command, troubles, tuple(effects_from)
     )

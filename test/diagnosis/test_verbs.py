@@ -12,6 +12,7 @@ import numpy as np
 import pytest
 
 from robot_ident.bags import read_recording, write_recording
+from robot_ident.model.model_file import write_model
 
 Verb = Callable[..., tuple[int, str, str]]
 
@@ -113,8 +114,15 @@ def test_bad_input_is_one_line(verb: Verb, files: Any, bench: Any, tmp_path: Pat
     write_recording(alike, replace(recording, tau=-recording.tau))
     short = tmp_path / "short.npz"
     write_recording(short, recording[slice(0, 1400)])
+    motor = tmp_path / "motor.npz"  # a drive that reports on its own side of a gear
+    write_recording(motor, replace(recording, tau=recording.tau * np.array([1.0, 0.01, 1.0])))
+    still = tmp_path / "still.npz"
+    write_recording(still, replace(recording, q=recording.q * np.array([0.0, 1.0, 1.0])))
     model, bag = files.model, files.bags[0]
     cases = [
+        (["diagnose", model, motor], "change it to 'joint_2: {effort: {side: motor}}'"),
+        (["diagnose", model, still], "joint_1 has no usable sample"),
+        (["compare", model, still], "joint_1 has no usable sample"),
         (["add", model, "stribek@joint_2", "--bag", bag], "did you mean 'stribeck'"),
         (["add", model, "stribeck@joint_22", "--bag", bag], "did you mean 'joint_2'"),
         (["add", model, "viscous@joint_1", "--bag", bag], "in the model already"),
@@ -141,6 +149,24 @@ def test_bad_input_is_one_line(verb: Verb, files: Any, bench: Any, tmp_path: Pat
         assert said in lines[0], (words, err)
         assert "Traceback" not in err
     assert sorted(tmp_path.iterdir()) == before
+
+
+def test_an_adequate_model_that_misfits_what_is_kept_aside_says_so(
+    verb: Verb, files: Any, bench: Any, tmp_path: Path
+) -> None:
+    """The recordings that are fitted show nothing; the one kept aside does."""
+    plain, bags = tmp_path / "plain.yaml", [tmp_path / f"bag_{k}.npz" for k in range(3)]
+    for motion, bag in enumerate(bags):
+        write_recording(bag, bench.record((), motion))
+    write_model(bench.model(bench.measure(())), plain)
+    code, out, err = verb("diagnose", plain, *bags, "--validation", files.unseen)
+    assert code == 0, err
+    assert out.startswith("adequate")
+    assert "note: the model does not fit what was kept aside: joint_2 by" in err
+    fine = tmp_path / "fine.npz"
+    write_recording(fine, bench.record((), 3))
+    _, _, err = verb("diagnose", plain, *bags, "--validation", fine)
+    assert "kept aside" not in err
 
 
 def test_until_adequate_prints_and_writes_the_staircase(verb: Verb, files: Any, tmp_path: Path) -> None:

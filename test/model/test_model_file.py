@@ -53,6 +53,7 @@ CHANGES: dict[str, Callable[[dict[str, Any]], object]] = {
     "processing.decimate = 0": lambda d: d["processing"].update(decimate=0),
     "processing.decimate = 100000": lambda d: d["processing"].update(decimate=100_000),
     "processing.low_pass = -3": lambda d: d["processing"].update(low_pass=-3),
+    "processing.base_frequency = 1000000000": lambda d: d["processing"].update(base_frequency=1e9),
     "unknown key 'processing.filter'": lambda d: d["processing"].update(filter=3),
     "processing.minimum_speed must have 3 values": lambda d: d["processing"].update(minimum_speed=[0.1]),
     "covariance must be 21 x 21": lambda d: d["covariance"].pop(),
@@ -88,6 +89,17 @@ def test_what_cannot_be_is_refused_in_one_line(written: Path, tmp_path: Path, me
     with pytest.raises(InputError, match=re.escape(message)) as caught:
         read_model(path)
     assert "\n" not in str(caught.value)
+
+
+@pytest.mark.parametrize(("name", "value"), [("vs", -1.0), ("vs", 1e9), ("d", 7.0)])
+def test_an_inner_parameter_beyond_its_bounds_is_refused(arm: Any, tmp_path: Path, name: str, value: float) -> None:
+    path, data = tmp_path / "model.yaml", identify([arm.record(3, periods=4)], arm.robot, effects=["stribeck@joint_1"])
+    write_model(data, path)
+    read = yaml.safe_load(path.read_text())
+    next(p for p in read["parameters"] if p["name"] == f"stribeck.{name}@joint_1").update(value=value)
+    path.write_text(yaml.safe_dump(read))
+    with pytest.raises(InputError, match=rf"stribeck.{name}@joint_1 = .* lies outside \["):
+        read_model(path)
 
 
 @pytest.mark.parametrize("share", [0.1, 0.5, 0.9])

@@ -11,6 +11,7 @@ from typing import Any
 
 from robot_ident import __version__
 from robot_ident.diagnosis.staircase import Step
+from robot_ident.effects.own import is_own
 from robot_ident.recording.source import Source
 from robot_ident.report.findings import Findings
 from robot_ident.report.section import Section, Table
@@ -93,7 +94,7 @@ def _made_by(step: Step, effects_from: Sequence[str]) -> str:
     known = set(type(model.structure).build(model.robot).labels)
     for label in model.structure.labels:
         words += ["--effect", label] if label not in known else []
-    if not all(type(effect).__module__.startswith("robot_ident.") for effect in model.structure.effects):
+    if any(is_own(type(effect)) for effect in model.structure.effects):
         words += [word for path in effects_from for word in ("--effects-from", path)]
     words += ["--physical"] if model.physical is not None else []
     for option, key in (("--trajectory", "trajectory"), ("--topic", "topic")):

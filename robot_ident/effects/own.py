@@ -1,0 +1,45 @@
+"""Columns of effects that users wrote: whatever goes wrong in them is one line that names the file and the class."""
+
+from __future__ import annotations
+
+import sys
+import traceback
+import warnings
+from typing import TYPE_CHECKING
+
+import numpy as np
+
+from robot_ident.errors import InputError
+from robot_ident.motion import Array, Motion
+
+if TYPE_CHECKING:
+    from robot_ident.effects.effect import Effect, Torques
+
+
+def is_own(kind: type[Effect]) -> bool:
+    """Return whether an effect is none of the catalogue's."""
+    return not kind.__module__.startswith("robot_ident.")
+
+
+def own_columns(effect: Effect, motion: Motion, torques: Torques | None) -> Array:
+    """Return the columns [N, n, K] of a user's effect; InputError where it fails or gives anything else."""
+    kind, shape = type(effect), (motion.samples, effect.robot.n, len(type(effect).coefficients))
+    file = getattr(sys.modules.get(kind.__module__), "__file__", None) or kind.__module__
+    try:
+        with warnings.catch_warnings(), np.errstate(all="ignore"):
+            warnings.simplefilter("error", np.exceptions.ComplexWarning)
+            made = np.asarray(effect.full_columns(motion, torques), dtype=float)
+    except (Exception, SystemExit) as error:  # whatever a user's class does wrong is an error of that file
+        lines = [frame.lineno for frame in traceback.extract_tb(error.__traceback__) if file.endswith(frame.filename)]
+        at = f", line {lines[-1]}" if lines else ""
+        raise InputError(f"{file}{at}: class {kind.__name__}: {type(error).__name__}: {error}") from error
+    inner = ", ".join(f"{name} = {value:.6g}" for name, value in effect.setting.items())
+    where = f" at {inner}" if inner else ""
+    if made.shape != shape:
+        raise InputError(
+            f"{file}: class {kind.__name__}: columns of shape {made.shape}{where}, not {shape}: samples, joints, and"
+            " one of each coefficient"
+        )
+    if not np.isfinite(made).all():
+        raise InputError(f"{file}: class {kind.__name__}: a column that is not finite{where}")
+    return made
