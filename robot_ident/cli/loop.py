@@ -84,9 +84,17 @@ def refuse_other_units(inputs: Inputs) -> None:
     from robot_ident.estimation.unusable import residual_on
 
     model = inputs.models[0]
-    errors = [one.relative or 0.0 for m in inputs.measurements for one in residual_on(model, m).values()]
-    if max(errors, default=0.0) > _ABSURD:
-        contradictions(inputs.measurements, model.robot, as_declared=False, otherwise="")
+    absurd = [
+        measured
+        for measured in inputs.measurements
+        if any((one.relative or 0.0) > _ABSURD for one in residual_on(model, measured).values())
+    ]
+    for measured in absurd:
+        try:
+            contradictions([measured], model.robot, as_declared=False, otherwise="")
+        except InputError as error:
+            which = "" if len(absurd) == len(inputs.measurements) else f"{measured.source} alone: "
+            raise InputError(f"{which}{error}") from error
 
 
 def _refuse_fitted(bags: Sequence[str], validation: Sequence[str]) -> None:

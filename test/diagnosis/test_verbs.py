@@ -120,6 +120,7 @@ def test_bad_input_is_one_line(verb: Verb, files: Any, bench: Any, tmp_path: Pat
     write_recording(still, replace(recording, q=recording.q * np.array([0.0, 1.0, 1.0])))
     model, bag = files.model, files.bags[0]
     cases = [
+        (["diagnose", model, bag, motor], "motor.npz alone: "),
         (["diagnose", model, motor], "change it to 'joint_2: {effort: {side: motor}}'"),
         (["diagnose", model, still], "joint_1 has no usable sample"),
         (["compare", model, still], "joint_1 has no usable sample"),
