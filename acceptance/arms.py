@@ -22,8 +22,8 @@ WRIST = {"ur5": 3, "panda": 4}
 def write_arm(name: str, folder: Path) -> Path:
     """Write the robot YAML of an arm; return it. FileNotFoundError without the wheel of example-robot-data.
 
-    Reflected rotors have .1 kg m^2, as in MuJoCo Menagerie's models of both arms; where no link's inertia takes one up,
-    the model has its own parameter of it.
+    Reflected rotors have .1 kg m^2, 1e-5 behind a gear of 101; where no link's inertia takes one up, the model has its
+    own parameter of it.
     """
     large = {"gear_ratio": 101.0, "armature": 0.1, "torque_variance": 4.0, "position_variance": 1e-9}
     small = {"gear_ratio": 101.0, "armature": 0.1, "torque_variance": 0.4, "position_variance": 1e-9}

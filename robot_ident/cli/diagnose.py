@@ -162,11 +162,12 @@ def _row(rank: int, s: Suspect, named: bool, robot: Robot) -> tuple[object, ...]
     joint = _joint(s)
     share = f"{100 * s.explained:.0f} %"
     before, after = s.mse_before[joint] ** 0.5, s.mse_after[joint] ** 0.5
-    more = len(s.tied_with) - _TIED_LISTED
-    tied = ", ".join(s.tied_with[:_TIED_LISTED]) + (f" and {more} more" if more > 0 else "") or None
+    ties = s.tied_with if named else ()
+    more = len(ties) - _TIED_LISTED
+    tied = ", ".join(ties[:_TIED_LISTED]) + (f" and {more} more" if more > 0 else "")
     unit = robot.torque_unit(robot.joint_index(joint))
     p = chance(s.p_value)
-    return (rank, s.label, "missing" if named else "", share, p, before, after, unit, tied if named else "")
+    return (rank, s.label, "missing" if named else "", share, p, before, after, unit, tied)
 
 
 def _floors(inputs: Inputs) -> dict[str, float | None]:

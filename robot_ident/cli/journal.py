@@ -6,7 +6,7 @@ import json
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
-from pydantic import TypeAdapter, ValidationError
+from pydantic import ValidationError
 
 from robot_ident.errors import InputError, one_line
 
@@ -81,7 +81,7 @@ def _case(data: Any, path: str | None, number: int) -> tuple[Case, Outcome]:
 
     try:
         asked = data.pop("asked")
-        outcome = TypeAdapter(Outcome).validate_python(data, strict=False)
+        outcome = Outcome.of_dict(data)
         return Case(outcome.seed, asked), outcome
     except (AttributeError, KeyError, TypeError) as error:
         raise InputError(f"{path}: line {number} is no case ({type(error).__name__}: {error})") from error

@@ -12,6 +12,7 @@ from dataclasses import asdict, dataclass
 from typing import Any
 
 import numpy as np
+from pydantic import TypeAdapter
 
 from robot_ident.diagnosis.diagnose import diagnose
 from robot_ident.diagnosis.diagnosis import Diagnosis
@@ -95,9 +96,8 @@ class Outcome:
 
     @classmethod
     def of_dict(cls, data: Mapping[str, Any]) -> Outcome:
-        """Return an outcome from its data."""
-        lists = {key: tuple(data[key]) for key in ("hidden", "truth", "background", "named", "explained", "others")}
-        return cls(**{**data, **lists, "tied": tuple(tuple(group) for group in data["tied"])})
+        """Return an outcome from its data; pydantic's ValidationError where these are none."""
+        return TypeAdapter(cls).validate_python(dict(data))
 
     @property
     def removed(self) -> float | None:

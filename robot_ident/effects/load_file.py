@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import sys
-import traceback
 from hashlib import sha256
 from importlib.util import module_from_spec, spec_from_loader
 from pathlib import Path
@@ -12,6 +11,7 @@ from types import ModuleType
 from robot_ident.effects.catalogue import CATALOGUE
 from robot_ident.effects.check import problems
 from robot_ident.effects.effect import Effect
+from robot_ident.effects.own import line_in, origin
 from robot_ident.errors import InputError
 
 
@@ -34,7 +34,11 @@ def load_effects(path: Path | str, source: bytes | None = None) -> dict[str, typ
         if wrong:
             raise InputError(f"{path}: class {kind.__name__}: {'; '.join(wrong)}")
         taken = found.get(kind.name) or CATALOGUE.get(kind.name)
-        if taken is not None and taken is not kind and _origin(taken) != (str(path.resolve()), kind.__name__):
+        if (
+            taken is not None
+            and taken is not kind
+            and (origin(taken), taken.__name__) != (str(path.resolve()), kind.__name__)
+        ):
             raise InputError(f"{path}: class {kind.__name__}: the name {kind.name!r} is taken; give the effect another")
         found[kind.name] = kind
     if not found:
@@ -44,11 +48,6 @@ def load_effects(path: Path | str, source: bytes | None = None) -> dict[str, typ
         if unknown:
             raise InputError(f"{path}: class {kind.__name__}: confused_with names an unknown effect {unknown[0]!r}")
     return found
-
-
-def _origin(kind: type[Effect]) -> tuple[str, str]:
-    """Return the file and the name of a class."""
-    return getattr(sys.modules.get(kind.__module__), "__file__", None) or "", kind.__name__
 
 
 def _read(path: Path) -> bytes:
@@ -79,7 +78,5 @@ def _run(path: Path, source: bytes) -> ModuleType:
         exec(code, vars(module))
     except (Exception, SystemExit) as error:  # whatever a user's file does wrong is an error of that file
         del sys.modules[name]
-        lines = [frame.lineno for frame in traceback.extract_tb(error.__traceback__) if frame.filename == str(path)]
-        at = f", line {lines[-1]}" if lines else ""
-        raise InputError(f"{path}{at}: {type(error).__name__}: {error}") from error
+        raise InputError(f"{path}{line_in(str(path), error)}: {type(error).__name__}: {error}") from error
     return module

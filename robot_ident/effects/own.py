@@ -5,6 +5,7 @@ from __future__ import annotations
 import sys
 import traceback
 import warnings
+from pathlib import Path
 from typing import TYPE_CHECKING
 
 import numpy as np
@@ -21,18 +22,32 @@ def is_own(kind: type[Effect]) -> bool:
     return not kind.__module__.startswith("robot_ident.")
 
 
+def origin(kind: type[Effect]) -> str:
+    """Return the file that a class was written in, empty where there is none."""
+    return getattr(sys.modules.get(kind.__module__), "__file__", None) or ""
+
+
+def line_in(file: str, error: BaseException) -> str:
+    """Return `, line N` of the place in a user's file where an error came up, empty where it is elsewhere."""
+    frames = traceback.extract_tb(error.__traceback__)
+    lines = [frame.lineno for frame in frames if Path(frame.filename).resolve() == Path(file).resolve()]
+    return f", line {lines[-1]}" if lines else ""
+
+
 def own_columns(effect: Effect, motion: Motion, torques: Torques | None) -> Array:
     """Return the columns [N, n, K] of a user's effect; InputError where it fails or gives anything else."""
     kind, shape = type(effect), (motion.samples, effect.robot.n, len(type(effect).coefficients))
-    file = getattr(sys.modules.get(kind.__module__), "__file__", None) or kind.__module__
+    file = origin(kind) or kind.__module__
     try:
         with warnings.catch_warnings(), np.errstate(all="ignore"):
             warnings.simplefilter("error", np.exceptions.ComplexWarning)
             made = np.asarray(effect.full_columns(motion, torques), dtype=float)
+    except InputError:
+        raise
     except (Exception, SystemExit) as error:  # whatever a user's class does wrong is an error of that file
-        lines = [frame.lineno for frame in traceback.extract_tb(error.__traceback__) if file.endswith(frame.filename)]
-        at = f", line {lines[-1]}" if lines else ""
-        raise InputError(f"{file}{at}: class {kind.__name__}: {type(error).__name__}: {error}") from error
+        raise InputError(
+            f"{file}{line_in(file, error)}: class {kind.__name__}: {type(error).__name__}: {error}"
+        ) from error
     inner = ", ".join(f"{name} = {value:.6g}" for name, value in effect.setting.items())
     where = f" at {inner}" if inner else ""
     if made.shape != shape:
