@@ -14,6 +14,7 @@ from robot_ident.diagnosis.evidence import Evidence, extended, gather, held
 from robot_ident.diagnosis.more_than_noise import ALPHA
 from robot_ident.diagnosis.refine import refined
 from robot_ident.diagnosis.scan import base_gram
+from robot_ident.diagnosis.stage import least_torque
 from robot_ident.effects import Effect, make_effect
 from robot_ident.estimation.apart import apart
 from robot_ident.model.structure import Structure
@@ -34,17 +35,21 @@ _FINE = 0.1  # of log T0: how near the best time constant is looked for
 
 @dataclass(frozen=True)
 class DriftTest:
-    """Of one joint: gain of a warming that all recordings share, in units of chi-square, and its p-value, times the
-    number of settings and joints that are looked at (Bonferroni).
+    """Of one joint: gain of a warming that all recordings share, in units of chi-square, its p-value, times the number
+    of settings and joints that are looked at (Bonferroni), and the torque [Nm rms] by which it changes the periods.
+
+    least: the torque below which it isn't worth a name, however surely it is there.
     """
 
     gain: float
     p_value: float
+    torque: float
+    least: float
 
     @property
     def told(self) -> bool:
-        """Whether friction falls from period to period more than noise lets it seem to."""
-        return self.p_value < ALPHA
+        """Whether friction falls from period to period more than noise lets it seem to, by a torque that counts."""
+        return self.p_value < ALPHA and self.torque >= self.least
 
 
 def drift_tests(evidence: Evidence) -> tuple[DriftTest, ...]:
@@ -61,42 +66,47 @@ def drift_tests(evidence: Evidence) -> tuple[DriftTest, ...]:
     """
     robot = evidence.structure.robot
     known = [m for m in evidence.recordings if _known_one_by_one(m)]
-    return tuple(_drift_test(known, make_effect(f"{DRIFT}@{name}", robot)) for name in robot.joints)
+    effects = [make_effect(f"{DRIFT}@{name}", robot) for name in robot.joints]
+    return tuple(_drift_test(known, effect, least_torque(evidence, j)) for j, effect in enumerate(effects))
 
 
-def _drift_test(known: Sequence[Measurement], effect: Effect) -> DriftTest:
+def _drift_test(known: Sequence[Measurement], effect: Effect, least: float) -> DriftTest:
     from scipy.optimize import minimize_scalar
 
     (span,) = effect.inner
 
     def at(place: float) -> DriftTest:
-        return _with_time_constant(known, effect.at({span.name: float(np.exp(place))}))
+        return _with_time_constant(known, effect.at({span.name: float(np.exp(place))}), least)
+
+    def among(test: DriftTest) -> DriftTest:
+        return replace(test, p_value=min(1.0, test.p_value * len(tests) * effect.robot.n))
 
     tests = [at(float(np.log(point))) for point in span.grid]
     nearest = min(tests, key=lambda test: test.p_value)
     if nearest.p_value > _HOPELESS:  # a finer search gains little
-        return DriftTest(nearest.gain, min(1.0, nearest.p_value * len(tests) * effect.robot.n))
+        return among(nearest)
     bounds = (float(np.log(span.lower)), float(np.log(span.upper)))
     found = minimize_scalar(lambda x: -at(float(x)).gain, bounds=bounds, method="bounded", options={"xatol": _FINE})
-    best = min([nearest, at(float(found.x))], key=lambda test: test.p_value)
-    return DriftTest(best.gain, min(1.0, best.p_value * len(tests) * effect.robot.n))
+    return among(min([nearest, at(float(found.x))], key=lambda test: test.p_value))
 
 
-def _with_time_constant(known: Sequence[Measurement], effect: Effect) -> DriftTest:
+def _with_time_constant(known: Sequence[Measurement], effect: Effect, least: float) -> DriftTest:
     """Return the test of one joint and time constant by itself."""
     from scipy.special import chdtrc, fdtrc
 
     courses = [course for m in known if (course := _course(m, effect)) is not None]
-    dof = sum(len(b) - 1 for b, _ in courses) - 1
-    along = sum(float(w @ b) for b, w in courses)
+    dof = sum(len(b) - 1 for b, _, _ in courses) - 1
+    along = sum(float(w @ b) for b, w, _ in courses)
     if dof < 1 or along <= 0.0:  # friction that rises is no warming
-        return DriftTest(0.0, 1.0)
-    gain = along**2 / sum(float(w @ w) for _, w in courses)
-    rest = max(sum(float(b @ b) for b, _ in courses) - gain, 1e-12 * gain)
+        return DriftTest(0.0, 1.0, 0.0, least)
+    squares = sum(float(w @ w) for _, w, _ in courses)
+    gain = along**2 / squares
+    torque = along / squares * np.sqrt(np.mean(np.concatenate([(unit * w) ** 2 for _, w, unit in courses])))
+    rest = max(sum(float(b @ b) for b, _, _ in courses) - gain, 1e-12 * gain)
     p = float(fdtrc(1, dof, gain / (rest / dof))) / 2.0
     if gain >= _CERTAIN and float(chdtrc(dof, rest)) > _LIKE_NOISE:
         p = min(p, float(chdtrc(1, gain)) / 2.0)
-    return DriftTest(gain, p)
+    return DriftTest(gain, p, float(torque), least)
 
 
 def _known_one_by_one(measured: Measurement) -> bool:
@@ -104,8 +114,10 @@ def _known_one_by_one(measured: Measurement) -> bool:
     return periods is not None and len(periods) == len(measured.motion.began) and len(periods) >= _LEAST
 
 
-def _course(measured: Measurement, effect: Effect) -> tuple[Array, Array] | None:
-    """Return b and w [M] of a recording's periods; None where its motion doesn't show the effect."""
+def _course(measured: Measurement, effect: Effect) -> tuple[Array, Array, float] | None:
+    """Return b and w [M] of a recording's periods, and the torque [Nm rms] of one period in which b is 1; None where
+    its motion doesn't show the effect.
+    """
     periods, joint, motion = measured.period_torque, effect.joint, measured.motion
     assert periods is not None
     columns = np.stack([effect.columns(replace(motion, began=(start,)))[:, joint, 0] for start in motion.began])
@@ -116,7 +128,7 @@ def _course(measured: Measurement, effect: Effect) -> tuple[Array, Array] | None
     beyond = np.nan_to_num(periods[:, :, joint] - np.nanmean(periods[:, :, joint], axis=0))
     noise = float(np.sqrt(measured.torque_variance[joint]))
     b, w = beyond @ usual / (length * noise), (columns - usual) @ usual / (length * noise)
-    return b - b.mean(), w
+    return b - b.mean(), w, noise / float(np.sqrt(len(usual)))
 
 
 def without_trends(

@@ -110,3 +110,19 @@ def test_friction_that_scatters_from_period_to_period_is_no_warming(bench: Any) 
         told, gains = told + found.told, gains + (found.gain > 40.0)
     assert gains >= 2, "beside the noise of all lines it would be taken for a trend"
     assert told == 0
+
+
+def test_a_warming_of_no_torque_to_speak_of_gets_no_name(bench: Any) -> None:
+    """However surely a quiet sensor shows it."""
+    faint, clear = (
+        [with_friction(m, 1, size * np.exp(-clock(m) / LASTS)) for m in bench.measure((), noise=1e-6)]
+        for size in (WARMING / 100.0, WARMING)
+    )
+    few, many = (drift_tests(gather(measured, bench.structure))[1] for measured in (faint, clear))
+    assert few.p_value < 1e-12
+    assert not few.told
+    assert many.told
+    assert many.torque == pytest.approx(100.0 * few.torque, rel=0.05)  # the time constant is found to a tenth
+    extra = [(WARMING * np.exp(-clock(m) / LASTS), m.motion.dq[:, 1]) for m in bench.measure((), noise=1e-6)]
+    changes = [(friction - friction.mean(axis=0)) * v for friction, v in extra]
+    assert many.torque == pytest.approx(float(np.sqrt(np.mean(np.square(np.concatenate(changes))))), rel=0.05)
