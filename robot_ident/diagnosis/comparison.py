@@ -23,6 +23,7 @@ from robot_ident.diagnosis.symmetry import odd_and_even
 from robot_ident.errors import InputError
 from robot_ident.model.model import Model
 from robot_ident.motion import Array, Mask
+from robot_ident.recording.again import refuse_copies
 from robot_ident.recording.measurement import Measurement
 from robot_ident.recording.silent import refuse_silent
 
@@ -138,6 +139,7 @@ def compare(model: Model, measurements: Sequence[Measurement]) -> Comparison:
     """Return where a model fails on measurements of its robot."""
     if not measurements:
         raise InputError("no recording was given")
+    refuse_copies(measurements)
     refuse_silent(measurements, "; a model of the others alone: identify --joints {moving}")
     known = [_noise_known(measured) for measured in measurements]
     trajectories = [judged(measured, model) for measured in measurements]

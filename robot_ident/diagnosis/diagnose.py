@@ -37,6 +37,7 @@ from robot_ident.diagnosis.white_lines import whitened
 from robot_ident.estimation.declaration import clock_notes
 from robot_ident.model.structure import Structure
 from robot_ident.motion import Array
+from robot_ident.recording.again import of_one_motion, refuse_copies
 from robot_ident.recording.measurement import Measurement
 from robot_ident.recording.silent import refuse_silent
 
@@ -60,6 +61,7 @@ def diagnose(
     doesn't tell its noise, all are judged by prediction alone, and none can be called adequate. tell: hears how far it
     has come.
     """
+    refuse_copies([*measurements, *validation])
     refuse_silent(measurements, "; a model of the others alone: identify --joints {moving}")
     if not all(tells_noise(measured) for measured in measurements):
         return diagnose_by_prediction(measurements, structure, validation, tell).seen_by(structure.robot)
@@ -69,6 +71,11 @@ def diagnose(
     evidence = plain = gather(measurements, structure)
     if len(evidence.trajectories) > 1:
         evidence = whitened(evidence)
+        if of_one_motion(measurements):
+            notes.append(
+                "all recordings are of one motion: what is left out of one is seen in another, which tells causes from"
+                " proxies less well; record another motion"
+            )
     else:  # lines belong to a whole period: of its parts, the rows are weighed
         evidence = split(evidence)
         notes.append(

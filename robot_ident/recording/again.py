@@ -1,0 +1,53 @@
+"""Recordings that tell no more than another: copies of it, and repetitions of its motion."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from itertools import combinations
+
+import numpy as np
+
+from robot_ident.errors import InputError
+from robot_ident.motion import Array
+from robot_ident.recording.measurement import Measurement
+
+_ALIKE = 0.05  # of a motion's rms, by which repetitions of it may differ
+
+
+def refuse_copies(measurements: Sequence[Measurement]) -> None:
+    """Raise InputError where two measurements hold the same torques to the last digit: a recording under two names."""
+    for one, other in combinations(measurements, 2):
+        if one is other or np.array_equal(one.torque, other.torque, equal_nan=True):
+            raise InputError(
+                f"{other.source} holds the samples of {one.source}: a copy of it; give every recording once, since"
+                " the noise of both would be counted as independent, and what is kept aside as not seen"
+            )
+
+
+def of_one_motion(measurements: Sequence[Measurement]) -> bool:
+    """Return whether all measurements are of periods of one motion, wherever in it each began."""
+    first, *others = measurements
+    return all(_repeats(first, other) for other in others)
+
+
+def _repeats(one: Measurement, other: Measurement) -> bool:
+    """Return whether two periodic motions are the same but for a shift of time and how finely they were sampled.
+
+    max over shifts s of sum_j <a_j(t), b_j(t - s)> for joints in units of their rms, from the cross spectrum; with it
+    the mean square of the difference.
+    """
+    if one.base_frequency is None or other.base_frequency is None:
+        return False
+    if abs(one.base_frequency / other.base_frequency - 1.0) > _ALIKE:
+        return False
+    samples = min(len(one.motion.q), len(other.motion.q))
+    unit = np.maximum(one.motion.q.std(axis=0), 1e-12)
+    a, b = (_lines(measured.motion.q / unit, samples) for measured in (one, other))
+    along: Array = np.fft.irfft((a * b.conj()).sum(axis=1), samples)
+    whole: Array = np.fft.irfft((a * a.conj() + b * b.conj()).sum(axis=1), samples)
+    return bool(whole[0] - 2.0 * along.max() <= _ALIKE**2 * samples * len(unit))
+
+
+def _lines(x: Array, samples: int) -> np.ndarray:
+    """Return the complex Fourier lines of a period x [N, n] as if it had been sampled less finely."""
+    return np.asarray(np.fft.rfft(x, axis=0)[: samples // 2 + 1] * (samples / len(x)))

@@ -1,0 +1,56 @@
+"""Recordings that tell no more than another: copies are refused, repetitions of one motion said to be weaker."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+from typing import Any
+
+import numpy as np
+import pytest
+from scipy.signal import resample
+
+from robot_ident.diagnosis.comparison import compare
+from robot_ident.diagnosis.diagnose import diagnose
+from robot_ident.errors import InputError
+from robot_ident.estimation.identify import estimate
+from robot_ident.recording.again import of_one_motion
+from robot_ident.recording.measurement import Measurement
+
+
+def test_a_copy_under_another_name_is_refused(bench: Any) -> None:
+    (one,) = bench.measure((), [0], noise=1.0)
+    copy = replace(one, source="copy", torque=one.torque.copy())
+    model = bench.model([one])
+    for wants in (
+        lambda: estimate([one, copy], bench.structure),
+        lambda: compare(model, [one, copy]),
+        lambda: diagnose([one, copy], bench.structure),
+        lambda: diagnose([one], bench.structure, [copy]),
+    ):
+        with pytest.raises(InputError, match="^copy holds the samples of .*: a copy of it; give every recording once"):
+            wants()
+
+
+def test_repetitions_of_one_motion_are_known_and_said(bench: Any) -> None:
+    (one,), (again,), (other,) = (bench.measure((), [k], noise=1.0, seed=seed) for k, seed in ((0, 1), (0, 2), (1, 3)))
+    later = rolled(again, 37)
+    assert of_one_motion([one, again, later])
+    assert not of_one_motion([one, other])
+    assert not of_one_motion([one, again, other])
+    q, dq, ddq = (resample(x, 2 * len(x) + 1) for x in (again.motion.q, again.motion.dq, again.motion.ddq))
+    finer = replace(again, motion=replace(again.motion, q=q, dq=dq, ddq=ddq))
+    assert of_one_motion([one, finer])
+    assert of_one_motion([finer, one])
+    moved = replace(again, motion=replace(again.motion, q=again.motion.q + 0.2))
+    assert not of_one_motion([one, moved]), "the same about another pose is another motion"
+    assert any("all recordings are of one motion" in note for note in diagnose([one, later], bench.structure).notes)
+    assert not any("one motion" in note for note in diagnose([one, other], bench.structure).notes)
+
+
+def rolled(measured: Measurement, samples: int) -> Measurement:
+    """Return a measurement whose periods begin later."""
+    motion = measured.motion
+    q, dq, ddq, torque, used = (
+        np.roll(x, samples, axis=0) for x in (motion.q, motion.dq, motion.ddq, measured.torque, measured.used)
+    )
+    return replace(measured, motion=replace(motion, q=q, dq=dq, ddq=ddq), torque=torque, used=used)
