@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import sys
+from contextlib import redirect_stdout
 from hashlib import sha256
 from importlib.util import module_from_spec, spec_from_loader
 from pathlib import Path
@@ -18,9 +19,9 @@ from robot_ident.errors import InputError
 def load_effects(path: Path | str, source: bytes | None = None) -> dict[str, type[Effect]]:
     """Return the effects that a Python file defines, by name; `register` adds them to the catalogue.
 
-    The file runs as a module of a private name; source: its contents, where they were read elsewhere. Raises InputError
-    where it can't be read or run, defines no subclass of Effect, or defines one with something missing or with a name
-    that is taken.
+    The file runs as a module of a private name, and what it prints goes to standard error; source: its contents, where
+    they were read elsewhere. Raises InputError where it can't be read or run, defines no subclass of Effect, or defines
+    one with something missing or with a name that is taken.
     """
     path = Path(path)
     module = _run(path, _read(path) if source is None else source)
@@ -75,7 +76,8 @@ def _run(path: Path, source: bytes) -> ModuleType:
         raise InputError(f"{where}: {error.msg if isinstance(error, SyntaxError) else error}") from error
     sys.modules[name] = module
     try:
-        exec(code, vars(module))
+        with redirect_stdout(sys.stderr):  # where one JSON object may be all that standard output holds
+            exec(code, vars(module))
     except (Exception, SystemExit) as error:  # whatever a user's file does wrong is an error of that file
         del sys.modules[name]
         raise InputError(f"{path}{line_in(str(path), error)}: {type(error).__name__}: {error}") from error

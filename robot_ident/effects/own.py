@@ -5,6 +5,7 @@ from __future__ import annotations
 import sys
 import traceback
 import warnings
+from contextlib import redirect_stdout
 from pathlib import Path
 from typing import TYPE_CHECKING
 
@@ -39,7 +40,7 @@ def own_columns(effect: Effect, motion: Motion, torques: Torques | None) -> Arra
     kind, shape = type(effect), (motion.samples, effect.robot.n, len(type(effect).coefficients))
     file = origin(kind) or kind.__module__
     try:
-        with warnings.catch_warnings(), np.errstate(all="ignore"):
+        with warnings.catch_warnings(), np.errstate(all="ignore"), redirect_stdout(sys.stderr):
             warnings.simplefilter("error", np.exceptions.ComplexWarning)
             made = np.asarray(effect.full_columns(motion, torques), dtype=float)
     except InputError:

@@ -66,3 +66,16 @@ def test_a_file_that_ends_the_program(tmp_path: Path) -> None:
     path.write_text("raise SystemExit(5)\n")
     with pytest.raises(InputError, match=r"leaves.py, line 1: SystemExit: 5"):
         load_effects(path)
+
+
+def test_what_it_prints_goes_to_standard_error(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    """Standard output is one JSON object's, or a table's."""
+    path = tmp_path / "dent.py"
+    body = "print('its columns'); return [{self.joint: q}]"
+    path.write_text("print('loaded')\n" + SOURCE.replace("{body}", body))
+    q = np.random.default_rng(1).standard_normal((40, 3))
+    load_effects(path)["dent"](load_robot("kuka_ir361"), 0).columns(Motion(q, q, q))
+    printed = capsys.readouterr()
+    assert printed.out == ""
+    assert "loaded" in printed.err
+    assert "its columns" in printed.err
