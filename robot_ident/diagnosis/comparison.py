@@ -23,7 +23,7 @@ from robot_ident.diagnosis.symmetry import odd_and_even
 from robot_ident.errors import InputError
 from robot_ident.model.model import Model
 from robot_ident.motion import Array, Mask
-from robot_ident.recording.again import refuse_copies
+from robot_ident.recording.copies import refuse_copies
 from robot_ident.recording.measurement import Measurement
 from robot_ident.recording.silent import refuse_silent
 

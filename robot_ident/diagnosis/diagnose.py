@@ -37,7 +37,7 @@ from robot_ident.diagnosis.white_lines import whitened
 from robot_ident.estimation.declaration import clock_notes
 from robot_ident.model.structure import Structure
 from robot_ident.motion import Array
-from robot_ident.recording.again import of_one_motion, refuse_copies
+from robot_ident.recording.copies import of_one_motion, refuse_copies
 from robot_ident.recording.measurement import Measurement
 from robot_ident.recording.silent import refuse_silent
 

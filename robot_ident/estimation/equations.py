@@ -10,7 +10,7 @@ import numpy as np
 from robot_ident.errors import InputError
 from robot_ident.model.structure import Structure
 from robot_ident.motion import Array
-from robot_ident.recording.again import refuse_copies
+from robot_ident.recording.copies import refuse_copies
 from robot_ident.recording.measurement import Measurement
 from robot_ident.recording.silent import refuse_silent
 

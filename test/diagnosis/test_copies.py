@@ -13,7 +13,7 @@ from robot_ident.diagnosis.comparison import compare
 from robot_ident.diagnosis.diagnose import diagnose
 from robot_ident.errors import InputError
 from robot_ident.estimation.identify import estimate
-from robot_ident.recording.again import of_one_motion
+from robot_ident.recording.copies import of_one_motion
 from robot_ident.recording.measurement import Measurement
 
 
