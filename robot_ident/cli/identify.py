@@ -54,6 +54,7 @@ def run(args: argparse.Namespace) -> int:
     from robot_ident.model.model_file import write_model
     from robot_ident.model.structure import Structure
     from robot_ident.provenance import provenance
+    from robot_ident.recording.copies import refuse_copies
     from robot_ident.recording.process import process
     from robot_ident.robot import load_robot
 
@@ -71,6 +72,7 @@ def run(args: argparse.Namespace) -> int:
     recordings, processing = at_its_speed(args, recordings, processing_of(args, robot, played=whole))
     structure = Structure.build(robot, args.effect)
     measurements = [process(recording, robot, processing) for recording in recordings]
+    refuse_copies(measurements)
     doubts = contradictions(measurements, robot, as_declared=args.as_declared)
     known, structure, gains = with_known_gains(recordings, measurements, structure, processing)
     model = estimate(

@@ -10,7 +10,6 @@ import numpy as np
 from robot_ident.errors import InputError
 from robot_ident.model.structure import Structure
 from robot_ident.motion import Array
-from robot_ident.recording.copies import refuse_copies
 from robot_ident.recording.measurement import Measurement
 from robot_ident.recording.silent import refuse_silent
 
@@ -49,7 +48,6 @@ def stack(
     values [p]: where columns depend on the model's torque. rigid: base columns of each measurement, where known
     already.
     """
-    refuse_copies(measurements)
     refuse_silent(measurements, "; identify the others alone: --joints {moving}")
     source = ", ".join(measured.source for measured in measurements)
     parts: list[list[np.ndarray]] = []

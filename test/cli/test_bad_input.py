@@ -142,6 +142,19 @@ def test_impossible_times(run: Run, arm: Any, tmp_path: Path, change: Any, said:
     refused(run("identify", _write(tmp_path / "r.npz", r, **change(r))), said)
 
 
+def test_a_copy_of_a_recording_is_no_second_one(run: Run, bag: Path, tmp_path: Path) -> None:
+    copy, model = tmp_path / "copy", tmp_path / "model.yaml"
+    assert run("identify", bag, "-o", model).code == 0
+    shutil.copytree(bag, copy)
+    refused(
+        run("identify", bag, copy, "-o", tmp_path / "m.yaml"), "copy holds the samples of", "give every recording once"
+    )
+    refused(run("diagnose", model, bag, copy), "copy holds the samples of")
+    refused(run("diagnose", model, bag, "--validation", copy), "copy holds the samples of")
+    refused(run("compare", model, bag, copy), "copy holds the samples of")
+    assert not (tmp_path / "m.yaml").exists()
+
+
 def test_force_replaces_recordings_only(run: Run, excitation: Path, tmp_path: Path) -> None:
     (tmp_path / "mine").mkdir()
     (tmp_path / "mine/thesis.tex").write_text("years of work")

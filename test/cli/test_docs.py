@@ -97,7 +97,7 @@ WORDS: dict[str, list[str]] = {
     "validate": ["MODEL", "BAG"],
     "compare": ["MODEL", "OTHER"],
     "diagnose": ["MODEL", "OTHER", "--validation", "BAG"],
-    "report": ["MODEL", "--bag", "OTHER", "--validation", "OTHER", "--trajectory", "EXC", "-o", "OUT"],
+    "report": ["MODEL", "--bag", "OTHER", "--validation", "BAG", "--trajectory", "EXC", "-o", "OUT"],
     "add": ["MODEL", "torque_offset@joint_2", "--bag", "OTHER"],
     "effects": [],
     "trial": ["--excitation", "EXC", "EXC2", "--seeds", "0:1", "--kind", "null", "--periods", "4"],

@@ -12,7 +12,6 @@ from scipy.signal import resample
 from robot_ident.diagnosis.comparison import compare
 from robot_ident.diagnosis.diagnose import diagnose
 from robot_ident.errors import InputError
-from robot_ident.estimation.identify import estimate
 from robot_ident.recording.copies import of_one_motion
 from robot_ident.recording.measurement import Measurement
 
@@ -22,7 +21,6 @@ def test_a_copy_under_another_name_is_refused(bench: Any) -> None:
     copy = replace(one, source="copy", torque=one.torque.copy())
     model = bench.model([one])
     for wants in (
-        lambda: estimate([one, copy], bench.structure),
         lambda: compare(model, [one, copy]),
         lambda: diagnose([one, copy], bench.structure),
         lambda: diagnose([one], bench.structure, [copy]),
