@@ -44,6 +44,7 @@ def read_inputs(words: Sequence[str], validation: Sequence[str], topic: str | No
     """Read models and recordings from one list; recordings are processed as the first model says."""
     from robot_ident.files import refuse_twice
     from robot_ident.model.model_file import is_model, read_model
+    from robot_ident.recording.copies import refuse_copies
 
     paths = tuple(word for word in words if is_model(word))
     bags = tuple(word for word in words if word not in paths)
@@ -55,6 +56,7 @@ def read_inputs(words: Sequence[str], validation: Sequence[str], topic: str | No
     models = tuple(read_model(path) for path in paths)
     measured = tuple(_measured(models[0], bag, topic) for bag in bags)
     unseen = validated_for(models[0], validation, topic)
+    refuse_copies([*measured, *unseen])
     for bag, measurement in zip(validation, unseen, strict=True):
         _refuse_stranger(models[0], bag, measurement)
     return Inputs(models, paths, bags, measured, unseen)

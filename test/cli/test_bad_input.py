@@ -152,6 +152,10 @@ def test_a_copy_of_a_recording_is_no_second_one(run: Run, bag: Path, tmp_path: P
     refused(run("diagnose", model, bag, copy), "copy holds the samples of")
     refused(run("diagnose", model, bag, "--validation", copy), "copy holds the samples of")
     refused(run("compare", model, bag, copy), "copy holds the samples of")
+    added = tmp_path / "added.yaml"
+    refused(run("add", model, "stribeck@joint_2", "--bag", bag, copy, "-o", added), "copy holds the samples of")
+    refused(run("add", model, "stribeck@joint_2", "--bag", bag, "--validation", copy, "-o", added), "copy holds")
+    assert not added.exists()
     assert not (tmp_path / "m.yaml").exists()
 
 
