@@ -193,12 +193,22 @@ class BaseNode(Node):
             publisher.publish(array)
 
 
+class Interrupted(BaseException):
+    """A signal has come while a node starts.
+
+    Not a KeyboardInterrupt: where one breaks into code that is made as it runs (`exec`, in each dataclass), Python
+    remembers it for good and lets `python -m` end by the signal, though it was caught.
+    """
+
+
 class Signals:
     """SIGINT and SIGTERM: they interrupt the start of a node, ask it to end while it runs, and do nothing at its end.
 
     The handlers are Python's own rather than rclpy's, which shut the context down at once: nothing could be published
     any more, not even a smooth stop. They also work where SIGINT was inherited as ignored. While a node runs they only
-    note the signal: it may come in the middle of a callback, under a lock that its answer would wait for.
+    note the signal: it may come in the middle of a callback, under a lock that its answer would wait for. A start that
+    swallows the interruption (Python does, where it comes in a destructor) finds the signal noted when it is through;
+    one that makes another error of it (SWIG's wrappers do) is known by `interrupted`.
     """
 
     def __init__(self) -> None:
@@ -210,9 +220,14 @@ class Signals:
     def _handle(self, number: int, frame: FrameType | None) -> None:
         if self.closing:
             return
-        if not self.noting:
-            raise KeyboardInterrupt
-        self._noted = signal.Signals(number).name
+        first, self._noted = not self._noted, signal.Signals(number).name
+        if first and not self.noting:
+            raise Interrupted
+
+    @property
+    def interrupted(self) -> bool:
+        """Whether a signal has come before the start was through."""
+        return bool(self._noted) and not self.noting
 
     def take(self) -> str:
         """Return the name of a signal that has come since this was asked last, or an empty text."""
@@ -228,8 +243,10 @@ class Signals:
     def __exit__(
         self, kind: type[BaseException] | None, error: BaseException | None, trace: TracebackType | None
     ) -> None:
-        """Leave the handlers in place and mute: a second signal may come while the process ends."""
+        """Ignore what still comes while the process ends: Python takes its own handlers away before it is through."""
         self.closing = True
+        for number in (signal.SIGINT, signal.SIGTERM):
+            signal.signal(number, signal.SIG_IGN)
 
 
 class Abandoned(threading.Thread):
@@ -254,22 +271,31 @@ def run(make: type[BaseNode], argv: Sequence[str] | None = None) -> int:
 
 
 def _run(make: type[BaseNode], argv: list[str]) -> int:
+    signals = Signals()
     try:
-        with _ros_refusals():
-            rest = remove_ros_args(argv)[1:]
-        if "-h" in rest or "--help" in rest:
-            get_logger(make.node_name).info(usage(make.node_name, make.description, make.table))
-            return 0
-        if rest:
-            raise InputError(f"unknown argument {rest[0]!r}; parameters are given as --ros-args -p NAME:=VALUE")
-        with Signals() as signals:
-            _live(make, argv, signals)
-    except KeyboardInterrupt:
-        return 0  # before anything had begun
-    except RobotIdentError as error:
+        with signals:
+            if not _asks_for_usage(make, argv):
+                _live(make, argv, signals)
+    except BaseException as error:
+        if signals.interrupted:
+            return 0  # before anything had begun; whatever the error, it may have come of the interruption
+        if not isinstance(error, RobotIdentError):
+            raise
         get_logger(make.node_name).fatal(str(error))
         return error.exit_code
     return 0
+
+
+def _asks_for_usage(make: type[BaseNode], argv: list[str]) -> bool:
+    """Answer -h and --help; InputError for any other argument that isn't one of ROS."""
+    with _ros_refusals():
+        rest = remove_ros_args(argv)[1:]
+    if "-h" in rest or "--help" in rest:
+        get_logger(make.node_name).info(usage(make.node_name, make.description, make.table))
+        return True
+    if rest:
+        raise InputError(f"unknown argument {rest[0]!r}; parameters are given as --ros-args -p NAME:=VALUE")
+    return False
 
 
 def _live(make: type[BaseNode], argv: list[str], signals: Signals) -> None:
