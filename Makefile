@@ -11,6 +11,8 @@ SWEEP := rm -rf build/lib build/bdist.* robot_ident.egg-info; rmdir build 2>/dev
 unexport PYTHONPATH PYTHONHOME AMENT_PREFIX_PATH LD_LIBRARY_PATH RMW_IMPLEMENTATION _ROS_WHEELS_BOOTSTRAP_COMPLETE
 export ROS_AUTOMATIC_DISCOVERY_RANGE := LOCALHOST
 export OMP_NUM_THREADS := 1
+# Python keeps what it has compiled in .venv: else every process that a test starts would compile all of it anew.
+unexport PYTHONDONTWRITEBYTECODE
 # What is installed is run, not the folder of the same name in the checkout.
 export PYTHONSAFEPATH := 1
 

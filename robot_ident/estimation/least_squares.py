@@ -35,6 +35,20 @@ class Factor:
         theta: Array = (solution.T / self.scale).T
         return theta
 
+    def beside(self, further: Array, names: Sequence[str], source: str) -> Factor:
+        """Factorise [F, G] for further columns G [R, k], what is known of F as it is; names: of all p + k.
+
+        [F, G] = [Q, Q2] [[R, Q' G], [0, R2]] with Q2 R2 = G - Q Q' G. InputError as `factor`.
+        """
+        scaled, scale = _scaled(further * self.root_weight[:, None], names[len(self.scale) :], source)
+        shared = self.q.T @ scaled
+        rest = scaled - self.q @ shared
+        again = self.q.T @ rest  # once more: what rounding has left along Q
+        q, r = np.linalg.qr(rest - self.q @ again)
+        whole = np.block([[self.r, shared + again], [np.zeros((len(r), len(self.r))), r]])
+        condition = _condition_number(whole, names, source)
+        return Factor(np.hstack([self.q, q]), whole, np.concatenate([self.scale, scale]), self.root_weight, condition)
+
     def inverse_information(self) -> Array:
         """Return (F' W F)^-1 [p, p]."""
         from scipy.linalg import solve_triangular
@@ -47,14 +61,24 @@ class Factor:
 def factor(phi: Array, weight: Array, names: Sequence[str], source: str) -> Factor:
     """Factorise W^1/2 F for F [R, p] and weights [R]; InputError names the columns where F lacks rank."""
     root = np.sqrt(weight)
-    scaled = phi * root[:, None]
-    scale = np.linalg.norm(scaled, axis=0)
+    scaled, scale = _scaled(phi * root[:, None], names, source)
+    q, r = np.linalg.qr(scaled)
+    return Factor(q, r, scale, root, _condition_number(r, names, source))
+
+
+def _scaled(phi: Array, names: Sequence[str], source: str) -> tuple[Array, Array]:
+    """Return columns of norm 1 and the norms that they had; InputError names those without one."""
+    scale = np.linalg.norm(phi, axis=0)
     silent = [name for name, size in zip(names, scale, strict=True) if size == 0.0]
     if silent:
         raise InputError(
             f"{source}: the motion does not excite {', '.join(silent)}; move the joints that it depends on"
         )
-    q, r = np.linalg.qr(scaled / scale)
+    return phi / scale, scale
+
+
+def _condition_number(r: Array, names: Sequence[str], source: str) -> float:
+    """Return s_max / s_min of a triangular factor [p, p]; InputError names the columns that depend on each other."""
     _, singular, vectors = np.linalg.svd(r)
     if singular[-1] < _RANK * singular[0]:
         blame = [names[k] for k in np.argsort(-np.abs(vectors[-1])) if abs(vectors[-1][k]) > 0.1]
@@ -62,7 +86,7 @@ def factor(phi: Array, weight: Array, names: Sequence[str], source: str) -> Fact
             f"{source}: the data can't tell {', '.join(blame)} apart: their columns depend on each other;"
             " excite more joints or drop an effect"
         )
-    return Factor(q, r, scale, root, float(singular[0] / singular[-1]))
+    return float(singular[0] / singular[-1])
 
 
 def ordinary(phi: Array, torque: Array, variance: Array, names: Sequence[str], source: str) -> tuple[Array, Array]:

@@ -135,13 +135,6 @@ class Problem:
         values[plain] = self.factored(equations.phi[:, plain], names).solve(self.right(equations.torque))
         return values
 
-    def residual(self, structure: Structure, near: Array | None = None) -> Array:
-        """Return the weighted residual [R] at theta(s); near: linear parameters [p] whose torque effects are to see,
-        their own where none are given.
-        """
-        values, _, equations = self.linear(structure) if near is None else self._once(structure, near)
-        return self.noise.whiten(equations.torque - equations.phi @ values)
-
 
 def solution(problem: Problem, structure: Structure, values: Array, equations: Equations) -> Solution:
     """Return what linear parameters [p] and a structure's inner ones amount to."""

@@ -16,6 +16,7 @@ from robot_ident.errors import InputError
 from robot_ident.estimation.instruments import instrumental_variables
 from robot_ident.estimation.maximum_likelihood import maximum_likelihood
 from robot_ident.estimation.problem import STEP, Problem, Solution, inner_bounds, solution
+from robot_ident.estimation.projection import Projection
 from robot_ident.model.structure import Structure
 from robot_ident.motion import Array
 from robot_ident.recording.measurement import Measurement
@@ -76,28 +77,16 @@ def _scan(problem: Problem, structure: Structure) -> Structure:
         if len(settings) < 2:
             continue
         trials = [_replaced(structure, index, setting) for setting in settings]
-        near = _near(problem, structure)
-        costs = [_cost(problem, trial, near) for trial in trials]
+        left = Projection.of(problem, structure, [index])
+        costs = [_cost(left, trial) for trial in trials]
         structure = trials[int(np.argmin(costs))]
     return structure
 
 
-def _near(problem: Problem, structure: Structure) -> Array | None:
-    """Return linear parameters [p] whose torque effects see while their inner ones are searched: it hardly changes
-    with these. None where no effect sees any, or the motion doesn't excite a column.
-    """
-    if not structure.uses_torque:
-        return None
-    try:
-        return problem.linear(structure)[0]
-    except InputError:
-        return None
-
-
-def _cost(problem: Problem, structure: Structure, near: Array | None) -> float:
+def _cost(left: Projection, structure: Structure) -> float:
     """Return the squared error at theta(s); inf where the motion doesn't excite a column."""
     try:
-        return float(np.sum(problem.residual(structure, near) ** 2))
+        return float(np.sum(left.residual(structure) ** 2))
     except InputError:
         return float("inf")
 
@@ -131,13 +120,13 @@ def _refine(problem: Problem, structure: Structure) -> Structure:
 
     start = np.clip((scaled(settings) - lowest) / range_, 1e-6, 1 - 1e-6)
     unexplained: Array | None = None
-    near = _near(problem, structure)
+    left = Projection.of(problem, structure, [k for k, effect in enumerate(structure.effects) if effect.inner])
 
     def rest(x: Array) -> Array:
         """Return the projected residual; where the motion no longer meets a column, as if nothing were explained."""
         nonlocal unexplained
         try:
-            return problem.residual(at(x), near)
+            return left.residual(at(x))
         except InputError:
             if unexplained is None:
                 unexplained = problem.noise.whiten(problem.equations(structure, None).torque)

@@ -1,0 +1,93 @@
+"""A search that factorises anew only what moves finds what solving the whole problem finds."""
+
+from __future__ import annotations
+
+from typing import Any
+
+import numpy as np
+import pytest
+from scipy.signal import lfilter
+
+from robot_ident.errors import InputError
+from robot_ident.estimation.least_squares import factor
+from robot_ident.estimation.problem import Problem
+from robot_ident.estimation.projection import Projection
+from robot_ident.model.structure import Structure
+from robot_ident.motion import Array
+from robot_ident.recording import Measurement, Recording, process
+
+STRIBECK = ["stribeck@joint_1", "gravity_spring@joint_2", "stribeck@joint_3"]
+
+
+def measured(arm: Any, pole: float) -> Measurement:
+    """Return a short recording whose noise is white (pole 0) or coloured."""
+    exact = arm.record(0, periods=4, lead=0.0, noise=0.0)
+    white = np.random.default_rng(1).normal(size=exact.tau.shape) * np.sqrt(arm.robot.noise.torque_variance)
+    tau = exact.tau + np.sqrt(1 - pole**2) * lfilter([1.0], [1.0, -pole], white, axis=0)
+    return process(Recording(exact.names, exact.t, exact.q, tau), arm.robot)
+
+
+def elsewhere(structure: Structure, rng: np.random.Generator) -> Structure:
+    """Return a structure with its continuous inner parameters anywhere within their bounds."""
+    inner = [inner for effect in structure.effects for inner in effect.inner]
+    free = np.array([one.continuous for one in inner])
+    lower, upper = (np.array([getattr(one, side) for one in inner]) for side in ("lower", "upper"))
+    return structure.with_settings(np.where(free, rng.uniform(lower, upper), structure.settings))
+
+
+def whole(problem: Problem, structure: Structure, near: Array | None) -> Array:
+    """Return the residual [R] that a factorisation of all columns at once leaves."""
+    equations = problem.equations(structure, near)
+    values = problem.factored(equations.phi, problem.names).solve(problem.right(equations.torque))
+    return problem.noise.whiten(equations.torque - equations.phi @ values)
+
+
+@pytest.mark.parametrize("effects", [STRIBECK, [*STRIBECK, "load_friction@joint_3"]])
+@pytest.mark.parametrize("weighted", [True, False])
+@pytest.mark.parametrize("pole", [0.0, 0.9])
+def test_the_residual_is_that_of_the_whole_problem(arm: Any, effects: list[str], weighted: bool, pole: float) -> None:
+    structure = Structure.build(arm.robot, effects)
+    problem = Problem([measured(arm, pole)], structure, weighted=weighted)
+    searched = [k for k, effect in enumerate(structure.effects) if effect.inner]
+    left = Projection.of(problem, structure, searched)
+    assert left.stays is not None
+    rng = np.random.default_rng(2)
+    for _ in range(3):
+        moved = elsewhere(structure, rng)
+        expected = whole(problem, moved, left.near)
+        np.testing.assert_allclose(left.residual(moved), expected, atol=1e-9 * np.abs(expected).max())
+
+
+def test_columns_that_stay_are_those_of_no_searched_effect(arm: Any) -> None:
+    structure = Structure.build(arm.robot, [*STRIBECK, "load_friction@joint_3"])
+    problem = Problem([measured(arm, 0.0)], structure)
+    first = next(k for k, effect in enumerate(structure.effects) if effect.label == "stribeck@joint_1")
+    left = Projection.of(problem, structure, [first])
+    assert left.stays is not None
+    moving = [problem.names[k] for k in left.order[len(left.stays.scale) :]]
+    assert {name.rpartition("@")[2] for name in moving} == {"joint_1", "joint_3"}
+    assert all("stribeck" in name or "load" in name for name in moving)
+
+
+def test_further_columns_are_factorised_beside_what_is_known() -> None:
+    rng = np.random.default_rng(3)
+    phi = rng.normal(size=(200, 9)) * 10.0 ** np.arange(-4, 5)
+    phi[:, 8] += 1e5 * phi[:, 2]  # further columns that almost depend on the known ones
+    weight, torque = rng.uniform(0.1, 3.0, 200), rng.normal(size=200)
+    names = [f"p{k}" for k in range(9)]
+    once = factor(phi, weight, names, "data")
+    beside = factor(phi[:, :6], weight, names[:6], "data").beside(phi[:, 6:], names, "data")
+    np.testing.assert_allclose(beside.solve(torque), once.solve(torque), rtol=1e-8)
+    np.testing.assert_allclose(beside.inverse_information(), once.inverse_information(), rtol=1e-7)
+    assert beside.condition_number == pytest.approx(once.condition_number, rel=1e-8)
+    assert np.abs(beside.q.T @ beside.q - np.eye(9)).max() < 1e-13
+
+
+@pytest.mark.parametrize(
+    ("further", "said"), [(np.zeros(50), "does not excite p3"), (np.ones(50), "can't tell .*p3.* apart")]
+)
+def test_further_columns_that_tell_nothing_are_refused(further: Array, said: str) -> None:
+    phi = np.column_stack([np.ones(50), *np.random.default_rng(4).normal(size=(2, 50))])
+    known = factor(phi, np.ones(50), ["p0", "p1", "p2"], "data")
+    with pytest.raises(InputError, match=said):
+        known.beside(further[:, None], ["p0", "p1", "p2", "p3"], "data")
