@@ -11,7 +11,7 @@ from pathlib import Path
 
 MINUTES = {
     "estimation": 10,
-    "diagnosis": 170,
+    "diagnosis": 250,
     "foreign": 30,
     "measurement": 20,
     "robots": 20,
