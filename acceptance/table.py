@@ -7,7 +7,7 @@ from pathlib import Path
 from typing import Any
 
 CASES = int(os.environ.get("ROBOT_IDENT_TRIAL_CASES", "300"))
-"""Cases of a row; rows of each larger arm have a third of them."""
+"""Cases of a row; rows of each larger arm have half of them."""
 
 FOLDER = Path(os.environ.get("ROBOT_IDENT_ACCEPTANCE", "build/acceptance"))
 """Where motions and finished cases are kept: what was stopped goes on from there."""

@@ -81,4 +81,4 @@ def test_adding_removes_the_error_of_larger_arms(arm: str) -> None:
 
 
 def _of_arm(arm: str, kind: str, noise: float) -> dict[str, Any]:
-    return trial(kind, noise, str(write_arm(arm, FOLDER)), CASES // 3)
+    return trial(kind, noise, str(write_arm(arm, FOLDER)), CASES // 2)

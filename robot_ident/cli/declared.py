@@ -10,6 +10,10 @@ if TYPE_CHECKING:
     from robot_ident.robot import Robot
 
 
+AS_DECLARED = "; taken as declared"
+"""What a model notes of a contradiction that its user went on with."""
+
+
 def contradictions(
     measurements: Sequence[Measurement],
     robot: Robot,
@@ -39,7 +43,7 @@ def contradictions(
     if found is None:
         return clock_notes(measurements, robot)
     if as_declared:
-        return [f"{found.in_words}; taken as declared"]
+        return [f"{found.in_words}{AS_DECLARED}"]
     stated = {str(sidecar(m.source)): m.conditions.payload for m in measurements if m.conditions.payload is not None}
     if stated and contradiction(judge_all([with_payload(m, robot) for m in measurements], robot), robot) is None:
         told = ", ".join(f"{file}: payload.mass = {one.mass:g}" for file, one in stated.items())

@@ -56,12 +56,12 @@ def run(args: argparse.Namespace) -> int:
     refuse_other_units(inputs)
     with Progress("diagnose", 1.0) as bar:
         found = diagnose(inputs.measurements, inputs.models[0].structure, inputs.validation, bar.reach)
+    if found.verdict == "adequate":
+        found = replace(found, notes=(*found.notes, *misfit_aside(inputs.models[0], inputs.validation)))
     added = add_until_adequate(found, inputs, args) if args.add_until_adequate else Additions([found])
     steps = added.steps
     if args.output:
         _write(steps[-1].model if added.foreseen else inputs.models[0], args)
-    if found.verdict == "adequate":
-        found = replace(found, notes=(*found.notes, *misfit_aside(inputs.models[0], inputs.validation)))
     found = replace(found, notes=(*found.notes, *_troubles(found, inputs, steps if added.foreseen else [])))
     if args.json:
         print_json(found.to_dict() | (to_dict(added) if steps else {}))

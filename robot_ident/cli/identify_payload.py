@@ -46,6 +46,7 @@ def run_only(args: argparse.Namespace) -> int:
     from robot_ident.estimation.payload import bare, identify_payload
     from robot_ident.files import refuse_existing, refuse_twice, write_text
     from robot_ident.model.model_file import read_model
+    from robot_ident.recording.copies import refuse_copies
     from robot_ident.recording.measurement import Processing
     from robot_ident.recording.process import process
 
@@ -66,6 +67,7 @@ def run_only(args: argparse.Namespace) -> int:
         raise InputError(f"{', '.join(args.bags)}: their conditions state different payloads; one at a time")
     bared = [replace(recording, conditions=bare(recording.conditions)) for recording in recordings]
     measurements = [process(recording, model.robot, processing) for recording in bared]
+    refuse_copies(measurements)
     doubts = contradictions(measurements, model.robot, as_declared=args.as_declared)
     part = part_of([(recording.source, recording.conditions) for recording in recordings])
     found = identify_payload(measurements, model, next(iter(stated)), part)

@@ -80,12 +80,14 @@ def with_model(inputs: Inputs, model: Model, validation: Sequence[str], topic: s
 
 def refuse_other_units(inputs: Inputs) -> None:
     """Raise InputError where efforts are a tenth or less of what the model makes of a motion, and a declaration that
-    they contradict tells why.
+    they contradict tells why; a model that was identified as declared all the same stands.
     """
-    from robot_ident.cli.declared import contradictions
+    from robot_ident.cli.declared import AS_DECLARED, contradictions
     from robot_ident.estimation.unusable import residual_on
 
     model = inputs.models[0]
+    if any(note.endswith(AS_DECLARED) for note in model.notes):
+        return
     absurd = [
         measured
         for measured in inputs.measurements

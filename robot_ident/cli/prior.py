@@ -36,11 +36,15 @@ def prior_information(words: Sequence[str], target: Target, model: Model | None,
 def _of_recordings(bags: Sequence[str], target: Target, model: Model | None, bound: bool) -> Array:
     from robot_ident.bags import read_for
     from robot_ident.estimation.information import information
+    from robot_ident.files import refuse_twice
+    from robot_ident.recording.copies import refuse_copies
     from robot_ident.recording.measurement import Processing
     from robot_ident.recording.process import process
 
+    refuse_twice(bags)
     processing = Processing(**dict(model.processing)) if model and model.processing else Processing()
     measurements = [process(read_for(bag, target.robot), target.robot, processing) for bag in bags]
+    refuse_copies(measurements)
     return information(measurements, target.structure, target.values, bound=bound)
 
 

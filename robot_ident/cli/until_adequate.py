@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import argparse
 from collections.abc import Sequence
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 from typing import TYPE_CHECKING, Any
 
 from robot_ident.cli.extended import Step, staircase, steps_of
@@ -43,6 +43,7 @@ def add_until_adequate(found: Diagnosis, inputs: Inputs, args: argparse.Namespac
     Effects that a later round names are kept where they lower the error on the recordings kept aside, if there are any.
     """
     from robot_ident.diagnosis.diagnose import diagnose
+    from robot_ident.diagnosis.kept_aside import misfit_aside
 
     out = Additions([found])
     if not _columns(found):
@@ -70,6 +71,9 @@ def add_until_adequate(found: Diagnosis, inputs: Inputs, args: argparse.Namespac
         inputs = with_model(inputs, model, args.validation, args.topic)
         with Progress("diagnose anew", 1.0) as bar:
             out.said.append(diagnose(inputs.measurements, model.structure, inputs.validation, bar.reach))
+        if out.last.verdict == "adequate":
+            aside = misfit_aside(model, inputs.validation)
+            out.said[-1] = replace(out.last, notes=(*out.last.notes, *aside))
     return out
 
 

@@ -5,8 +5,9 @@ The model is taken as it stands; nothing is fitted but the curves that show what
 
 from __future__ import annotations
 
+import itertools
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass, replace
+from dataclasses import dataclass, field, replace
 from typing import Any
 
 import numpy as np
@@ -25,7 +26,7 @@ from robot_ident.model.model import Model
 from robot_ident.motion import Array, Mask
 from robot_ident.recording.copies import refuse_copies
 from robot_ident.recording.measurement import Measurement
-from robot_ident.recording.silent import refuse_silent
+from robot_ident.recording.silent import refuse_silent, silent_joints
 
 EDGES = (0.0, 0.5, 1.0, 2.0, 5.0, 10.0, 15.0, 30.0, np.inf)  # Hz
 _LISTED = 6  # regions named for a joint
@@ -53,12 +54,12 @@ class JointComparison:
     noise_variance: float | None
     misfit: NoiseTest | None
     excess: float
-    explained_by: Mapping[str, float]
-    by_frequency: tuple[tuple[float, float, float], ...]
-    odd: float | None
-    even: float | None
-    worst: tuple[Region, ...]
-    profiles: tuple[Profile, ...]
+    explained_by: Mapping[str, float] = field(default_factory=dict)
+    by_frequency: tuple[tuple[float, float, float], ...] = ()
+    odd: float | None = None
+    even: float | None = None
+    worst: tuple[Region, ...] = ()
+    profiles: tuple[Profile, ...] = ()
     hidden_in_path: bool = False
 
     @property
@@ -140,7 +141,9 @@ def compare(model: Model, measurements: Sequence[Measurement]) -> Comparison:
     if not measurements:
         raise InputError("no recording was given")
     refuse_copies(measurements)
-    refuse_silent(measurements, "; a model of the others alone: identify --joints {moving}")
+    still = silent_joints(measurements)
+    if still.all():
+        refuse_silent(measurements)
     known = [_noise_known(measured) for measured in measurements]
     trajectories = [judged(measured, model) for measured in measurements]
     evidence = _evidence(model, trajectories)
@@ -148,12 +151,20 @@ def compare(model: Model, measurements: Sequence[Measurement]) -> Comparison:
     testable = evidence if len(tested) == len(trajectories) else _evidence(model, tested) if tested else None
     fits = None if testable is None else misfit(testable, model.covariance)
     joints = tuple(
-        _joint(evidence, joint, None if fits is None else fits[joint]) for joint in range(evidence.structure.robot.n)
+        _still_joint(evidence, measurements, joint)
+        if still[joint]
+        else _joint(evidence, joint, None if fits is None else fits[joint])
+        for joint in range(evidence.structure.robot.n)
     )
     notes = [
         f"{measured.source}: its noise is unknown without periods; it is shown, not judged"
         for measured, yes in zip(measurements, known, strict=True)
         if not yes
+    ]
+    notes += [
+        f"{joint.name} stands still in {', '.join(measured.source for measured in measurements)}: what its friction"
+        " does there no model tells; it is shown, not judged"
+        for joint in itertools.compress(joints, still)
     ]
     if testable is not None and any(joint.fails for joint in joints):
         joints = _with_hidden_path(joints, testable, model.covariance)
@@ -259,6 +270,20 @@ def _joint(evidence: Evidence, joint: int, fit: NoiseTest | None) -> JointCompar
         worst=_worst(evidence, joint, seen, shares) if fails else (),
         profiles=profiles(evidence, joint, seen, bands(evidence, joint, EDGES), floor is not None),
     )
+
+
+def _still_joint(evidence: Evidence, measurements: Sequence[Measurement], joint: int) -> JointComparison:
+    """Return what is left of the torque of a joint that doesn't move, of all rows; nothing of it is judged."""
+    left = []
+    for measured, rigid in zip(measurements, evidence.rigid, strict=True):
+        predicted = evidence.structure.columns(measured.motion, evidence.values, rigid) @ evidence.values
+        left.append(measured.passed(measured.torque - predicted)[:, joint])
+    mse = float(np.mean(np.concatenate(left) ** 2))
+    rows = [len(one) for one in left]
+    noise = float(np.average([measured.averaged_variance[joint] for measured in measurements], weights=rows))
+    floor = noise if noise > 0.0 else None
+    name, excess = evidence.structure.robot.joints[joint], float(np.sqrt(max(0.0, mse - (floor or 0.0))))
+    return JointComparison(name, mse, floor, None, excess)
 
 
 def _variables(evidence: Evidence, t: Trajectory, joint: int) -> dict[str, Variable]:

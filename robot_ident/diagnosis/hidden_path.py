@@ -182,13 +182,11 @@ def _given_way(t: Trajectory, rigid: Array, evidence: Evidence) -> Array:
     assert kept is not None
     columns = structure.columns(t.motion, evidence.values, rigid)
     mine = {effect.label for effect in structure.added}
-    start, out = rigid.shape[2], [np.zeros((*t.motion.q.shape, 0))]
-    for effect in structure.effects:
-        place = slice(start, start + len(effect.coefficients))
-        start = place.stop
+    out = [np.zeros((*t.motion.q.shape, 0))]
+    for effect, own in structure.placed:
         if effect.label not in mine:
             continue
-        lines = lines_of_grid(columns[:, :, place] @ evidence.values[place])
+        lines = lines_of_grid(columns[:, :, own] @ evidence.values[own])
         lines[: len(kept)][kept[: len(lines)]] = 0.0
         falling = kept.sum(axis=0) / np.maximum(np.arange(len(lines)), 1)[:, None]
         turned = [lines, 1j * lines, falling * lines, 1j * falling * lines]

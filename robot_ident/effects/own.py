@@ -56,6 +56,8 @@ def own_columns(effect: Effect, motion: Motion, torques: Torques | None) -> Arra
             f"{file}: class {kind.__name__}: columns of shape {made.shape}{where}, not {shape}: samples, joints, and"
             " one of each coefficient"
         )
+    if torques is not None and torques.rigid is None:  # none is known yet, and 0 / 0 may stand where it will be
+        return np.nan_to_num(made, nan=0.0, posinf=0.0, neginf=0.0)
     if not np.isfinite(made).all():
         raise InputError(f"{file}: class {kind.__name__}: a column that is not finite{where}")
     return made

@@ -59,11 +59,11 @@ def driven(structure: Structure, measurements: Sequence[Measurement], values: Ar
     for joint, name in enumerate(structure.robot.joints):
         _note(below, name, float(power[joint] @ theta), float(power[joint] @ spread @ power[joint]))
     single: dict[str, float] = {}
-    for effect, place in _places(structure):
+    for effect, own in _places(structure):
         others = [e for e, _ in _places(structure) if e.joint == effect.joint and e.name not in POSITIVE]
         if effect.name not in POSITIVE or effect.place in below or others:
             continue  # several kinds of friction on a joint are told apart only in their sum
-        _note(single, effect.label, float(theta[place]), float(spread[place, place]))
+        _note(single, effect.label, float(theta[own.start]), float(spread[own.start, own.start]))
     return Driven(below, single)
 
 
@@ -78,12 +78,12 @@ def friction_power(structure: Structure, measurements: Sequence[Measurement]) ->
     """
     out = np.zeros((structure.robot.n, len(structure.parameters)))
     rows = sum(measured.motion.samples for measured in measurements)
-    for effect, place in _places(structure):
+    for effect, own in _places(structure):
         joint = effect.joint
         for measured in measurements:
             columns = effect.columns(measured.motion)[:, joint]
             lost = measured.motion.dq[:, joint] @ columns / rows
-            out[joint, place : place + len(effect.coefficients)] += np.where(_brakes(effect), lost, 0.0)
+            out[joint, own] += np.where(_brakes(effect), lost, 0.0)
     return out
 
 
@@ -91,11 +91,6 @@ def _brakes(effect: Effect) -> list[bool]:
     return [(c.symmetry or effect.symmetry) == "dissipative" for c in effect.coefficients]
 
 
-def _places(structure: Structure) -> list[tuple[Effect, int]]:
-    """Return the effects on one joint that don't depend on torque, with the place of their first parameter."""
-    places, start = [], len(structure.base.columns)
-    for effect in structure.effects:
-        if effect.place is not None and not effect.uses_torque:
-            places.append((effect, start))
-        start += len(effect.coefficients)
-    return places
+def _places(structure: Structure) -> list[tuple[Effect, slice]]:
+    """Return the effects on one joint that don't depend on torque, with the places of their parameters."""
+    return [(effect, own) for effect, own in structure.placed if effect.place is not None and not effect.uses_torque]

@@ -79,7 +79,7 @@ def estimate_gains(measurements: Sequence[Measurement], structure: Structure) ->
     free = tuple(j for j in range(robot.n) if robot.in_ampere(j))
     if robot.effort.coupling is not None:
         raise InputError(f"{robot.source}: drive gains behind effort.coupling can't be estimated: give torque_constant")
-    structure = _only_plain(structure)
+    structure, _ = structure.with_only(lambda effect: not (effect.uses_torque or effect.inner))
     problem = Problem(measurements, structure)
     equations = problem.equations(structure, None)
     load = _payload(measurements, equations, robot)
@@ -124,15 +124,6 @@ def _exchanged(currents: _Currents, measurements: Sequence[Measurement], robot: 
     _, _, logarithm = _search(replace(currents, load=load), g, ())
     told = float(np.diag(logarithm).max()) <= _UNKNOWN**2
     return f"{one.source} and {two.source}" if told else ""
-
-
-def _only_plain(structure: Structure) -> Structure:
-    """Return a structure without effects that depend on torque or hold inner parameters."""
-    effects = tuple(e for e in structure.effects if not e.uses_torque and not e.inner)
-    kept = {name for e in effects for name in e.parameter_names()}
-    rigid = structure.parameters[: len(structure.base.columns)]
-    further = tuple(p for p in structure.parameters[len(rigid) :] if p.name in kept)
-    return replace(structure, effects=effects, parameters=(*rigid, *further), inner=())
 
 
 def _payload(measurements: Sequence[Measurement], equations: Equations, robot: Robot) -> Array:

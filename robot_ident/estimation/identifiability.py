@@ -120,11 +120,7 @@ def _rms(columns: Array) -> Array:
 def _recorded(found: Solution) -> Array:
     """Return the rms [n, p] of the columns that single states don't tell, along the recordings; zero for the others."""
     structure, equations = found.structure, found.equations
-    past = np.zeros(len(structure.parameters), dtype=bool)
-    place = len(structure.base.columns)
-    for effect in structure.effects:
-        past[place : place + len(effect.coefficients)] = effect.uses_torque or not effect.symbolic
-        place += len(effect.coefficients)
+    past = structure.places_of(lambda effect: effect.uses_torque or not effect.symbolic)
     return np.array([past * _rms(equations.phi[equations.joint == joint]) for joint in range(structure.robot.n)])
 
 

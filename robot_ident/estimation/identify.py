@@ -24,6 +24,7 @@ from robot_ident.estimation.solve import ESTIMATORS
 from robot_ident.model.model import Fit, Model, NoiseLevel
 from robot_ident.model.structure import Structure
 from robot_ident.motion import Array
+from robot_ident.recording.copies import refuse_copies
 from robot_ident.recording.measurement import Measurement, Processing
 from robot_ident.recording.process import process
 from robot_ident.recording.recording import Recording
@@ -41,12 +42,13 @@ def identify(
 ) -> Model:
     """Estimate a robot's parameters from one or several recordings.
 
-    Raises InputError on recordings that can't be used, unknown effects or estimators, and motions that don't excite a
-    parameter.
+    Raises InputError on recordings that can't be used or are copies of each other, unknown effects or estimators, and
+    motions that don't excite a parameter.
     """
     processing = processing or Processing()
     structure = Structure.build(robot, effects)
     measurements = [process(recording, robot, processing) for recording in recordings]
+    refuse_copies(measurements)
     known, structure, gains = with_known_gains(recordings, measurements, structure, processing)
     return estimate(known, structure, estimator=estimator, processing=processing, physical=physical, gains=gains)
 

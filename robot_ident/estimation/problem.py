@@ -124,12 +124,7 @@ class Problem:
     def _without_torque_effects(self, structure: Structure) -> Array:
         """Return a first theta [p] from the columns that don't depend on torque, zero elsewhere."""
         equations = self.equations(structure, None)
-        plain = np.ones(len(self.names), dtype=bool)
-        start = len(structure.base.columns)
-        for effect in structure.effects:
-            stop = start + len(effect.coefficients)
-            plain[start:stop] = not effect.uses_torque
-            start = stop
+        plain = ~structure.places_of(lambda effect: effect.uses_torque)
         values = np.zeros(len(self.names))
         names = [name for name, kept in zip(self.names, plain, strict=True) if kept]
         values[plain] = self.factored(equations.phi[:, plain], names).solve(self.right(equations.torque))

@@ -6,7 +6,7 @@ parameters. Most columns don't depend on s: with F = [A, B(s)] and A = Q R, a tr
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Collection
 from dataclasses import dataclass
 
 import numpy as np
@@ -32,14 +32,9 @@ class Projection:
     stays: Factor | None
 
     @classmethod
-    def of(cls, problem: Problem, structure: Structure, searched: Sequence[int]) -> Projection:
-        """Take up a search over the inner parameters of the effects of the given numbers."""
-        moves = np.zeros(len(problem.names), dtype=bool)
-        start = len(structure.base.columns)
-        for number, effect in enumerate(structure.effects):
-            stop = start + len(effect.coefficients)
-            moves[start:stop] = number in searched or effect.uses_torque
-            start = stop
+    def of(cls, problem: Problem, structure: Structure, searched: Collection[str]) -> Projection:
+        """Take up a search over the inner parameters of the effects whose labels are given."""
+        moves = structure.places_of(lambda effect: effect.label in searched or effect.uses_torque)
         order = np.concatenate([np.flatnonzero(~moves), np.flatnonzero(moves)])
         try:
             near = problem.linear(structure)[0] if structure.uses_torque else None

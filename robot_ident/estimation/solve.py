@@ -77,7 +77,7 @@ def _scan(problem: Problem, structure: Structure) -> Structure:
         if len(settings) < 2:
             continue
         trials = [_replaced(structure, index, setting) for setting in settings]
-        left = Projection.of(problem, structure, [index])
+        left = Projection.of(problem, structure, [effect.label])
         costs = [_cost(left, trial) for trial in trials]
         structure = trials[int(np.argmin(costs))]
     return structure
@@ -120,7 +120,7 @@ def _refine(problem: Problem, structure: Structure) -> Structure:
 
     start = np.clip((scaled(settings) - lowest) / range_, 1e-6, 1 - 1e-6)
     unexplained: Array | None = None
-    left = Projection.of(problem, structure, [k for k, effect in enumerate(structure.effects) if effect.inner])
+    left = Projection.of(problem, structure, [effect.label for effect in structure.effects if effect.inner])
 
     def rest(x: Array) -> Array:
         """Return the projected residual; where the motion no longer meets a column, as if nothing were explained."""

@@ -84,10 +84,9 @@ def _sum(names: Sequence[str], weights: Array) -> str:
 
 def never_negative(structure: Structure) -> list[int]:
     """Return which linear parameters have no meaning below zero."""
-    out, place = [], len(structure.base.columns)
-    for effect in structure.effects:
-        for coefficient in effect.coefficients:
-            if coefficient.positive or effect.name in POSITIVE:
-                out.append(place)
-            place += 1
-    return out
+    return [
+        own.start + k
+        for effect, own in structure.placed
+        for k, coefficient in enumerate(effect.coefficients)
+        if coefficient.positive or effect.name in POSITIVE
+    ]

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-from dataclasses import replace
 from functools import cached_property
 from typing import Any
 
@@ -24,13 +23,9 @@ class TorqueModel:
     def __init__(self, robot: Robot) -> None:
         """Read the values of a robot."""
         structure = Structure.build(robot)
-        theta = structure.true_values()
-        ends = np.cumsum([len(structure.base.columns), *(len(effect.coefficients) for effect in structure.effects)])
-        shares = np.split(theta, ends[:-1])
-        kept = [k for k, effect in enumerate(structure.effects) if effect.symbolic and not effect.uses_torque]
         self._robot = robot
-        self._structure = replace(structure, effects=tuple(structure.effects[k] for k in kept))
-        self._theta = np.concatenate([shares[0], *(shares[1 + k] for k in kept)])
+        self._structure, kept = structure.with_only(lambda effect: effect.symbolic and not effect.uses_torque)
+        self._theta = structure.true_values()[kept]
         free = [
             joint
             for joint in structure.base.free_rotors

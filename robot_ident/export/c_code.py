@@ -8,7 +8,6 @@ by x (3 - x^2) / 2, x = v / v_s, which meets it with equal slope.
 from __future__ import annotations
 
 import re
-from dataclasses import replace
 from typing import Any
 
 import numpy as np
@@ -58,18 +57,9 @@ def to_c(model: Model, smoothing: float) -> Exported:
 
 def _expressible(model: Model) -> tuple[Structure, Array, tuple[str, ...]]:
     """Return the structure without the effects that no expression of the present state gives, and its values."""
-    structure, place = model.structure, len(model.structure.base.columns)
-    kept, keep, left = [], list(range(place)), []
-    for effect in structure.effects:
-        own = range(place, place + len(effect.coefficients))
-        place = own.stop
-        if effect.symbolic:
-            kept.append(effect)
-            keep += own
-        else:
-            left.append(effect.label)
-    parameters = tuple(structure.parameters[k] for k in keep)
-    return replace(structure, effects=tuple(kept), parameters=parameters), model.linear[keep], tuple(left)
+    structure, kept = model.structure.with_only(lambda effect: effect.symbolic)
+    left = tuple(effect.label for effect in model.structure.effects if not effect.symbolic)
+    return structure, model.linear[kept], left
 
 
 def _functions(structure: Structure, values: Array, smoothing: float, name: str) -> list[Any]:

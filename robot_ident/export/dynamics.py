@@ -35,11 +35,8 @@ class Dynamics:
         into = {"viscous": damping, "coulomb": friction}
         carried: list[str] = []
         left: list[str] = []
-        place = len(model.structure.base.columns)
-        for effect in model.structure.effects:
-            value = model.linear[place]
-            place += len(effect.coefficients)
+        for effect, own in model.structure.placed:
             if effect.name in into:
-                into[effect.name][effect.joint] += value
+                into[effect.name][effect.joint] += model.linear[own.start]
             (carried if effect.name in into or effect.name == "rotor_inertia" else left).append(effect.label)
         return cls(model, FullInertias.of(model), damping, friction, tuple(carried), tuple(left))

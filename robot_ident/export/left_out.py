@@ -13,10 +13,8 @@ from robot_ident.motion import Array, Motion
 def torque_of(model: Model, labels: Collection[str], motion: Motion) -> dict[str, Array]:
     """Return the rms torque [n] of the effects `labels` of a model along a motion."""
     columns = model.structure.columns(motion, model.linear)
-    out, place = {}, len(model.structure.base.columns)
-    for effect in model.structure.effects:
-        own = slice(place, place + len(effect.coefficients))
-        place = own.stop
-        if effect.label in labels:
-            out[effect.label] = np.sqrt(np.mean((columns[:, :, own] @ model.linear[own]) ** 2, axis=0))
-    return out
+    return {
+        effect.label: np.sqrt(np.mean((columns[:, :, own] @ model.linear[own]) ** 2, axis=0))
+        for effect, own in model.structure.placed
+        if effect.label in labels
+    }

@@ -32,16 +32,13 @@ def torque_derivatives(structure: Structure, motion: Motion, values: Array) -> T
     The rigid part is Carpentier and Mansard's analytical derivative of recursive Newton-Euler ("Analytical
     derivatives of rigid body dynamics algorithms", 2018), on inertias that give the same torque as the base parameters.
     """
-    base = len(structure.base.columns)
-    parts = _rigid(structure, motion, values[:base])
-    neglected, start = [], base
-    for effect in structure.effects:
-        share = values[start : start + len(effect.coefficients)]
-        start += len(share)
+    parts = _rigid(structure, motion, values[: len(structure.base.columns)])
+    neglected = []
+    for effect, own in structure.placed:
         if effect.uses_torque or not effect.symbolic:
             neglected.append(effect.label)
             continue
-        for whole, part in zip(parts, _of_effect(effect, motion, share), strict=True):
+        for whole, part in zip(parts, _of_effect(effect, motion, values[own]), strict=True):
             whole += part
     return TorqueDerivatives(*parts, neglected=tuple(neglected))
 

@@ -129,13 +129,10 @@ def slopes_function(structure: Structure, sign: Any, values: Array) -> Any:
     torque = ca.mtimes(
         regressor_expression(structure.robot, *symbols)[:, list(base.columns)], ca.DM(values[: len(base.columns)])
     )
-    start = len(base.columns)
-    for effect in structure.effects:
-        share = values[start : start + len(effect.coefficients)]
-        start += len(share)
+    for effect, own in structure.placed:
         if effect.uses_torque or not effect.symbolic:
             continue
-        for size, term in zip(share, effect.terms(x, m), strict=True):
+        for size, term in zip(values[own], effect.terms(x, m), strict=True):
             for joint, value in term.items():
                 torque[joint] += float(size) * value
     slopes = ca.densify(ca.jacobian(torque, ca.vertcat(*symbols)))

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterable, Sequence
+from collections.abc import Callable, Iterable, Sequence
 from dataclasses import dataclass, replace
 from typing import Any
 
@@ -121,6 +121,27 @@ class Structure:
         return tuple(effect.label for effect in self.effects)
 
     @property
+    def placed(self) -> tuple[tuple[Effect, slice], ...]:
+        """The effects, each with the columns of Phi, and so the places in theta [p], that are its own."""
+        ends = np.cumsum([len(self.base.columns), *(len(effect.coefficients) for effect in self.effects)]).tolist()
+        return tuple((effect, slice(*span)) for effect, *span in zip(self.effects, ends[:-1], ends[1:], strict=True))
+
+    def places_of(self, chosen: Callable[[Effect], bool]) -> np.ndarray:
+        """Return which linear parameters [p] belong to the effects that are chosen (boolean)."""
+        out = np.zeros(len(self.parameters), dtype=bool)
+        for effect, own in self.placed:
+            out[own] = chosen(effect)
+        return out
+
+    def with_only(self, kept: Callable[[Effect], bool]) -> tuple[Structure, np.ndarray]:
+        """Return the structure with no effects but those that are kept, and which of the parameters [p] it has."""
+        here = ~self.places_of(lambda effect: not kept(effect))
+        effects = tuple(effect for effect in self.effects if kept(effect))
+        parameters = tuple(self.parameters[k] for k in np.flatnonzero(here))
+        given = sum(kept(effect) for effect in self.effects[: self.given])
+        return replace(self, effects=effects, parameters=parameters, inner=_inner(effects), given=given), here
+
+    @property
     def settings(self) -> Array:
         """Values of the inner parameters [r]."""
         return np.array([effect.setting[inner.name] for effect in self.effects for inner in effect.inner])
@@ -174,16 +195,13 @@ class Structure:
 
         plain: columns (numbers or expressions) of the base parameters and of those effects, values [p or more].
         """
-        start = len(self.base.columns)
-        load = total = plain[0] @ values[:start]
+        load = total = plain[0] @ values[: len(self.base.columns)]
         dry = 0.0 * load
         rest = iter(plain[1:])
-        for effect in self.effects:
-            share = values[start : start + len(effect.coefficients)]
-            start += len(effect.coefficients)
+        for effect, own in self.placed:
             if effect.uses_torque:
                 continue
-            torque = next(rest) @ share
+            torque = next(rest) @ values[own]
             total = total + torque
             if effect.loads_gear:
                 load = load + torque

@@ -3,11 +3,16 @@
 from __future__ import annotations
 
 import importlib
+import os
+import signal
 import sys
+from types import FrameType
 
 
 def _start(node: str) -> int:
     """Run a node; return its exit code, 2 where it can't even be imported."""
+    for number in (signal.SIGINT, signal.SIGTERM):
+        signal.signal(number, _nothing_begun)  # until the node has handlers of its own
     try:
         main = importlib.import_module(f"robot_ident.nodes.{node}").main
     except ImportError as error:
@@ -19,6 +24,11 @@ def _start(node: str) -> int:
         )
         return 2
     return int(main())
+
+
+def _nothing_begun(number: int, frame: FrameType | None) -> None:
+    """End the process within its imports: nothing is there yet that could be lost."""
+    os._exit(0)
 
 
 def trajectory_publisher() -> int:

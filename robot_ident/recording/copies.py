@@ -19,8 +19,9 @@ def refuse_copies(measurements: Sequence[Measurement]) -> None:
     for one, other in combinations(measurements, 2):
         if one is other or np.array_equal(one.torque, other.torque, equal_nan=True):
             raise InputError(
-                f"{other.source} holds the samples of {one.source}: a copy of it; give every recording once, since"
-                " the noise of both would be counted as independent, and what is kept aside as not seen"
+                f"{other.source} holds the samples of {one.source}: a copy of it, or a simulation of the"
+                " same motion without noise; give every one once, since the noise of both would be counted as"
+                " independent, and what is kept aside as not seen"
             )
 
 

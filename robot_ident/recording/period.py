@@ -8,12 +8,15 @@ import numpy as np
 
 from robot_ident.errors import InputError
 from robot_ident.motion import Array, Mask
+from robot_ident.recording.clock import roughness
 
 _COARSE = 1500  # samples of the coarse search
 _REPEATS = 1e-3  # of the variance: the largest median difference that counts as repeating
 _RETURN = 0.05  # a dip lies this far below the largest difference at shorter lags
 _OVERLAP = 0.2  # of the samples in motion must overlap at a lag
 _REST = 0.1  # of its top speed: a joint slower than this is nearly at rest
+AT_REST = 1e-3  # rad or m: a joint that strays less stands still
+_ROUGH = 0.1  # of what a joint strays: with more noise from sample to sample, noise is all that there is
 _SMOOTH = 0.04  # share of a period over which the mismatch of successive periods is averaged
 
 
@@ -35,10 +38,8 @@ def find_period(q: Array, dt: float) -> float | None:
     The median over time of the squared difference at a lag is blind to transients: its dips on a coarse grid are
     candidates, sharpened on the full one; the shortest that repeats as well as the best is the period.
     """
-    x = q - q.mean(axis=0)
-    scale = x.std(axis=0)
-    moving = scale > 1e-9 * max(1.0, float(scale.max()))
-    x = x[:, moving] / scale[moving]
+    x = q[:, _moving(q)]
+    x = (x - x.mean(axis=0)) / x.std(axis=0)
     awake = _awake(x)
     stride = max(1, int(awake.sum()) // _COARSE)
     lags = _dips(x[::stride], awake[::stride]) * stride
@@ -58,6 +59,7 @@ def refine_period(q: Array, period: float, dt: float) -> float:
     shift = - sum dq (q(t + L) - q(t)) / sum dq^2, over the steady samples; lags L of 1, 2, 4... periods, each
     refining the last.
     """
+    q = q[:, _moving(q)]
     velocity = np.gradient(q, axis=0)
     weight = 1.0 / np.maximum(velocity.std(axis=0), 1e-12) ** 2
     awake = _awake(q)
@@ -88,6 +90,8 @@ def steady_part(q: Array, period: float, step: Array, source: str) -> Steady:
 
     step [n]: differences of the noise's size. Raises InputError when it holds fewer than two periods.
     """
+    moving = _moving(q)
+    q, step = q[:, moving], step[moving]
     lag = round(period)
     if len(q) < lag + 4:
         raise InputError(f"{source}: {len(q) / period:.1f} periods; at least 2 are needed where periods are averaged")
@@ -113,6 +117,17 @@ def steady_part(q: Array, period: float, step: Array, source: str) -> Steady:
             " at least 2 are needed where periods are averaged"
         )
     return Steady(period, periods, first, last)
+
+
+def _moving(q: Array) -> Mask:
+    """Return which joints of positions q [N, n] move: what one that is held shows is noise, and repeats with no period.
+
+    All that are not quite constant where none moves by more.
+    """
+    scale = q.std(axis=0)
+    some = scale > 1e-9 * max(1.0, float(scale.max()))
+    moving = some & (np.ptp(q, axis=0) >= AT_REST) & (roughness(q) < _ROUGH * scale)
+    return np.asarray(moving if moving.any() else some)
 
 
 def _local_noise(q: Array, kernel: Array) -> Array:

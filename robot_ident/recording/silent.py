@@ -7,9 +7,16 @@ from collections.abc import Sequence
 import numpy as np
 
 from robot_ident.errors import InputError
+from robot_ident.motion import Mask
 from robot_ident.recording.measurement import Measurement
+from robot_ident.recording.period import AT_REST
 
-_STILL = 1e-3  # rad or m: what strays less stands still
+
+def silent_joints(measurements: Sequence[Measurement]) -> Mask:
+    """Return which joints [n] have no row that counts in any of some measurements, or stand still in all."""
+    reach = np.max([np.ptp(measured.motion.q, axis=0) for measured in measurements], axis=0)
+    told = np.any([measured.used[measured.rows].any(axis=0) for measured in measurements], axis=0)
+    return np.asarray((reach < AT_REST) | ~told)
 
 
 def refuse_silent(measurements: Sequence[Measurement], remedy: str = "") -> None:
@@ -17,10 +24,8 @@ def refuse_silent(measurements: Sequence[Measurement], remedy: str = "") -> None
 
     remedy: what to do about it, with `{moving}` in the place of the other joints.
     """
-    joints = measurements[0].joints
-    reach = np.max([np.ptp(measured.motion.q, axis=0) for measured in measurements], axis=0)
-    told = np.any([measured.used[measured.rows].any(axis=0) for measured in measurements], axis=0)
-    silent = [name for name, far, yes in zip(joints, reach, told, strict=True) if far < _STILL or not yes]
+    joints, still = measurements[0].joints, silent_joints(measurements)
+    silent = [name for name, yes in zip(joints, still, strict=True) if yes]
     if not silent:
         return
     moving = [name for name in joints if name not in silent]

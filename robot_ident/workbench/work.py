@@ -18,6 +18,7 @@ from robot_ident.diagnosis.beside import Beside, beside
 from robot_ident.diagnosis.comparison import compare, judged
 from robot_ident.diagnosis.curves import since_reversal
 from robot_ident.diagnosis.diagnose import diagnose
+from robot_ident.diagnosis.kept_aside import misfit_aside
 from robot_ident.diagnosis.progress import Tell, after
 from robot_ident.diagnosis.residual_lines import residual_lines
 from robot_ident.effects import make_effect
@@ -77,6 +78,8 @@ class Work:
         """Find what a step's model lacks, and what each candidate would do."""
         training, validation, model = self._given(tell, number)
         found = diagnose(training, model.structure, validation, tell=_part(tell, 0.3, 0.8))
+        if found.verdict == "adequate":
+            found = replace(found, notes=(*found.notes, *misfit_aside(model, validation)))
         listed = [s for s in (*found.missing, *found.others) if s.effect.regression]
         forecast = Forecast(training, model.structure, validation)
         for place, suspect in enumerate(listed):
@@ -115,7 +118,8 @@ class Work:
         def heard(what: str) -> None:
             tell(after(next(steps), 0.5, 1.0), f"report: {what}")
 
-        found = gather(list(zip(names, models, strict=True)), training, validation, heard=heard)
+        own = self.session.choice.effects_from
+        found = gather(list(zip(names, models, strict=True)), training, validation, effects_from=own, heard=heard)
         heard("drawing")
         write_report(path, found, force=force)
         self.said = f"The report is written: {shown}"

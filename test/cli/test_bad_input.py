@@ -146,9 +146,7 @@ def test_a_copy_of_a_recording_is_no_second_one(run: Run, bag: Path, tmp_path: P
     copy, model = tmp_path / "copy", tmp_path / "model.yaml"
     assert run("identify", bag, "-o", model).code == 0
     shutil.copytree(bag, copy)
-    refused(
-        run("identify", bag, copy, "-o", tmp_path / "m.yaml"), "copy holds the samples of", "give every recording once"
-    )
+    refused(run("identify", bag, copy, "-o", tmp_path / "m.yaml"), "copy holds the samples of", "give every one once")
     refused(run("diagnose", model, bag, copy), "copy holds the samples of")
     refused(run("diagnose", model, bag, "--validation", copy), "copy holds the samples of")
     refused(run("compare", model, bag, copy), "copy holds the samples of")

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import shlex
+import shutil
 from collections.abc import Callable
 from pathlib import Path
 from typing import Any
@@ -91,6 +92,15 @@ def test_bad_input(run: Run, words: list[str], message: str) -> None:
     assert done.code == 2
     assert message in done.err
     assert "Traceback" not in done.err
+
+
+def test_what_is_known_counts_once(run: Run, bag: Path, tmp_path: Path) -> None:
+    copy = tmp_path / "copy"
+    shutil.copytree(bag, copy)
+    for other, message in ((bag, f"{bag} is given twice"), (copy, f"{copy} holds the samples of {bag}")):
+        done = run("design", *SHORT, "--time-limit", 4, "--prior", bag, other)
+        assert done.code == 2
+        assert message in done.err
 
 
 def test_words_of_options() -> None:

@@ -22,3 +22,11 @@ def test_a_full_device_as_standard_output(words: list[str]) -> None:
         )
     assert done.returncode == 2
     assert done.stderr == "robot_ident effects: standard output can't be written (No space left on device)\n"
+
+
+@pytest.mark.parametrize("words", [["effects"], ["effects", "--json"]])
+def test_a_closed_standard_output(words: list[str]) -> None:
+    """What is printed goes nowhere, and the rest is done as ever."""
+    command = [sys.executable, "-P", "-m", "robot_ident.cli.main", *words]
+    done = subprocess.run(["sh", "-c", '"$@" >&-', "sh", *command], stderr=subprocess.PIPE, text=True, check=False)
+    assert (done.returncode, done.stderr) == (0, "")

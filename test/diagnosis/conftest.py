@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Callable, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from pathlib import Path
 
 import numpy as np
@@ -100,6 +100,12 @@ class Bench:
         if key not in self._plays:
             self._plays[key] = Play.of(self.robot, plant_physics(self.robot, effects), self.motions[motion])
         return self._plays[key].record(PERIODS, noise=noise, seed=100 * seed + motion)
+
+    def held(self, joint: str) -> Recording:
+        """Record a motion in which one joint is held where it is."""
+        series, moving = self.motions[0], np.array([[name != joint] for name in self.robot.joints], dtype=float)
+        others = replace(series, a=series.a * moving, b=series.b * moving)
+        return Play.of(self.robot, plant_physics(self.robot, ()), others).record(PERIODS, noise=QUIET, seed=7)
 
     def measure(
         self, effects: Sequence[str], motions: Sequence[int] = TRAINING, *, noise: float = QUIET, seed: int = 1

@@ -12,6 +12,7 @@ from scipy.signal import resample
 from robot_ident.diagnosis.comparison import compare
 from robot_ident.diagnosis.diagnose import diagnose
 from robot_ident.errors import InputError
+from robot_ident.estimation.identify import identify
 from robot_ident.recording.copies import of_one_motion
 from robot_ident.recording.measurement import Measurement
 
@@ -20,12 +21,14 @@ def test_a_copy_under_another_name_is_refused(bench: Any) -> None:
     (one,) = bench.measure((), [0], noise=1.0)
     copy = replace(one, source="copy", torque=one.torque.copy())
     model = bench.model([one])
+    recording = bench.record((), 0, noise=1.0)
     for wants in (
+        lambda: identify([recording, replace(recording, source="copy")], bench.robot),
         lambda: compare(model, [one, copy]),
         lambda: diagnose([one, copy], bench.structure),
         lambda: diagnose([one], bench.structure, [copy]),
     ):
-        with pytest.raises(InputError, match="^copy holds the samples of .*: a copy of it; give every recording once"):
+        with pytest.raises(InputError, match="^copy holds the samples of .*: a copy of it, or .* give every one once"):
             wants()
 
 

@@ -60,6 +60,19 @@ def test_what_does_not_lower_the_error_on_the_validation_is_left_out(
     assert added.stopped == ("torque_offset@joint_3: left out, adding it does not lower the error on the validation")
 
 
+def test_an_adequate_end_that_misfits_what_was_kept_aside_says_so(
+    bench: Any, inputs: Inputs, capsys: pytest.CaptureFixture[str]
+) -> None:
+    """All that the fitted recordings show is added; the one kept aside shows more."""
+    more = (*HIDDEN, "torque_offset@joint_1:torque_offset=9")
+    found = bench.diagnose(HIDDEN)
+    added = add_until_adequate(found, replace(inputs, validation=tuple(bench.measure(more, [3]))), WORDS)
+    assert added.last.verdict == "adequate"
+    assert "the model does not fit what was kept aside: joint_1 by" in added.last.notes[-1]
+    print_additions(found, added)
+    assert "note: the model does not fit what was kept aside: joint_1 by" in capsys.readouterr().err
+
+
 def test_where_nothing_is_named_the_staircase_is_the_model_as_it_is(
     bench: Any, capsys: pytest.CaptureFixture[str]
 ) -> None:

@@ -118,12 +118,14 @@ def test_bad_input_is_one_line(verb: Verb, files: Any, bench: Any, tmp_path: Pat
     write_recording(motor, replace(recording, tau=recording.tau * np.array([1.0, 0.01, 1.0])))
     still = tmp_path / "still.npz"
     write_recording(still, replace(recording, q=recording.q * np.array([0.0, 1.0, 1.0])))
+    rigid = tmp_path / "rigid.npz"
+    write_recording(rigid, replace(recording, q=recording.q * 1e-6))
     model, bag = files.model, files.bags[0]
     cases = [
         (["diagnose", model, bag, motor], "motor.npz alone: "),
         (["diagnose", model, motor], "change it to 'joint_2: {effort: {side: motor}}'"),
         (["diagnose", model, still], "joint_1 has no usable sample"),
-        (["compare", model, still], "joint_1 has no usable sample"),
+        (["compare", model, rigid], "joint_1 has no usable sample"),
         (["add", model, "stribek@joint_2", "--bag", bag], "did you mean 'stribeck'"),
         (["add", model, "stribeck@joint_22", "--bag", bag], "did you mean 'joint_2'"),
         (["add", model, "viscous@joint_1", "--bag", bag], "in the model already"),
@@ -168,6 +170,28 @@ def test_an_adequate_model_that_misfits_what_is_kept_aside_says_so(
     write_recording(fine, bench.record((), 3))
     _, _, err = verb("diagnose", plain, *bags, "--validation", fine)
     assert "kept aside" not in err
+
+
+def test_a_joint_that_is_held_is_shown_and_not_judged(verb: Verb, files: Any, bench: Any, tmp_path: Path) -> None:
+    """Its encoder flickers, its friction holds what it has to; all that moves is judged by periods as ever."""
+    plain, held = tmp_path / "plain.yaml", tmp_path / "held.npz"
+    write_model(bench.model(bench.measure(())), plain)
+    write_recording(held, bench.held("joint_1"))
+    code, out, err = verb("compare", plain, held, "--json")
+    assert code == 0, err
+    joints, (note,) = json.loads(out)["joints"], json.loads(out)["notes"]
+    assert [joint["fails"] for joint in joints] == [None, False, False]
+    assert joints[0]["noise_variance"] > 0.0
+    assert joints[0]["explained_by"] == {}
+    assert note.startswith(f"joint_1 stands still in {held}")
+    bags = [tmp_path / f"bag_{k}.npz" for k in range(2)]
+    for motion, bag in enumerate(bags):
+        write_recording(bag, bench.record((), motion))
+    code, out, err = verb("diagnose", plain, *bags, "--validation", held)
+    assert code == 0, err
+    assert out.startswith("adequate")
+    code, _, err = verb("diagnose", plain, *bags, held)
+    assert code == 0, err
 
 
 def test_until_adequate_prints_and_writes_the_staircase(verb: Verb, files: Any, tmp_path: Path) -> None:

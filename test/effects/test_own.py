@@ -9,6 +9,7 @@ import pytest
 
 from robot_ident.effects import load_effects
 from robot_ident.errors import InputError
+from robot_ident.model.structure import Structure
 from robot_ident.motion import Motion
 from robot_ident.robot import load_robot
 
@@ -51,6 +52,21 @@ def test_its_columns(tmp_path: Path, body: str, message: str) -> None:
     q = np.random.default_rng(1).standard_normal((40, 3))
     with pytest.raises(InputError, match=message):
         effect.columns(Motion(q, q, q))
+
+
+def test_a_torque_that_is_not_known_yet_makes_no_error(tmp_path: Path) -> None:
+    """An estimate begins at zero torque, where a direction of the load is 0 / 0."""
+    path = tmp_path / "dent.py"
+    body = "return [{self.joint: x.load[self.joint] / np.sqrt(x.load[self.joint] ** 2)}]"
+    text = SOURCE.replace("{body}", body).replace("    inner =", "    uses_torque = True\n    inner =")
+    path.write_text(text)
+    structure = Structure.build(load_robot("kuka_ir361"), [load_effects(path)["dent"](load_robot("kuka_ir361"), 0)])
+    motion = Motion(*np.random.default_rng(1).uniform(-1.0, 1.0, (3, 40, 3)))
+    np.testing.assert_array_equal(structure.columns(motion)[:, :, -1], 0.0)
+    known = structure.columns(motion, np.ones(len(structure.parameters)))
+    np.testing.assert_array_equal(np.abs(known[:, 0, -1]), 1.0)
+    with pytest.raises(InputError, match="a column that is not finite"):
+        structure.columns(motion, np.zeros(len(structure.parameters)))
 
 
 def test_one_that_is_right_is_left_alone(tmp_path: Path) -> None:

@@ -169,6 +169,10 @@ def test_an_empty_hand_is_written_as_one(
     assert "nothing in the hand that the data tell (" in told.err
     assert read_conditions(bag).payload is None
     assert "nothing in the hand" in read_conditions(bag).note
+    copy = tmp_path / "copy.npz"
+    write_recording(copy, plays[0][1].record(16, seed=77))
+    assert main(["identify", str(bag), str(copy), "--only", "payload", "--model", str(file)]) == 2
+    assert f"{copy} holds the samples of {bag}" in capsys.readouterr().err
 
 
 def test_predictions_carry_what_the_conditions_state(model: Model, plays: tuple[list[Play], Play]) -> None:

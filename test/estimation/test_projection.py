@@ -48,7 +48,7 @@ def whole(problem: Problem, structure: Structure, near: Array | None) -> Array:
 def test_the_residual_is_that_of_the_whole_problem(arm: Any, effects: list[str], weighted: bool, pole: float) -> None:
     structure = Structure.build(arm.robot, effects)
     problem = Problem([measured(arm, pole)], structure, weighted=weighted)
-    searched = [k for k, effect in enumerate(structure.effects) if effect.inner]
+    searched = [effect.label for effect in structure.effects if effect.inner]
     left = Projection.of(problem, structure, searched)
     assert left.stays is not None
     rng = np.random.default_rng(2)
@@ -61,8 +61,7 @@ def test_the_residual_is_that_of_the_whole_problem(arm: Any, effects: list[str],
 def test_columns_that_stay_are_those_of_no_searched_effect(arm: Any) -> None:
     structure = Structure.build(arm.robot, [*STRIBECK, "load_friction@joint_3"])
     problem = Problem([measured(arm, 0.0)], structure)
-    first = next(k for k, effect in enumerate(structure.effects) if effect.label == "stribeck@joint_1")
-    left = Projection.of(problem, structure, [first])
+    left = Projection.of(problem, structure, ["stribeck@joint_1"])
     assert left.stays is not None
     moving = [problem.names[k] for k in left.order[len(left.stays.scale) :]]
     assert {name.rpartition("@")[2] for name in moving} == {"joint_1", "joint_3"}

@@ -65,3 +65,27 @@ def test_true_torque_is_inverse_dynamics_plus_friction() -> None:
     friction = np.array([17.76, 33.48, 23.11]) * motion.dq + np.array([35.12, 6.35, 14.51]) * np.sign(motion.dq)
     expected = robot.rigid.inverse_dynamics(motion) + friction
     np.testing.assert_allclose(structure.columns(motion) @ structure.true_values(), expected, atol=1e-10)
+
+
+def test_the_places_of_an_effect_are_those_that_its_names_have() -> None:
+    load = "load_friction@joint_2"
+    structure = Structure.build(load_robot("kuka_ir361"), ["cable@joint_3", load, "stribeck@joint_1"])
+    for effect, own in structure.placed:
+        assert structure.names[own] == effect.parameter_names()
+    of_torque = structure.places_of(lambda effect: effect.uses_torque)
+    expected = structure.effects[structure.labels.index(load)].parameter_names()
+    assert tuple(np.array(structure.names)[of_torque]) == expected
+
+
+def test_a_structure_with_fewer_effects_has_the_columns_that_they_had() -> None:
+    structure = Structure.build(load_robot("kuka_ir361"), ["cable@joint_3", "stribeck@joint_1"])
+    fewer, kept = structure.with_only(lambda effect: effect.name != "cable")
+    assert fewer.labels == tuple(label for label in structure.labels if label != "cable@joint_3")
+    assert fewer.given == structure.given
+    assert fewer.names == tuple(np.array(structure.names)[kept])
+    assert [inner.effect for inner in fewer.inner] == ["stribeck"] * len(fewer.inner)
+    rng = np.random.default_rng(5)
+    motion = Motion(*rng.uniform(-1.0, 1.0, (3, 20, 3)), dt=0.1)
+    np.testing.assert_array_equal(fewer.columns(motion), structure.columns(motion)[:, :, kept])
+    plain, _ = structure.with_only(lambda effect: effect.name != "coulomb")
+    assert plain.given == structure.given - 3

@@ -87,6 +87,17 @@ class Starting(BaseNode):
 if __name__ == "__main__":
     code = run(Starting, ["starting"])
 """
+IMPORTING = """
+import importlib, os, signal
+from robot_ident.nodes import start
+
+def interrupted(name):
+    os.kill(os.getpid(), signal.%s)
+    print("goes on")
+
+importlib.import_module = interrupted
+raise SystemExit(start.recorder())
+"""
 FLOODED = """
     subprocess.Popen(["sh", "-c", "exec >/dev/null 2>&1; while kill -INT $PPID; do :; done"])
     raise SystemExit(code)
@@ -135,6 +146,15 @@ def test_a_signal_during_the_start_ends_it_wherever_it_comes(
     assert done.returncode == 0, done.stderr
     assert done.stdout.splitlines() == (["closed"] if interrupted == SWALLOWED else [])
     assert "Traceback" not in done.stderr or interrupted == SWALLOWED
+
+
+@pytest.mark.parametrize("number", ["SIGINT", "SIGTERM"])
+def test_a_signal_during_imports_ends_it(
+    run_node: Callable[[str], subprocess.CompletedProcess[str]], number: str
+) -> None:
+    """As far as it is started by its name: then its own code runs before what it imports."""
+    done = run_node(IMPORTING % number)
+    assert (done.returncode, done.stdout, done.stderr) == (0, "", "")
 
 
 def test_signals_at_the_end_are_ignored_to_the_last(

@@ -23,6 +23,22 @@ def test_period_and_steady_part_are_found(arm: Any, periods: int) -> None:
     assert measured.samples_per_period == 1500
 
 
+@pytest.mark.parametrize("pause", [0.0, 40.0])
+def test_a_joint_that_is_held_hides_no_period(arm: Any, pause: float) -> None:
+    """What its encoder shows is noise, which repeats with no period and moves as long as the recording lasts."""
+    recording = arm.record(1, periods=4)
+    flicker = np.random.default_rng(1).normal(0.3, 4e-5, recording.samples + round(pause * 150))
+    last = np.full(len(flicker) - recording.samples, recording.samples - 1)
+    rows = np.concatenate([np.arange(recording.samples), last])
+    q = recording.q[rows] + np.random.default_rng(2).normal(0.0, 1e-5, (len(rows), 3))
+    q[:, 0] = flicker
+    t = recording.t[0] + np.arange(len(rows)) / 150
+    measured = process(replace(recording, t=t, q=q, tau=recording.tau[rows], dq=None), arm.robot)
+    assert measured.periods in (3, 4)  # the arm stops at once where it stops
+    assert measured.base_frequency == pytest.approx(0.1, rel=1e-6)
+    assert measured.position_variance[0] == pytest.approx(16e-10, rel=0.1)
+
+
 def test_motion_is_the_true_one_far_below_the_encoder(arm: Any) -> None:
     measured = process(arm.record(2), arm.robot)
     t = arm.record(2).t
