@@ -213,6 +213,7 @@ def _write_mcap(args: argparse.Namespace, inputs: Inputs) -> None:
 
     from robot_ident.bags import BagWriter, read_for
     from robot_ident.diagnosis.along import along
+    from robot_ident.estimation.at_pose import at_pose
     from robot_ident.files import whole
 
     path = Path(args.mcap)
@@ -220,7 +221,7 @@ def _write_mcap(args: argparse.Namespace, inputs: Inputs) -> None:
         folder = draft.with_name(path.stem) if path.suffix == ".mcap" else draft
         with BagWriter(folder, chunked=True, shown_as=path) as bag:
             for number, (name, measured) in enumerate(zip(inputs.bags, inputs.measurements, strict=True), 1):
-                recording = read_for(name, inputs.models[0].robot, topic=args.topic)
+                recording = at_pose(inputs.models[0], read_for(name, inputs.models[0].robot, topic=args.topic))
                 prefix = f"/bag_{number}" if len(inputs.bags) > 1 else ""
                 _write_along(bag, prefix, along(inputs.models[0], recording, measured))
         if path.suffix == ".mcap":

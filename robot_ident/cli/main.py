@@ -14,7 +14,7 @@ from types import FrameType
 
 from robot_ident import __version__
 from robot_ident.cli.effects_from import add_effects_from, register_effects
-from robot_ident.cli.output import Parser, flush, refuse_own_input
+from robot_ident.cli.output import Parser, flush, refuse_own_input, tell
 from robot_ident.errors import RobotIdentError
 from robot_ident.parallel import on_cluster
 
@@ -71,6 +71,11 @@ def main(argv: Sequence[str] | None = None) -> int:
         if getattr(sys, stream) is None:  # closed by who started us: what is printed goes nowhere
             setattr(sys, stream, os.fdopen(os.open(os.devnull, os.O_WRONLY), "w"))
     verb = next((word for word in words if not word.startswith("-")), None)
+    with _interrupts() as came:
+        return _run(words, verb, came)
+
+
+def _run(words: list[str], verb: str | None, came: list[int]) -> int:
     try:
         args = build_parser(verb if verb in VERBS else "").parse_args(words)
         refuse_own_input(args)
@@ -80,22 +85,49 @@ def main(argv: Sequence[str] | None = None) -> int:
             flush()
             return code
     except RobotIdentError as error:
-        print(f"robot_ident {verb}: {error}", file=sys.stderr)
+        tell(f"robot_ident {verb}: {error}")
         return error.exit_code
     except BrokenPipeError:
         os.dup2(os.open(os.devnull, os.O_WRONLY), sys.stdout.fileno())
         return 0
     except KeyboardInterrupt:
         return _stopped(verb)
-    except SystemError as error:  # of compiled code that an interrupt has broken into
-        if not isinstance(error.__cause__ or error.__context__, KeyboardInterrupt):
+    except Exception:
+        if not came:
             raise
-        return _stopped(verb)
+        return _stopped(verb)  # what compiled code, or an import, made of the interrupt
 
 
 def _stopped(verb: str | None) -> int:
-    print(f"robot_ident {verb}: stopped; nothing was written", file=sys.stderr)
+    tell(f"robot_ident {verb}: stopped; nothing was written")
     return 130
+
+
+class _Interrupt(KeyboardInterrupt):
+    """Another type than Python's own, which ends `python -m` by the signal, caught or not, where it meets `exec`."""
+
+
+@contextmanager
+def _interrupts() -> Iterator[list[int]]:
+    """Give the list of the interrupts that have come."""
+    came: list[int] = []
+
+    def interrupt(number: int, frame: FrameType | None) -> None:
+        came.append(number)
+        raise _Interrupt
+
+    if threading.current_thread() is not threading.main_thread():
+        yield came
+        return
+    former = signal.getsignal(signal.SIGINT)
+    if former is not signal.default_int_handler:  # a shell that has us ignore it, or a program that we are part of
+        yield came
+        return
+    signal.signal(signal.SIGINT, interrupt)
+    try:
+        yield came
+    finally:
+        signal.signal(signal.SIGINT, former)
 
 
 @contextmanager

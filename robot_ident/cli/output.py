@@ -11,7 +11,7 @@ import sys
 import textwrap
 from collections.abc import Callable, Iterable, Iterator, Sequence
 from contextlib import contextmanager
-from typing import Any, NoReturn
+from typing import Any, NoReturn, TextIO
 
 from robot_ident.errors import InputError
 
@@ -27,7 +27,7 @@ class Parser(argparse.ArgumentParser):
 
     def error(self, message: str) -> NoReturn:
         """Print the line and exit with 2."""
-        print(f"{self.prog}: {message}", file=sys.stderr)
+        tell(f"{self.prog}: {message}")
         sys.exit(2)
 
 
@@ -113,8 +113,11 @@ def _dressed(text: str) -> str:
 
 
 def tell(text: str) -> None:
-    """Print a log line on standard error."""
-    print(text, file=sys.stderr, flush=True)
+    """Print a log line on standard error; where that takes no more, nobody is told, and the work goes on."""
+    try:
+        print(text, file=sys.stderr, flush=True)
+    except OSError:
+        _discard(sys.stderr)
 
 
 def print_json(data: dict[str, Any]) -> None:
@@ -141,8 +144,13 @@ def _writable() -> Iterator[None]:
     except BrokenPipeError:  # the reader has had enough
         raise
     except OSError as error:
-        os.dup2(os.open(os.devnull, os.O_WRONLY), sys.stdout.fileno())  # what is left in its buffer goes nowhere
+        _discard(sys.stdout)
         raise InputError(f"standard output can't be written ({error.strerror or error})") from error
+
+
+def _discard(stream: TextIO) -> None:
+    """Let what is left in a stream's buffer, and all that comes, go nowhere."""
+    os.dup2(os.open(os.devnull, os.O_WRONLY), stream.fileno())
 
 
 def _finite(value: Any) -> Any:

@@ -125,7 +125,7 @@ def run(args: argparse.Namespace) -> int:
     say(f"{result.recording.samples} samples, {result.recording.duration:.1f} s of robot time in {seconds:.2f} s")
     say(f"written: {args.output}")
     if answer is not None:
-        say(f"what is hidden stands in {answer}: robot_ident trial --open shows it")
+        say(f"what is hidden stands in {answer}: robot_ident trial --open {answer} shows it")
     return 0
 
 

@@ -5,7 +5,6 @@ The model is taken as it stands; nothing is fitted but the curves that show what
 
 from __future__ import annotations
 
-import itertools
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field, replace
 from typing import Any
@@ -26,7 +25,7 @@ from robot_ident.model.model import Model
 from robot_ident.motion import Array, Mask
 from robot_ident.recording.copies import refuse_copies
 from robot_ident.recording.measurement import Measurement
-from robot_ident.recording.silent import refuse_silent, silent_joints
+from robot_ident.recording.silent import refuse_silent, silent_joints, still_notes
 
 EDGES = (0.0, 0.5, 1.0, 2.0, 5.0, 10.0, 15.0, 30.0, np.inf)  # Hz
 _LISTED = 6  # regions named for a joint
@@ -161,11 +160,7 @@ def compare(model: Model, measurements: Sequence[Measurement]) -> Comparison:
         for measured, yes in zip(measurements, known, strict=True)
         if not yes
     ]
-    notes += [
-        f"{joint.name} stands still in {', '.join(measured.source for measured in measurements)}: what its friction"
-        " does there no model tells; it is shown, not judged"
-        for joint in itertools.compress(joints, still)
-    ]
+    notes += [line for measured in measurements for line in still_notes(measured)]
     if testable is not None and any(joint.fails for joint in joints):
         joints = _with_hidden_path(joints, testable, model.covariance)
     return Comparison(joints, (*notes, *_at_reversals(evidence, joints), *_hidden_note(joints)))
@@ -248,7 +243,7 @@ def _joint(evidence: Evidence, joint: int, fit: NoiseTest | None) -> JointCompar
     newton = [r[u] / t.weight[u, joint] for r, u, t in zip(residual, used, trajectories, strict=True)]
     mse = float(sum(np.sum(one**2) for one in newton) / rows)
     parts = [u.sum() * t.measured.averaged_variance[joint] for u, t in zip(used, trajectories, strict=True)]
-    floor = float(sum(parts) / rows) if all(dof) else None
+    floor = float(sum(parts) / rows) if all(d > 0.0 or not u.any() for d, u in zip(dof, used, strict=True)) else None
     fails = fit is None or fit.fails
     seen = [_variables(evidence, t, joint) for t in trajectories]
     shares = {

@@ -136,7 +136,8 @@ def _on_one(model: Model, source: Source) -> dict[str, Level]:
     if source.measured.base_frequency is not None:
         return _levels(compare(model, [source.measured]))
     low_pass = None if source.measured.low_pass is None else source.measured.low_pass.cutoff
-    fits = validate(model, source.recording, low_pass=low_pass).residual
+    found = validate(model, source.recording, low_pass=low_pass)
+    fits = {**found.standstill, **found.residual}  # of a joint that stands still the former is all that there is
     return {joint: Level(fit.mse, fit.noise_variance) for joint, fit in fits.items()}
 
 

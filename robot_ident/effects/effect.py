@@ -11,7 +11,7 @@ from typing import Any, ClassVar, Literal, NamedTuple, Protocol
 
 import numpy as np
 
-from robot_ident.effects.own import is_own, own_columns
+from robot_ident.effects.own import faults_of, is_own, own_columns
 from robot_ident.errors import InputError, did_you_mean
 from robot_ident.motion import Array, Motion
 from robot_ident.robot.effort import Side, in_ampere
@@ -257,12 +257,12 @@ class Effect(ABC):
 
     def terms(self, x: Signals, m: Mathematics) -> Sequence[dict[int, Any]]:
         """Return for each coefficient at this place the torque per unit: {joint: [N]}."""
-        terms = self.full_terms(x, m)
+        with faults_of(type(self)):
+            terms = self.full_terms(x, m)
         return [terms[k] for k in self._kept]
 
     def smooth_terms(self, x: Signals, m: Mathematics, course: Course) -> Sequence[dict[int, Any]]:
-        """Return for each coefficient of the class what designs of excitations take for its torque per unit: {joint:
-        expression}.
+        """Return for each coefficient of the class what designs take for its torque per unit: {joint: expression}.
 
         Memory and delays as functions of the state that hold along smooth motions; the exact columns judge the result.
         """
@@ -272,7 +272,8 @@ class Effect(ABC):
 
     def designed_terms(self, x: Signals, m: Mathematics, course: Course) -> Sequence[dict[int, Any]]:
         """Return `smooth_terms` for each coefficient at this place."""
-        terms = self.smooth_terms(x, m, course)
+        with faults_of(type(self)):
+            terms = self.smooth_terms(x, m, course)
         return [terms[k] for k in self._kept]
 
     def full_columns(self, motion: Motion, torques: Torques | None = None) -> Array:
@@ -287,8 +288,7 @@ class Effect(ABC):
     def columns(self, motion: Motion, torques: Torques | None = None) -> Array:
         """Return the torque per unit of each coefficient [N, n, k].
 
-        Raises InputError where they depend on the past and the motion is a set of single instants, and where a user's
-        own effect fails.
+        Raises InputError where they depend on the past of a set of single instants, and where a user's effect fails.
         """
         if self.needs_time and motion.dt is None:
             raise InputError(f"{self.label} depends on the past: its motion must be sampled evenly")

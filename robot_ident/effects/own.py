@@ -5,7 +5,8 @@ from __future__ import annotations
 import sys
 import traceback
 import warnings
-from contextlib import redirect_stdout
+from collections.abc import Iterator
+from contextlib import contextmanager, redirect_stdout
 from pathlib import Path
 from typing import TYPE_CHECKING
 
@@ -35,20 +36,31 @@ def line_in(file: str, error: BaseException) -> str:
     return f", line {lines[-1]}" if lines else ""
 
 
-def own_columns(effect: Effect, motion: Motion, torques: Torques | None) -> Array:
-    """Return the columns [N, n, K] of a user's effect; InputError where it fails or gives anything else."""
-    kind, shape = type(effect), (motion.samples, effect.robot.n, len(type(effect).coefficients))
+@contextmanager
+def faults_of(kind: type[Effect]) -> Iterator[None]:
+    """Make one line of whatever goes wrong in a user's class; what it prints goes to standard error."""
+    if not is_own(kind):
+        yield
+        return
     file = origin(kind) or kind.__module__
     try:
-        with warnings.catch_warnings(), np.errstate(all="ignore"), redirect_stdout(sys.stderr):
-            warnings.simplefilter("error", np.exceptions.ComplexWarning)
-            made = np.asarray(effect.full_columns(motion, torques), dtype=float)
+        with redirect_stdout(sys.stderr):
+            yield
     except InputError:
         raise
     except (Exception, SystemExit) as error:  # whatever a user's class does wrong is an error of that file
         raise InputError(
             f"{file}{line_in(file, error)}: class {kind.__name__}: {type(error).__name__}: {error}"
         ) from error
+
+
+def own_columns(effect: Effect, motion: Motion, torques: Torques | None) -> Array:
+    """Return the columns [N, n, K] of a user's effect; InputError where it fails or gives anything else."""
+    kind, shape = type(effect), (motion.samples, effect.robot.n, len(type(effect).coefficients))
+    file = origin(kind) or kind.__module__
+    with faults_of(kind), warnings.catch_warnings(), np.errstate(all="ignore"):
+        warnings.simplefilter("error", np.exceptions.ComplexWarning)
+        made = np.asarray(effect.full_columns(motion, torques), dtype=float)
     inner = ", ".join(f"{name} = {value:.6g}" for name, value in effect.setting.items())
     where = f" at {inner}" if inner else ""
     if made.shape != shape:

@@ -87,6 +87,20 @@ def friction_power(structure: Structure, measurements: Sequence[Measurement]) ->
     return out
 
 
+def negative_notes(structure: Structure, values: Array, std: Array) -> list[str]:
+    """Return a line for each coefficient of an effect that the data put below zero, where it has no meaning.
+
+    Friction as a whole is judged by the power that it takes (`driven`).
+    """
+    names = structure.names
+    return [
+        f"{names[k]} is {values[k]:.4g} +- {std[k]:.2g}, and nothing of the kind is below zero: another effect is there"
+        for effect, own in structure.placed
+        for k, coefficient in zip(range(own.start, own.stop), effect.coefficients, strict=True)
+        if coefficient.positive and effect.name not in POSITIVE and values[k] < -_SURE * std[k] < 0.0
+    ]
+
+
 def _brakes(effect: Effect) -> list[bool]:
     return [(c.symmetry or effect.symmetry) == "dissipative" for c in effect.coefficients]
 

@@ -5,6 +5,7 @@ from __future__ import annotations
 from dataclasses import replace
 from pathlib import Path
 
+from robot_ident.estimation.at_pose import at_pose
 from robot_ident.estimation.payload import bare, identify_payload
 from robot_ident.model.model import Model
 from robot_ident.recording.conditions import KnownPayload
@@ -28,8 +29,10 @@ def processing_of(model: Model) -> Processing:
 
 def with_payload_found(model: Model, recording: Recording) -> Recording:
     """Return a recording whose payload, where its conditions leave it open, is the one that the model's recordings
-    told under the same name; else what this recording alone tells of it on the model's arm.
+    told under the same name; else what this recording alone tells of it on the model's arm. Where the model holds
+    joints, the part in which they stand there.
     """
+    recording = at_pose(model, recording)
     conditions = recording.conditions
     if not conditions.estimated or conditions.payload is not None:
         return recording

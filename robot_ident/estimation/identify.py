@@ -11,7 +11,7 @@ from robot_ident.errors import InputError, did_you_mean
 from robot_ident.estimation.apart import apart
 from robot_ident.estimation.carried import Carried, Solved, solve_carrying
 from robot_ident.estimation.days import by_day
-from robot_ident.estimation.driving import driven
+from robot_ident.estimation.driving import driven, negative_notes
 from robot_ident.estimation.equations import Equations, stack
 from robot_ident.estimation.estimate_gains import spread_by_gains, with_known_gains
 from robot_ident.estimation.gains import Gains
@@ -92,6 +92,7 @@ def estimate(
     notes += [note for payload in payloads for note in payload.notes]
     notes += () if gains is None else gains.notes
     notes = [*driven(found.structure, measurements, found.values, found.covariance).notes, *notes]
+    notes += negative_notes(found.structure, found.values, np.sqrt(np.diag(found.covariance)))
     notes += drift_notes(periods, structure.names)
     notes += [] if structure.robot.ampere_joints else scale_notes(measurements, found)
     days = by_day(measurements, found)

@@ -7,11 +7,13 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
+from robot_ident.estimation.at_pose import at_pose
 from robot_ident.estimation.for_model import payload_in, processing_of
 from robot_ident.model.model import Model
 from robot_ident.motion import Array, Motion
 from robot_ident.recording.process import process
 from robot_ident.recording.recording import Recording
+from robot_ident.recording.silent import still_notes
 
 _BAND = 1.96  # standard deviations of 95 % of a normal distribution
 _FURTHER = 0.1  # of the range and of the speed: more is beyond what was identified
@@ -43,8 +45,9 @@ def predict(model: Model, recording: Recording) -> Prediction:
 
     As in a validation positions are differentiated without phase, and the torque passes a zero-phase low pass (10 Hz
     unless the model was made with another), since differentiated noise is all that it holds beyond. Raises InputError
-    where the recording isn't of the model's robot.
+    where the recording isn't of the model's robot, or of another pose than it holds.
     """
+    recording = at_pose(model, recording)
     used = replace(processing_of(model), periodic=False, base_frequency=None, decimate=1)
     measured = process(recording, model.robot, used, motion_only=True)
     motion = measured.motion
@@ -63,7 +66,7 @@ def predict(model: Model, recording: Recording) -> Prediction:
         band=_BAND * np.sqrt(std**2 + misfit**2),
         misfit=misfit,
         start_ns=recording.start_ns,
-        notes=(*measured.notes, *beyond_notes(model, motion)),
+        notes=(*measured.notes, *beyond_notes(model, motion), *still_notes(measured)),
     )
 
 

@@ -19,6 +19,7 @@ from robot_ident.recording.low_pass import SoftPeriodicLowPass, ZeroPhaseLowPass
 from robot_ident.recording.measurement import Measurement
 from robot_ident.recording.process import process
 from robot_ident.recording.recording import Recording
+from robot_ident.recording.silent import still_notes
 
 _TOUCHED = 0.1  # of a filtered value: the share of standstill from which on it counts as standstill
 
@@ -50,7 +51,7 @@ def validate(model: Model, recording: Recording, *, low_pass: float | None = Non
     """Predict an independent recording; torque, prediction and noise pass the same zero-phase low pass (10 Hz unless
     told). Cycles of production data are averaged as where a model is identified; all else is taken as one pass.
 
-    Raises InputError where the recording isn't of the model's robot or never moves.
+    Raises InputError where the recording isn't of the model's robot, of another pose than it holds, or never moves.
     """
     recording = with_payload_found(model, recording)
     cutoff = DEFAULT_LOW_PASS if low_pass is None else low_pass
@@ -66,13 +67,16 @@ def validate(model: Model, recording: Recording, *, low_pass: float | None = Non
         variance = np.full(len(torque), noise[joint])
         residual = torque[:, joint] - predicted[:, joint]
         rows = used[:, joint] & ~touched[:, joint]
-        if not rows.any():
-            raise InputError(f"{recording.source}: {name} never moves; nothing can be validated")
-        moving[name] = fit(residual[rows], torque[rows, joint], variance[rows])
+        if rows.any():
+            moving[name] = fit(residual[rows], torque[rows, joint], variance[rows])
         rest = ~rows
         if rest.any():
             still[name] = fit(residual[rest], torque[rest, joint], variance[rest])
-    return Validation(cutoff, moving, still, measured.notes, unusable(model, recording.source, moving))
+    if not moving:
+        raise InputError(f"{recording.source}: no joint moves; nothing can be validated")
+    return Validation(
+        cutoff, moving, still, (*measured.notes, *still_notes(measured)), unusable(model, recording.source, moving)
+    )
 
 
 def _measured(model: Model, recording: Recording, cutoff: float) -> Measurement:

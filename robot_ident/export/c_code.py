@@ -12,6 +12,7 @@ from typing import Any
 
 import numpy as np
 
+from robot_ident.effects.own import is_own
 from robot_ident.errors import InputError
 from robot_ident.export.exported import Exported
 from robot_ident.model.expressions import columns_function
@@ -39,13 +40,14 @@ _BODY = re.compile(r"^static int casadi_f\d+\([^\n]*\) \{\n", re.MULTILINE)
 def to_c(model: Model, smoothing: float) -> Exported:
     """Return `NAME.h` and `NAME.c` of a model; `smoothing` [rad/s or m/s] is the speed v_s of the smoothed sign.
 
-    Raises InputError where the speed isn't positive.
+    Raises InputError where the speed isn't positive, and where the torque of the arm at rest is not defined.
     """
     if not 0 < smoothing < np.inf:
         raise InputError(f"--smoothing {smoothing}: a speed above 0 is needed")
     structure, values, left = _expressible(model)
     name = _identifier(model.robot.name)
     functions = _functions(structure, values, smoothing, name)
+    _refuse_undefined(functions[0], structure)
     files = {f"{name}.h": _header(model, name, smoothing), f"{name}.c": _source(functions, name, model.robot.n)}
     notes = (
         f"dry friction is smoothed below {smoothing:g} rad/s (m/s)",
@@ -60,6 +62,17 @@ def _expressible(model: Model) -> tuple[Structure, Array, tuple[str, ...]]:
     structure, kept = model.structure.with_only(lambda effect: effect.symbolic)
     left = tuple(effect.label for effect in model.structure.effects if not effect.symbolic)
     return structure, model.linear[kept], left
+
+
+def _refuse_undefined(torque: Any, structure: Structure) -> None:
+    """Raise InputError where a model's torque is no number at rest: a controller starts there."""
+    limits, rest = structure.robot.limits, np.zeros(structure.robot.n)
+    for q in (rest, *np.random.default_rng(0).uniform(-1.0, 1.0, (3, len(rest)))):
+        found = np.array(torque(np.clip(q, limits.lower, limits.upper), rest, rest)).ravel()
+        if not np.isfinite(found).all():
+            joint = structure.robot.joints[int(np.flatnonzero(~np.isfinite(found))[0])]
+            of = ", ".join(effect.label for effect in structure.effects if is_own(type(effect)))
+            raise InputError(f"the torque of {joint} at rest is not a number ({of or 'its model'}); nothing to export")
 
 
 def _functions(structure: Structure, values: Array, smoothing: float, name: str) -> list[Any]:

@@ -11,18 +11,38 @@ from robot_ident.errors import InputError
 from robot_ident.motion import Array
 from robot_ident.recording.measurement import Measurement
 
+_ONE_NOISE = 0.25  # of the variance by which two measurements differ: two of one noise differ by less
 _ALIKE = 0.05  # of a motion's rms, by which repetitions of it may differ
 
 
 def refuse_copies(measurements: Sequence[Measurement]) -> None:
-    """Raise InputError where two measurements hold the same torques to the last digit: a recording under two names."""
+    """Raise InputError where two measurements hold the same torques, as a recording under two names does.
+
+    To the last digit; or, rounded or trimmed, their noise: what is measured again differs by 2 sigma^2 in the mean.
+    """
     for one, other in combinations(measurements, 2):
-        if one is other or np.array_equal(one.torque, other.torque, equal_nan=True):
+        if one is other or np.array_equal(one.torque, other.torque, equal_nan=True) or _of_one_noise(one, other):
             raise InputError(
                 f"{other.source} holds the samples of {one.source}: a copy of it, or a simulation of the"
                 " same motion without noise; give every one once, since the noise of both would be counted as"
                 " independent, and what is kept aside as not seen"
             )
+
+
+def _of_one_noise(one: Measurement, other: Measurement) -> bool:
+    """Return whether two averaged periods differ by far less than their noise, wherever in a period each began.
+
+    min over shifts s of mean_t (a_j(t) - b_j(t - s))^2 / sigma_j^2, from the cross spectrum.
+    """
+    if one.base_frequency is None or other.base_frequency is None or one.torque.shape != other.torque.shape:
+        return False
+    sigma = np.sqrt(one.torque_variance / one.averages + other.torque_variance / other.averages)
+    if not np.all(np.isfinite(sigma) & (sigma > 0.0)):
+        return False
+    a, b = (np.nan_to_num(measured.torque / sigma) for measured in (one, other))
+    lines = (np.fft.rfft(a, axis=0) * np.fft.rfft(b, axis=0).conj()).sum(axis=1)
+    apart = np.sum(a**2) + np.sum(b**2) - 2.0 * np.fft.irfft(lines, len(a)).max()
+    return bool(apart < _ONE_NOISE * a.size)
 
 
 def of_one_motion(measurements: Sequence[Measurement]) -> bool:

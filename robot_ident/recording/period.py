@@ -16,7 +16,8 @@ _RETURN = 0.05  # a dip lies this far below the largest difference at shorter la
 _OVERLAP = 0.2  # of the samples in motion must overlap at a lag
 _REST = 0.1  # of its top speed: a joint slower than this is nearly at rest
 AT_REST = 1e-3  # rad or m: a joint that strays less stands still
-_ROUGH = 0.1  # of what a joint strays: with more noise from sample to sample, noise is all that there is
+_LITTLE = 0.01  # rad or m: a joint that strays less may be held
+_ROUGH = 0.03  # of what a joint strays: with more noise from sample to sample it can't repeat to `_REPEATS`
 _SMOOTH = 0.04  # share of a period over which the mismatch of successive periods is averaged
 
 
@@ -36,10 +37,28 @@ def find_period(q: Array, dt: float) -> float | None:
     """Return the period [samples] of positions q [N, n] on an even grid, or None when they don't repeat.
 
     The median over time of the squared difference at a lag is blind to transients: its dips on a coarse grid are
-    candidates, sharpened on the full one; the shortest that repeats as well as the best is the period.
+    candidates, sharpened on the full one; the shortest that repeats as well as the best is the period. Of it, the
+    smallest multiple counts after which the joints that hardly move are where they were, too.
     """
-    x = q[:, _moving(q)]
-    x = (x - x.mean(axis=0)) / x.std(axis=0)
+    moving = _moving(q)
+    lag = _shortest(q[:, moving])
+    if lag is None:
+        return None
+    for whole in range(lag, len(q) // 2 + 3, lag):
+        if _returned(q[:, ~moving], whole):
+            return refine_period(q, float(whole), dt)
+    return None
+
+
+def _returned(q: Array, lag: int) -> bool:
+    """Return whether joints that hardly move are after `lag` samples where they were, but for noise."""
+    gap = np.median((q[lag:] - q[:-lag]) ** 2, axis=0)
+    return bool(np.all(gap <= np.maximum(4.0 * roughness(q), AT_REST) ** 2))
+
+
+def _shortest(q: Array) -> int | None:
+    """Return the shortest lag [samples] at which joints that move repeat as well as at any, None where they don't."""
+    x = (q - q.mean(axis=0)) / q.std(axis=0)
     awake = _awake(x)
     stride = max(1, int(awake.sum()) // _COARSE)
     lags = _dips(x[::stride], awake[::stride]) * stride
@@ -49,8 +68,7 @@ def find_period(q: Array, dt: float) -> float | None:
     median = np.array([_median_difference(x, awake, lag) if lag >= 4 else np.inf for lag in sharp])
     if median.min() > _REPEATS:
         return None
-    lag = min(lag for lag, value in zip(sharp, median, strict=True) if value <= 9.0 * median.min() + 1e-9)
-    return refine_period(q, float(lag), dt)
+    return min(lag for lag, value in zip(sharp, median, strict=True) if value <= 9.0 * median.min() + 1e-9)
 
 
 def refine_period(q: Array, period: float, dt: float) -> float:
@@ -120,13 +138,12 @@ def steady_part(q: Array, period: float, step: Array, source: str) -> Steady:
 
 
 def _moving(q: Array) -> Mask:
-    """Return which joints of positions q [N, n] move: what one that is held shows is noise, and repeats with no period.
-
-    All that are not quite constant where none moves by more.
+    """Return which joints of positions q [N, n] move: one that is held shows noise or creeps, and repeats with no
+    period. All that are not quite constant where none moves by more.
     """
     scale = q.std(axis=0)
     some = scale > 1e-9 * max(1.0, float(scale.max()))
-    moving = some & (np.ptp(q, axis=0) >= AT_REST) & (roughness(q) < _ROUGH * scale)
+    moving = some & (np.ptp(q, axis=0) >= _LITTLE) & (roughness(q) < _ROUGH * scale)
     return np.asarray(moving if moving.any() else some)
 
 

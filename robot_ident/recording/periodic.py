@@ -14,6 +14,7 @@ from robot_ident.recording.lines import above_noise, evaluate, lines_of_grid, sh
 from robot_ident.recording.low_pass import PeriodicLowPass
 from robot_ident.recording.measurement import Measurement, Processing
 from robot_ident.recording.noise import NoiseSpectrum, noise_spectrum
+from robot_ident.recording.period import AT_REST
 from robot_ident.recording.recording import Recording
 from robot_ident.recording.resolution import position_step
 from robot_ident.recording.set_aside import set_aside
@@ -174,11 +175,14 @@ def _undone(mean: Average, chain: Chain, frequency: float, samples: int) -> tupl
 
 
 def trusted(motion: Motion, robot: Robot, processing: Processing, speed_noise: Array) -> Mask:
-    """Return rows [N, n] whose direction of motion is certain and whose speed is above the minimum."""
+    """Return rows [N, n] whose direction of motion is certain and whose speed is above the minimum.
+
+    A joint that stands still has none: what flickers there is noise.
+    """
     minimum = robot.minimum_speed if processing.minimum_speed is None else np.array(processing.minimum_speed)
     speed = np.abs(motion.dq)
     floor = np.maximum(np.maximum(_REVERSAL * speed.max(axis=0), 4.0 * speed_noise), minimum)
-    return np.asarray(speed >= floor)
+    return np.asarray((speed >= floor) & (np.ptp(motion.q, axis=0) >= AT_REST))
 
 
 def at_rest(motion: Motion, robot: Robot) -> Mask:

@@ -19,6 +19,18 @@ def silent_joints(measurements: Sequence[Measurement]) -> Mask:
     return np.asarray((reach < AT_REST) | ~told)
 
 
+def still_notes(measured: Measurement) -> list[str]:
+    """Return a line for each joint of which no row of a measurement counts."""
+    return [
+        f"{name} {'stands still' if far < AT_REST else 'moves no faster than its noise'} in {measured.source}: what its"
+        " friction does there no model tells, and no verdict counts it"
+        for name, far, yes in zip(
+            measured.joints, np.ptp(measured.motion.q, axis=0), silent_joints([measured]), strict=True
+        )
+        if yes
+    ]
+
+
 def refuse_silent(measurements: Sequence[Measurement], remedy: str = "") -> None:
     """Raise InputError where a joint has no row that counts in any of some measurements, or stands still in all.
 

@@ -36,11 +36,11 @@ def held_angles(recording: Recording, held: Sequence[str], given: Mapping[str, f
     return out
 
 
-def still_part(recording: Recording, angles: Mapping[str, float]) -> Recording:
+def still_part(recording: Recording, angles: Mapping[str, float], instead: str = "name it in --joints") -> Recording:
     """Return the longest stretch of a recording in which every joint of `angles` stands there; what was left out is in
     its notes.
 
-    Raises InputError where that is less than a third of it: those joints are not held.
+    Raises InputError where that is less than a third of it: those joints are not held. instead: what to do then.
     """
     there = [name for name in angles if name in recording.names]
     if not there:
@@ -57,7 +57,7 @@ def still_part(recording: Recording, angles: Mapping[str, float]) -> Recording:
         worst = max(away, key=lambda name: int(away[name].sum()))
         reach = float(np.ptp(recording.q[:, recording.names.index(worst)]))
         raise InputError(
-            f"{recording.source}: {worst} is to be held but moves by {reach:.3g}; name it in --joints, or cut the"
+            f"{recording.source}: {worst} is to be held but moves by {reach:.3g}; {instead}, or cut the"
             " recording to where it stands still"
         )
     if last - first == recording.samples:

@@ -159,5 +159,8 @@ class Robot:
     def joint_index(self, name: str) -> int:
         """Return the index of a joint; InputError suggests the nearest name."""
         if name not in self.joints:
+            held = {} if self.definition is None else self.definition.yaml.get("locked") or {}
+            if name in held:
+                raise InputError(f"robot {self.name}: joint {name!r} is held here, at {held[name]:.4g}")
             raise InputError(f"robot {self.name} has no joint {name!r}{did_you_mean(name, self.joints)}")
         return self.joints.index(name)

@@ -29,9 +29,10 @@ def seal(answer: dict[str, Any]) -> str:
 
 
 def open_sealed(path: Path | str) -> dict[str, Any]:
-    """Return the answer of a sealed file; InputError where it can't be read."""
+    """Return the answer of a sealed file, or of a bag beside which one lies; InputError where it can't be read."""
+    path = sealed_path(path) if sealed_path(path).is_file() else Path(path)
     try:
-        data = json.loads(Path(path).read_text(encoding="utf-8"))
+        data = json.loads(path.read_text(encoding="utf-8"))
     except FileNotFoundError as error:
         raise InputError(f"{path}: no such file") from error
     except (OSError, ValueError, RecursionError) as error:

@@ -3,11 +3,13 @@
 from __future__ import annotations
 
 from collections.abc import Callable
+from dataclasses import replace
 from pathlib import Path
 from typing import Any
 
 import numpy as np
 import pytest
+import yaml
 from production_line import production
 
 from robot_ident.bags import read_recording, write_recording
@@ -52,8 +54,36 @@ def test_some_joints_from_design_to_model(run: Run, tmp_path: Path) -> None:
     assert set(planned["joints"]) == {"joint_2", "joint_3"}
     assert not any("identified" in note for note in planned["notes"])
     assert run("diagnose", model, bag, "--json").json["verdict"] == "adequate"
+    refuses_other_poses(run, model, file, bag, tmp_path)
     again = run("design", "--robot", "kuka_ir361", "--model", model, "-o", tmp_path / "again.yaml")
     assert "say so: --joints joint_2,joint_3" in again.err
+
+
+def refuses_other_poses(run: Run, model: Path, file: Path, bag: Path, folder: Path) -> None:
+    """A model says nothing of the arm where joints that it holds stand elsewhere, or move."""
+    recording, elsewhere, moving = read_recording(bag), folder / "elsewhere.npz", folder / "moving.npz"
+    write_recording(elsewhere, replace(recording, q=recording.q - np.array([0.5, 0.0, 0.0])))
+    swing = np.sin(2.0 * np.pi * 0.25 * recording.t)[:, None] * np.array([1.0, 0.0, 0.0])
+    write_recording(moving, replace(recording, q=recording.q + swing))
+    pose = "joint_1 stands at -0.1, the model holds it at 0.4; its parameters depend on the pose"
+    for other, told in ((elsewhere, pose), (moving, "joint_1 is to be held but moves by 2; take a model in which it")):
+        for words in (
+            ("compare", model, other),
+            ("diagnose", model, bag, "--validation", other),
+            ("validate", model, other),
+            ("add", model, "stribeck@joint_2", "--bag", other, "-o", folder / "more.yaml"),
+            ("predict", model, other, "-o", folder / "more.csv"),
+        ):
+            ended = run(*words)
+            assert ended.code == 2
+            assert told in ended.err
+    planned = yaml.safe_load(file.read_text())
+    planned["q0"][0] = -0.1
+    (folder / "other.yaml").write_text(yaml.safe_dump(planned))
+    ended = run("predict", model, folder / "other.yaml", "-o", folder / "more.csv")
+    assert (ended.code, pose in ended.err) == (2, True)
+    ended = run("add", model, "stribeck@joint_1", "--bag", bag)
+    assert "joint 'joint_1' is held here, at 0.4" in ended.err
 
 
 @pytest.mark.parametrize(

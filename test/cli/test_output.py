@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import io
 import os
+import signal
 import sys
 from collections.abc import Callable
 
@@ -71,6 +72,21 @@ def test_numbers_are_never_broken(terminal: Callable[..., Terminal]) -> None:
 def test_rows_may_come_one_by_one() -> None:
     lines = table(("name", "value"), ((f"row {k}", k) for k in range(2))).splitlines()
     assert lines[2:] == ["row 0      0", "row 1      1"]
+
+
+def test_ctrl_c_is_one_line_whatever_an_import_makes_of_it(
+    monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
+) -> None:
+    def interrupted(name: str) -> None:
+        try:
+            os.kill(os.getpid(), signal.SIGINT)
+        except KeyboardInterrupt:
+            raise ImportError("a bad install") from None
+
+    monkeypatch.setattr("robot_ident.cli.main.importlib.import_module", interrupted)
+    assert main(["identify", "bag"]) == 130
+    assert capsys.readouterr().err == "robot_ident identify: stopped; nothing was written\n"
+    assert signal.getsignal(signal.SIGINT) is signal.default_int_handler
 
 
 def test_ctrl_c_while_a_verb_is_loaded_is_one_line(

@@ -13,6 +13,7 @@ from robot_ident.diagnosis.comparison import compare
 from robot_ident.diagnosis.diagnose import diagnose
 from robot_ident.errors import InputError
 from robot_ident.estimation.identify import identify
+from robot_ident.recording import process
 from robot_ident.recording.copies import of_one_motion
 from robot_ident.recording.measurement import Measurement
 
@@ -30,6 +31,18 @@ def test_a_copy_under_another_name_is_refused(bench: Any) -> None:
     ):
         with pytest.raises(InputError, match="^copy holds the samples of .*: a copy of it, or .* give every one once"):
             wants()
+
+
+def test_one_that_was_rounded_or_trimmed_is_known_by_its_noise(bench: Any) -> None:
+    model, recording = bench.model(bench.measure((), [0], noise=1.0)), bench.record((), 0, noise=1.0)
+    one, trimmed = (process(part, bench.robot) for part in (recording, recording[slice(0, -700)]))
+    assert trimmed.periods == one.periods - 1
+    rounded = replace(one, torque=np.round(one.torque, 3))
+    for copy in (rounded, trimmed, rolled(rounded, 37)):
+        with pytest.raises(InputError, match="holds the samples of"):
+            compare(model, [one, copy])
+    (again,) = bench.measure((), [0], noise=1.0, seed=2)
+    compare(model, [one, again])
 
 
 def test_repetitions_of_one_motion_are_known_and_said(bench: Any) -> None:

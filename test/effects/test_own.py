@@ -9,6 +9,7 @@ import pytest
 
 from robot_ident.effects import load_effects
 from robot_ident.errors import InputError
+from robot_ident.model.expressions import columns_function
 from robot_ident.model.structure import Structure
 from robot_ident.motion import Motion
 from robot_ident.robot import load_robot
@@ -67,6 +68,15 @@ def test_a_torque_that_is_not_known_yet_makes_no_error(tmp_path: Path) -> None:
     np.testing.assert_array_equal(np.abs(known[:, 0, -1]), 1.0)
     with pytest.raises(InputError, match="a column that is not finite"):
         structure.columns(motion, np.zeros(len(structure.parameters)))
+
+
+def test_what_no_expression_has_is_told(tmp_path: Path) -> None:
+    """Designs and exports give an effect CasADi's functions, not all of numpy's."""
+    path = tmp_path / "dent.py"
+    path.write_text(SOURCE.replace("{body}", "return [{self.joint: m.where(q > 0.5, q, 0.0)}]"))
+    structure = Structure.build(load_robot("kuka_ir361"), [load_effects(path)["dent"](load_robot("kuka_ir361"), 0)])
+    with pytest.raises(InputError, match="dent.py, line 16: class Dent: AttributeError: .* no attribute 'where'"):
+        columns_function(structure)
 
 
 def test_one_that_is_right_is_left_alone(tmp_path: Path) -> None:

@@ -9,7 +9,7 @@ import numpy as np
 import pytest
 
 from robot_ident.diagnosis.diagnose import diagnose
-from robot_ident.estimation.driving import driven
+from robot_ident.estimation.driving import driven, negative_notes
 from robot_ident.estimation.identify import estimate
 from robot_ident.excitation.fourier import FourierSeries
 from robot_ident.recording.process import process
@@ -39,6 +39,18 @@ def test_no_verdict_of_adequate(arm: Any, measured: tuple[Any, Any]) -> None:
     found = diagnose([measured[1], second[1]], arm.structure)
     assert found.verdict == "not_decidable"
     assert found.notes[0].startswith("friction that drives")
+
+
+def test_an_effect_below_zero_is_another(arm: Any) -> None:
+    structure = arm.structure.with_further(["stribeck@joint_2"])
+    values, std = np.ones(len(structure.parameters)), np.ones(len(structure.parameters))
+    place = structure.names.index("stribeck.level@joint_2")
+    assert negative_notes(structure, values, std) == []
+    values[place] = -6.0
+    assert negative_notes(structure, values, std) == [
+        "stribeck.level@joint_2 is -6 +- 1, and nothing of the kind is below zero: another effect is there"
+    ]
+    assert negative_notes(structure, values, 2.0 * std) == []
 
 
 def test_a_coefficient_that_can_not_be_negative(arm: Any, measured: tuple[Any, Any]) -> None:

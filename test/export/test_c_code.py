@@ -5,12 +5,15 @@ from __future__ import annotations
 import shutil
 import subprocess
 from collections.abc import Callable
+from dataclasses import replace
 from pathlib import Path
 from typing import Any
 
 import numpy as np
 import pytest
 
+from robot_ident.effects import load_effects
+from robot_ident.errors import InputError
 from robot_ident.export.c_code import to_c
 from robot_ident.model.model import Model
 from robot_ident.motion import Motion
@@ -33,6 +36,20 @@ int main(void) {{
 """
 
 pytestmark = pytest.mark.skipif(shutil.which("cc") is None, reason="no C compiler")
+
+
+LOADED = """
+from robot_ident.effects import Coefficient, Effect
+
+class Loaded(Effect):
+    name, meaning, equation = "loaded", "a step with the load", "a load / |load|"
+    coefficients = (Coefficient("level", "Nm", "N"),)
+    symmetry, signature, uses_torque = "dissipative", "steps with the load", True
+
+    def full_terms(self, x, m):
+        load = x.load[self.joint]
+        return [{self.joint: load / m.sqrt(load * load)}]
+"""
 
 
 def run(model: Model, motion: Motion, folder: Path, smoothing: float = 0.01) -> np.ndarray:
@@ -112,9 +129,16 @@ def test_memory_is_left_out_and_said(arm: Any, make: Make, tmp_path: Path) -> No
     np.testing.assert_allclose(torque, plain.predict(fast(3)), atol=1e-9)
 
 
-def test_prismatic_joints_and_odd_names(gantry: Robot, make: Make, tmp_path: Path) -> None:
-    from dataclasses import replace
+def test_a_torque_that_is_no_number_at_rest_is_refused(arm: Any, make: Make, tmp_path: Path) -> None:
+    """A controller starts at rest, where the direction of a load may be 0 / 0."""
+    (tmp_path / "loaded.py").write_text(LOADED)
+    loaded = load_effects(tmp_path / "loaded.py")["loaded"](arm.robot, 0)
+    model = make(arm.robot, [loaded])
+    with pytest.raises(InputError, match=r"the torque of joint_1 at rest is not a number \(loaded@joint_1\)"):
+        to_c(replace(model, values=np.ones(len(model.values))), 0.01)
 
+
+def test_prismatic_joints_and_odd_names(gantry: Robot, make: Make, tmp_path: Path) -> None:
     model = make(replace(gantry, name="7 axis-gantry"))
     assert sorted(to_c(model, 0.01).files) == ["robot_7_axis_gantry.c", "robot_7_axis_gantry.h"]
     np.testing.assert_allclose(run(model, fast(2), tmp_path)[0], model.predict(fast(2)), atol=1e-9)

@@ -39,6 +39,22 @@ def test_a_joint_that_is_held_hides_no_period(arm: Any, pause: float) -> None:
     assert measured.position_variance[0] == pytest.approx(16e-10, rel=0.1)
 
 
+@pytest.mark.parametrize(("reach", "noise"), [(0.0034, 0.0002), (0.03, 0.002), (0.0034, 0.0)])
+def test_a_joint_that_hardly_moves_tells_the_period_all_the_same(reach: float, noise: float) -> None:
+    """The others repeat after half of it."""
+    t = np.arange(0.0, 40.0, 0.01)
+    q = np.column_stack([np.sin(2 * np.pi * 0.2 * t), reach * np.sin(2 * np.pi * 0.1 * t), np.cos(2 * np.pi * 0.4 * t)])
+    q += np.random.default_rng(3).normal(0.0, 1.0, q.shape) * np.array([1e-5, noise, 1e-5])
+    assert find_period(q, 0.01) == pytest.approx(1000.0, rel=1e-4)
+
+
+def test_a_joint_that_creeps_hides_no_period() -> None:
+    t = np.arange(0.0, 50.0, 0.01)
+    q = np.column_stack([np.sin(2 * np.pi * 0.1 * t), 1e-4 * t])
+    q += np.random.default_rng(3).normal(0.0, 1e-5, q.shape)
+    assert find_period(q, 0.01) == pytest.approx(1000.0, rel=1e-4)
+
+
 def test_motion_is_the_true_one_far_below_the_encoder(arm: Any) -> None:
     measured = process(arm.record(2), arm.robot)
     t = arm.record(2).t

@@ -40,6 +40,7 @@ def test_the_same_secret_for_every_motion(excitations: list[Path], tmp_path: Pat
     assert sealed == [tmp_path / "run_0.sealed", tmp_path / "run_1.sealed"]
     assert sealed[0].read_text() == sealed[1].read_text()
     scenario = Scenario.of_answer(open_sealed(sealed[0]))
+    assert Scenario.of_answer(open_sealed(tmp_path / "run_0")) == scenario, "the bag will do"
     assert scenario.seed == 3
     assert scenario.effects
     for label in scenario.labels:
