@@ -11,7 +11,7 @@ from pathlib import Path
 
 MINUTES = {
     "estimation": 10,
-    "diagnosis": 250,
+    "diagnosis": 360,
     "foreign": 30,
     "measurement": 20,
     "robots": 20,

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import io
 import os
-import signal
+import subprocess
 import sys
 from collections.abc import Callable
 
@@ -74,19 +74,27 @@ def test_rows_may_come_one_by_one() -> None:
     assert lines[2:] == ["row 0      0", "row 1      1"]
 
 
-def test_ctrl_c_is_one_line_whatever_an_import_makes_of_it(
-    monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
-) -> None:
-    def interrupted(name: str) -> None:
-        try:
-            os.kill(os.getpid(), signal.SIGINT)
-        except KeyboardInterrupt:
-            raise ImportError("a bad install") from None
+INTERRUPTED = """
+import importlib, os, signal, sys
+from robot_ident.cli.main import main
 
-    monkeypatch.setattr("robot_ident.cli.main.importlib.import_module", interrupted)
-    assert main(["identify", "bag"]) == 130
-    assert capsys.readouterr().err == "robot_ident identify: stopped; nothing was written\n"
-    assert signal.getsignal(signal.SIGINT) is signal.default_int_handler
+def interrupted(name):
+    try:
+        os.kill(os.getpid(), signal.SIGINT)
+    except KeyboardInterrupt:
+        raise ImportError("a bad install") from None
+
+signal.signal(signal.SIGINT, signal.default_int_handler)  # whatever those who started us do with it
+importlib.import_module = interrupted
+code = main(["identify", "bag"])
+assert signal.getsignal(signal.SIGINT) is signal.default_int_handler
+sys.exit(code)
+"""
+
+
+def test_ctrl_c_is_one_line_whatever_an_import_makes_of_it() -> None:
+    done = subprocess.run([sys.executable, "-P", "-c", INTERRUPTED], capture_output=True, text=True, check=False)
+    assert (done.returncode, done.stderr) == (130, "robot_ident identify: stopped; nothing was written\n")
 
 
 def test_ctrl_c_while_a_verb_is_loaded_is_one_line(

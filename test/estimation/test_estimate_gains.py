@@ -64,14 +64,23 @@ def robots(tmp_path_factory: pytest.TempPathFactory, robots_folder: Path) -> tup
 
 
 @pytest.fixture(scope="module")
-def recordings(robots: tuple[Robot, Robot]) -> tuple[Recording, Recording]:
+def plays(robots: tuple[Robot, Robot]) -> list[Play]:
+    """Return the arm without and with a payload of 5 kg."""
+    truth, effects = robots[0], ([], ["payload:payload=5,x=0.03,y=0.05,z=0.08"])
+    motion = standard_motions(truth)[0]
+    return [Play.of(truth, plant_physics(truth, one), motion, sample_rate=100.0) for one in effects]
+
+
+@pytest.fixture(scope="module")
+def recordings(plays: list[Play]) -> tuple[Recording, Recording]:
     """One recording without and one with a payload of 5 kg, in ampere."""
-    truth = robots[0]
-    motion, out = standard_motions(truth)[0], []
-    for number, effects in enumerate(([], ["payload:payload=5,x=0.03,y=0.05,z=0.08"])):
-        play = Play.of(truth, plant_physics(truth, effects), motion, sample_rate=100.0)
-        out.append(play.record(16, seed=number))
-    return out[0], replace(out[1], conditions=Conditions(PAYLOAD))
+    return plays[0].record(16, seed=0), replace(plays[1].record(16, seed=1), conditions=Conditions(PAYLOAD))
+
+
+@pytest.fixture(scope="module")
+def repeated(plays: list[Play]) -> tuple[Recording, Recording]:
+    """The same once more."""
+    return plays[0].record(16, seed=2), replace(plays[1].record(16, seed=3), conditions=Conditions(PAYLOAD))
 
 
 @pytest.fixture(scope="module")
@@ -95,14 +104,14 @@ def test_gains_of_all_loaded_joints_within_two_percent(model: Model) -> None:
 
 
 def test_the_arm_s_parameters_are_absolute_and_count_the_gains_uncertainty(
-    model: Model, recordings: tuple[Recording, Recording]
+    model: Model, recordings: tuple[Recording, Recording], repeated: tuple[Recording, Recording]
 ) -> None:
     truth = model.structure.true_values()
     error = (model.values - truth) / model.std
     assert np.abs(error).max() < 5.0
     assert np.sqrt(np.mean(error**2)) < 1.6
     assert {p.unit for p in model.parameters} == {"kg m^2", "kg m", "Nm s/rad", "Nm"}
-    free = identify([recordings[0], recordings[0]], model.robot)
+    free = identify([recordings[0], repeated[0]], model.robot)
     largest = int(np.argmax(np.abs(truth)))
     assert model.std[largest] > 1.2 * free.std[largest], "gains known for sure make sigmas smaller"
 
@@ -179,14 +188,18 @@ def test_diagnosis_works_in_ampere(tmp_path: Path) -> None:
 
 
 def test_what_needs_newton_metres_is_refused(
-    bare: Model, robots: tuple[Robot, Robot], recordings: tuple[Recording, Recording], tmp_path: Path
+    bare: Model,
+    robots: tuple[Robot, Robot],
+    recordings: tuple[Recording, Recording],
+    repeated: tuple[Recording, Recording],
+    tmp_path: Path,
 ) -> None:
     write_model(bare, tmp_path / "model.yaml")
     assert main(["export", str(tmp_path / "model.yaml"), "--urdf", str(tmp_path / "out.urdf")]) == 2
     assert not (tmp_path / "out.urdf").exists()
     with pytest.raises(InputError, match="no inertia is known in kg m"):
         identify(recordings[:1], robots[1], physical=True)
-    same = [recordings[1], recordings[1]]
+    same = [recordings[1], repeated[1]]
     with pytest.raises(InputError, match="the same payload; drive gains need one without it"):
         identify(same, robots[1])
 
@@ -214,14 +227,14 @@ def test_a_weighed_payload_tells_the_gains_and_is_found_with_them(
 
 
 def test_gains_and_payload_both_unknown_are_told_in_one_line(
-    robots: tuple[Robot, Robot], recordings: tuple[Recording, Recording]
+    robots: tuple[Robot, Robot], recordings: tuple[Recording, Recording], repeated: tuple[Recording, Recording]
 ) -> None:
     unknown = Conditions(estimated=True, body="box", part=PayloadPart(centre=PAYLOAD.centre))
     with pytest.raises(InputError, match="data tell their product alone: weigh it") as caught:
         identify([recordings[0], replace(recordings[1], conditions=unknown)], robots[1])
     assert "{estimate: box, mass: KG}" in str(caught.value) and "\n" not in str(caught.value)
     # one more recording, of a body that is known, sets the scale for both
-    again = replace(recordings[1], source="again", conditions=Conditions(estimated=True, body="box"))
+    again = replace(repeated[1], source="again", conditions=Conditions(estimated=True, body="box"))
     found = identify([*recordings, again], robots[1])
     (box,) = found.payloads
     assert abs(box["mass"] - PAYLOAD.mass) < 4 * box["mass_std"] < 0.1 * PAYLOAD.mass
