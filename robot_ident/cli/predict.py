@@ -64,12 +64,11 @@ def _planned(path: str, model: Model) -> Prediction | None:
         return None
     import numpy as np
 
-    from robot_ident.estimation.at_pose import held_by
+    from robot_ident.estimation.at_pose import refuse_elsewhere
     from robot_ident.estimation.predict import predict_motion
     from robot_ident.excitation.excitation import Excitation
     from robot_ident.excitation.point_to_point import load_motion
     from robot_ident.motion import Motion
-    from robot_ident.recording.still import STILL
 
     motion = load_motion(path)
     rate = motion.sample_rate if isinstance(motion, Excitation) else _SAMPLE_RATE
@@ -89,13 +88,7 @@ def _planned(path: str, model: Model) -> Prediction | None:
     others = [k for k, name in enumerate(motion.joints) if name not in model.robot.joints]
     if np.any(state.dq[:, others]):
         raise InputError(f"{path}: {motion.joints[others[0]]} moves, which the model holds")
-    for k in others:
-        name, angle = motion.joints[k], float(state.q[0, k])
-        if abs(angle - held_by(model).get(name, angle)) > 2.0 * STILL:
-            raise InputError(
-                f"{path}: {name} stands at {angle:.4g}, the model holds it at {held_by(model)[name]:.4g}; its"
-                " parameters depend on the pose"
-            )
+    refuse_elsewhere(model, path, {motion.joints[k]: float(state.q[0, k]) for k in others})
     pick = [motion.joints.index(name) for name in model.robot.joints]
     chosen = Motion(state.q[:, pick], state.dq[:, pick], state.ddq[:, pick], state.dt, state.periodic)
     return predict_motion(model, t, chosen)

@@ -21,14 +21,18 @@ def at_pose(model: Model, recording: Recording) -> Recording:
 
     Raises InputError where they move, or stand elsewhere: the model says nothing of the arm there.
     """
-    held = held_by(model)
-    there = [name for name in held if name in recording.names]
-    angles = held_angles(recording, there, {})
+    angles = held_angles(recording, [name for name in held_by(model) if name in recording.names], {})
     part = still_part(recording, angles, "take a model in which it moves")
+    refuse_elsewhere(model, recording.source, angles)
+    return part
+
+
+def refuse_elsewhere(model: Model, source: str, angles: Mapping[str, float]) -> None:
+    """Raise InputError where a joint that a model holds stands at another angle [rad, m]."""
+    held = held_by(model)
     for name, angle in angles.items():
-        if abs(angle - held[name]) > 2.0 * STILL:
+        if abs(angle - held.get(name, angle)) > 2.0 * STILL:
             raise InputError(
-                f"{recording.source}: {name} stands at {angle:.4g}, the model holds it at {held[name]:.4g};"
+                f"{source}: {name} stands at {angle:.4g}, the model holds it at {held[name]:.4g};"
                 " its parameters depend on the pose"
             )
-    return part
