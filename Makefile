@@ -75,12 +75,14 @@ format: $(TOOLS_STAMP)
 	$(BIN)/ruff check --fix .
 	$(BIN)/ruff format .
 
-# The tests run on the installed package, as users have it; those of the nodes alone, since they keep time.
+# The tests run on the installed package, as users have it; those of the nodes alone, since they keep
+# time, and whatever the others say: one run shows all failures.
 test: $(TOOLS_STAMP) $(SOURCE_STAMP) lint
 	@log=$$(mktemp -d) && trap 'rm -rf "$$log"' EXIT && \
 	export ROS_LOG_DIR="$$log" ROBOT_IDENT_TEST_INSTALLED=1 && \
 	if [ -n "$(TEST_ARGS)" ]; then $(BIN)/pytest $(TEST_ARGS); else \
-	$(BIN)/pytest -n auto --dist loadfile --ignore=test/nodes && $(BIN)/pytest test/nodes; fi
+	failed=0; $(BIN)/pytest -n auto --dist loadfile --ignore=test/nodes || failed=$$?; \
+	$(BIN)/pytest test/nodes || failed=$$?; exit $$failed; fi
 
 acceptance: $(TOOLS_STAMP) $(SOURCE_STAMP)
 	@$(BIN)/python acceptance/parts.py $(PARTS)

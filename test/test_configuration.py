@@ -1,4 +1,4 @@
-"""YAML files that no reader may follow: each refused in a line that says where."""
+"""YAML files that no reader may follow: each refused in one line that says where, whoever finds it first."""
 
 from __future__ import annotations
 
@@ -17,13 +17,14 @@ from robot_ident.errors import LONGEST, InputError, did_you_mean
         ("a: &-x [1]\nb:\n- {c: *-x}", "line 3: aliases (*-x)"),
         ("a: 1\nb: {c: 1, d: 2, c: 3}", "line 2: the key 'c' stands there twice"),
         ("joints:\n  one: {}\n  two: {}\n  one: {}", "line 4: the key 'one' stands there twice"),
-        ("a: " + "[" * 200_000, "line 1: more than 50 levels"),
-        ("- " * 200_000, "line 1: more than 50 levels"),
+        ("a: 1\nb: " + "[" * 200_000, "line 2: "),
+        ("a:\n" + "- " * 200_000, "line 2: "),
+        ("a: 1\nb: " + "[" * 51 + "]" * 51, "line 2: more than 50 levels"),
         ("a: " + "9" * 5000, "line 1: a number of 5000 characters"),
         ("a: 0x" + "f" * 5000, "line 1: a number of 5002 characters"),
-        ("a: 2001-99-99", "not YAML: month"),
+        ("a: 2001-99-99", "not YAML: "),
         ("a: !!int ''", "not YAML: "),
-        ("a: !!python/object/apply:os.getcwd []", "not YAML at line 1: could not determine a constructor"),
+        ("a: !!python/object/apply:os.getcwd []", "not YAML at line 1: "),
         ("a: [1, 2", "not YAML at line 2"),
     ],
 )

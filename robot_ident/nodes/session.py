@@ -111,6 +111,7 @@ class Session:
             self.watch,
             rehearsals=plan.rehearsals,
             judge=self._judge,
+            hindrance=lambda: self._scaling.problem,
             lead=lead,
             dwell=DWELL + 5 * lead,
             longest_step=np.inf if lead else _LEFT_OUT * plan.robot.limits.velocity / self._rate,
@@ -206,7 +207,7 @@ class Session:
     def _on_speed_scaling(self, message: Float64) -> None:
         self._scaling.update(message.data)
         if self._scaling.problem:
-            self.player.stop(self._scaling.problem, fault=True)
+            self.player.interrupt(self._scaling.problem)
 
     def _tick(self, number: int) -> None:
         """Send one command; in the ticker's thread."""
@@ -236,7 +237,7 @@ class Session:
         if self.output.lead:  # a controller goes by such a clock: what it was told is over, or yet to come
             self.player.halt(jump)
         else:
-            self.player.stop(jump, fault=True)
+            self.player.interrupt(jump)
 
     def _on_stall(self, stall: Stall) -> None:
         self._origin_ns = None
@@ -271,7 +272,7 @@ class Session:
                     problem = self._unprepared()
                     if not problem and planned == _ATTEMPTS:
                         player.cancel()
-                        return self._give_up("the robot was moved whenever its approach had been planned")
+                        return self._give_up("the robot was moved or slowed whenever its approach had been planned")
                     if not problem:
                         self._tell_unheard()
                         player.prepare()

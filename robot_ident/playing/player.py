@@ -74,11 +74,13 @@ class Player:
     plan_approach(q) gives the way from rest at q [n] to the start of the motion; plan_stop(motion [1, n]) the way from
     that state to rest. rehearsals: motions that begin and end where the motion does; after each of them judge(number)
     says why the next may not follow, or nothing. lead [s]: how long before it diverges from the plan a stop is decided,
-    for controllers that are sent the plan ahead. dwell [s]: how long it rests before each motion, the approach as well:
-    a controller hears of it long before it moves. Position and velocity of the commands never step: each segment begins
-    in the state in which the one before ends, at the same instant. longest_step [n]: commands further apart than this
-    and the bound on tracking, where ticks were left out, are not sent. Where a motion has ended its last position is
-    commanded on, as long as the robot is seen to be there. `tick` is called by one thread, everything else by any.
+    for controllers that are sent the plan ahead. hindrance() says why the robot may not begin to move now, or nothing:
+    it is asked at the instant of the first command, and the start waits on. dwell [s]: how long it rests before each
+    motion, the approach as well: a controller hears of it long before it moves. Position and velocity of the commands
+    never step: each segment begins in the state in which the one before ends, at the same instant. longest_step [n]:
+    commands further apart than this and the bound on tracking, where ticks were left out, are not sent. Where a motion
+    has ended its last position is commanded on, as long as the robot is seen to be there. `tick` is called by one
+    thread, everything else by any.
     """
 
     def __init__(
@@ -90,6 +92,7 @@ class Player:
         *,
         rehearsals: Sequence[Reference] = (),
         judge: Callable[[int], str] = lambda number: "",
+        hindrance: Callable[[], str] = lambda: "",
         lead: float = 0.0,
         dwell: float = DWELL,
         longest_step: Array | float = np.inf,
@@ -109,6 +112,7 @@ class Player:
         self._plan_approach = plan_approach
         self._plan_stop = plan_stop
         self._judge = judge
+        self._hindrance = hindrance
         self._lead = lead
         self._dwell = dwell
         self._longest_step = longest_step
@@ -212,6 +216,12 @@ class Player:
             if self._phase in (Phase.APPROACH, Phase.PLAYING) and self._stop_reason is None:
                 self._stop_reason = (reason, fault)
 
+    def interrupt(self, reason: str) -> None:
+        """Stop smoothly, as a fault, where the robot is being moved; a start that has commanded nothing yet goes on."""
+        with self._lock:
+            if self._phase is not Phase.PREPARING:
+                self.stop(reason, fault=True)
+
     def halt(self, reason: str) -> None:
         """Command nothing any more: after so long without commands no path leads on from the last one.
 
@@ -255,10 +265,10 @@ class Player:
         return Motion(q, dq, ddq)
 
     def _begin(self, approach: Reference, t: float, now: float) -> None:
-        """Take the way that was planned, unless the robot has gone elsewhere meanwhile: then it is planned anew."""
+        """Take the way that was planned; where the robot is hindered or elsewhere now, it is planned anew."""
         self._waiting = None
         state = self.watch.state
-        if self.watch.not_ready(now) or state is None:
+        if self.watch.not_ready(now) or state is None or self._hindrance():
             return
         if np.any(np.abs(state.q - approach.start_pose) > self.watch.bounds.tracking):
             return

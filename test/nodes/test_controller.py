@@ -87,24 +87,39 @@ def test_a_rough_rehearsal_ends_the_play(driven: Callable[..., Any], tmp_path: P
     assert np.abs(smooth_states(tmp_path / "bag")[-1]).max() < AT_REST
 
 
-def test_speed_scaling_stops(
+class Slider:
+    """A robot's speed slider: it tells `value`, in percent, a hundred times a second, as the driver of a UR does."""
+
+    def __init__(self, client: Any, value: float) -> None:
+        from std_msgs.msg import Float64
+
+        self.value = value
+        self.topic = client.create_publisher(Float64, "/speed_scaling", 10)
+        client.create_timer(0.01, lambda: self.topic.publish(Float64(data=self.value)))
+
+
+def test_a_start_waits_for_full_speed_and_a_motion_stops_below_it(
     driven: Callable[..., Any], client: Any, call: Callable[..., Any], until: Callable[..., Any]
 ) -> None:
-    from std_msgs.msg import Float64
     from std_srvs.srv import Trigger
 
-    scaling = client.create_publisher(Float64, "/speed_scaling", 10)
+    slider = Slider(client, 50.0)
     by_hand = {"autostart": False, "hold_time": 300.0, "state_wait": 300.0}
     _, robot, publisher = driven(periods=50, speed_scaling_topic="/speed_scaling", **by_hand)
-    assert until(lambda: scaling.get_subscription_count() == 1)
-    scaling.publish(Float64(data=50.0))
+    assert until(lambda: slider.topic.get_subscription_count() == 1)
     assert call(Trigger, "/trajectory_publisher/start").success
     publisher.says("preparing")
-    assert not until(lambda: "approaching" in publisher.text, 6.0), "not at half speed"
-    scaling.publish(Float64(data=100.0))
+    assert not until(lambda: publisher.text.split("preparing")[1].strip(), 6.0), "half speed is waited out in silence"
+    slider.value = 100.0
     publisher.says("playing")
-    scaling.publish(Float64(data=0.5))
-    publisher.says("the robot's speed scaling is 0.5")
+    slider.value = 0.5
+    publisher.says("holding: the robot's speed scaling is 0.5")
+    assert call(Trigger, "/trajectory_publisher/start").success, "and the next start waits again"
+    assert until(lambda: publisher.text.count("preparing") == 2)
+    slider.value = 100.0
+    assert until(lambda: publisher.text.count("playing") == 2)
+    slider.value = 99.0
+    publisher.says("stopping: the robot's speed scaling is 99")
     assert publisher.end()[0] == 3, "a fault is one, whoever ends the node after it"
     assert robot.end()[0] == 0
 

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from dataclasses import dataclass
+from typing import Any
 
 import numpy as np
 import pytest
@@ -54,9 +55,9 @@ def plan_stop(motion: Motion) -> Quintic:
     return Quintic(q, q + 0.2 * dq, 0.5, dq, ddq)
 
 
-def player(duration: float = 2.0) -> Player:
+def player(duration: float = 2.0, **more: Any) -> Player:
     watch = Watch(("a",), Bounds(0.2, np.array([0.1]), np.array([50.0])))
-    return Player(Quintic(0.5, -0.5, duration), lambda q: Quintic(float(q[0]), 0.5, 1.0), plan_stop, watch)
+    return Player(Quintic(0.5, -0.5, duration), lambda q: Quintic(float(q[0]), 0.5, 1.0), plan_stop, watch, **more)
 
 
 class Robot:
@@ -256,6 +257,38 @@ def test_a_stall_while_the_approach_is_planned() -> None:
     p.start()
     p.prepare()
     assert p.unplanned
+
+
+def test_a_hindrance_is_what_a_start_waits_for() -> None:
+    """A speed slider below 100 %, told again and again: it ends no start, and nothing moves before it is gone."""
+    slider = ["slow"]
+    robot = Robot(player(hindrance=lambda: slider[0]))
+    robot.run(30)
+    assert robot.player.start() == ""
+    for _ in range(3):
+        robot.player.prepare()
+        robot.player.interrupt("slow")
+        robot.run(1)
+        assert robot.player.phase is Phase.PREPARING and robot.player.unplanned and not robot.player.fault
+    assert robot.commands == [None] * 33
+    slider[0] = ""
+    robot.player.prepare()
+    robot.run(1)
+    assert robot.player.phase is Phase.APPROACH
+
+
+@pytest.mark.parametrize("after", [50, 200])
+def test_an_interruption_stops_what_moves_as_a_fault(after: int) -> None:
+    robot = started()
+    robot.run(after)
+    for _ in range(100):
+        robot.player.interrupt("slow")
+        robot.run(1)
+    assert robot.player.phase is Phase.HOLDING and robot.player.fault and robot.player.reason == "slow"
+    robot.smooth()
+    assert robot.player.start() == "", "and the next start waits again"
+    robot.player.interrupt("slow")
+    assert robot.player.phase is Phase.PREPARING and not robot.player.fault
 
 
 def test_a_start_can_be_cancelled_and_a_plan_can_fail() -> None:
