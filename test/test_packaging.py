@@ -81,7 +81,7 @@ def test_package_xml_lists_what_the_nodes_import(package_xml: ElementTree.Elemen
 def test_versions_agree(package_xml: ElementTree.Element, checkout: Path) -> None:
     version = package_xml.findtext("version")
     assert distribution().version == version == robot_ident.__version__
-    newest = re.search(r"^## (\S+)", (checkout / "CHANGELOG.md").read_text(encoding="utf-8"), re.MULTILINE)
+    newest = re.search(r"^## (\d\S*)", (checkout / "CHANGELOG.md").read_text(encoding="utf-8"), re.MULTILINE)
     assert newest and newest[1] == version
 
 
