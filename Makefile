@@ -3,12 +3,17 @@
 PYTHON ?= python3
 VENV := .venv
 BIN := $(VENV)/bin
-PIP_INSTALL := $(BIN)/python -m pip --disable-pip-version-check install --no-compile --prefer-binary
+# Every package, direct or not, with its hashes: the same environment every day.
+LOCKS := requirements
+LINT := lint
+PIP_INSTALL := $(BIN)/python -m pip --disable-pip-version-check install --quiet --no-compile --no-deps --no-build-isolation
+LOCKED := $(PIP_INSTALL) --require-hashes -r
 # setuptools would pack what an earlier build left behind, files since removed included.
 SWEEP := rm -rf build/lib build/bdist.* robot_ident.egg-info; rmdir build 2>/dev/null || true
 
 # A sourced ROS 2, or the ROS wheels of another environment, must not reach into ours.
 unexport PYTHONPATH PYTHONHOME AMENT_PREFIX_PATH LD_LIBRARY_PATH RMW_IMPLEMENTATION _ROS_WHEELS_BOOTSTRAP_COMPLETE
+export PYTHON
 export ROS_AUTOMATIC_DISCOVERY_RANGE := LOCALHOST
 export OMP_NUM_THREADS := 1
 # Python keeps what it has compiled in .venv: else every process that a test starts would compile all of it anew.
@@ -20,19 +25,21 @@ export PYTHONSAFEPATH := 1
 digest = $(firstword $(shell cat $(1) | sha256sum))
 SOURCES := $(sort $(shell find robot_ident config launch resource scripts -type f ! -name '*.pyc'))
 FRAME := setup.py setup.cfg package.xml pyproject.toml MANIFEST.in README.md
-NEEDS_STAMP := $(VENV)/.needs-$(call digest,setup.py)
+NEEDS_STAMP := $(VENV)/.needs-$(call digest,$(LOCKS)/build.txt $(LOCKS)/run.txt)
 SOURCE_STAMP := $(VENV)/.source-$(firstword $(shell sha256sum $(FRAME) $(SOURCES) | sha256sum))
-TOOLS_STAMP := $(VENV)/.tools-$(call digest,setup.py)
+TOOLS_STAMP := $(VENV)/.tools-$(call digest,$(LOCKS)/*.txt)
 
-.PHONY: help venv demo test lint format acceptance clean
+.PHONY: help venv demo test lint format acceptance lock clean
 
 help:
 	@echo "make venv        .venv with robot_ident and its ROS 2 nodes"
 	@echo "make demo        the whole story on a simulated robot, in less than six minutes"
 	@echo "make test        lint and all tests"
+	@echo "                 (NEWEST=1: with the newest of all packages that setup.py allows; OLDEST=1: with the lowest)"
 	@echo "make lint        ruff and mypy alone (make format: let ruff lay out the code)"
 	@echo "make acceptance  the long runs, hours in all; it says beforehand how long each takes"
 	@echo "                 (one or some of them: make acceptance PARTS='recorder soak')"
+	@echo "make lock        renews requirements/*.txt, the packages that all of these install"
 	@echo "make clean       removes .venv and everything that was built"
 
 venv: $(SOURCE_STAMP)
@@ -46,21 +53,24 @@ $(NEEDS_STAMP):
 	@echo "Installing robot_ident and ROS 2 Jazzy from wheels into $(VENV) (about 1 GB; one to three minutes)"
 	$(PYTHON) -m venv --clear $(VENV)
 	@$(SWEEP)
-	$(PIP_INSTALL) '.[ros]'
+	@$(LOCKED) $(LOCKS)/build.txt
+	@$(LOCKED) $(LOCKS)/run.txt
+	@$(PIP_INSTALL) .
 	@$(SWEEP)
 	@touch $(SOURCE_STAMP) $@
 
 $(SOURCE_STAMP): | $(NEEDS_STAMP)
 	@rm -f $(filter-out $@,$(wildcard $(VENV)/.source-*))
 	@[ -e $@ ] || { echo "Installing robot_ident anew (its files changed)"; $(SWEEP); \
-	    $(PIP_INSTALL) --quiet --no-deps --force-reinstall . && touch $@; $(SWEEP); test -e $@; }
+	    $(PIP_INSTALL) --force-reinstall . && touch $@; $(SWEEP); test -e $@; }
 
 $(TOOLS_STAMP): | $(SOURCE_STAMP)
 	@echo "Installing what lint and tests need"
-	$(PIP_INSTALL) --quiet 'robot_ident[ros,test]'
+	@$(LOCKED) $(LOCKS)/test.txt
+	@$(BIN)/python -m pip --disable-pip-version-check check
 	@# A DDS of another make doesn't go with the ROS wheels in one environment.
-	$(PYTHON) -m venv --clear $(VENV)/dds
-	$(VENV)/dds/bin/python -m pip --disable-pip-version-check install --quiet --no-compile 'cyclonedds>=0.10.5,<12'
+	@$(PYTHON) -m venv --clear $(VENV)/dds
+	@$(VENV)/dds/bin/python -m pip --disable-pip-version-check install --quiet --no-compile --require-hashes -r $(LOCKS)/dds.txt
 	@touch $@
 
 demo: $(SOURCE_STAMP)
@@ -75,20 +85,32 @@ format: $(TOOLS_STAMP)
 	$(BIN)/ruff check --fix .
 	$(BIN)/ruff format .
 
+ifneq ($(NEWEST)$(OLDEST),)
+# What the types of another numpy say of our source concerns nobody who runs it: lint goes with the locks alone.
+EDGE := $(if $(NEWEST),newest,oldest)
+test:
+	@echo "Resolving the $(EDGE) packages that setup.py allows"
+	@requirements/lock.sh .locks/$(EDGE) $(if $(OLDEST),--resolution lowest-direct) --upgrade --python "$(PYTHON)"
+	@$(MAKE) --no-print-directory test VENV=.venv-$(EDGE) LOCKS=.locks/$(EDGE) NEWEST= OLDEST= LINT=
+else
 # The tests run on the installed package, as users have it; those of the nodes alone, since they keep
 # time, and whatever the others say: one run shows all failures.
-test: $(TOOLS_STAMP) $(SOURCE_STAMP) lint
+test: $(TOOLS_STAMP) $(SOURCE_STAMP) $(LINT)
 	@log=$$(mktemp -d) && trap 'rm -rf "$$log"' EXIT && \
 	export ROS_LOG_DIR="$$log" ROBOT_IDENT_TEST_INSTALLED=1 && \
 	if [ -n "$(TEST_ARGS)" ]; then $(BIN)/pytest $(TEST_ARGS); else \
 	failed=0; $(BIN)/pytest -n auto --dist loadfile --ignore=test/nodes || failed=$$?; \
 	$(BIN)/pytest test/nodes || failed=$$?; exit $$failed; fi
+endif
 
 acceptance: $(TOOLS_STAMP) $(SOURCE_STAMP)
 	@$(BIN)/python acceptance/parts.py $(PARTS)
 	@log=$$(mktemp -d) && trap 'rm -rf "$$log"' EXIT && \
 	ROS_LOG_DIR="$$log" $(BIN)/pytest $$($(BIN)/python acceptance/parts.py --files $(PARTS)) -s -o faulthandler_timeout=0 $(ACCEPTANCE_ARGS)
 
+lock:
+	requirements/lock.sh requirements --universal --python-version 3.10 --upgrade
+
 clean:
-	rm -rf $(VENV) build dist install log robot_ident.egg-info .mypy_cache .pytest_cache .ruff_cache
+	rm -rf .venv .venv-newest .venv-oldest .locks build dist install log robot_ident.egg-info .mypy_cache .pytest_cache .ruff_cache
 	find robot_ident test launch -name __pycache__ -type d -prune -exec rm -rf {} +

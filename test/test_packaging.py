@@ -36,7 +36,7 @@ def built(checkout: Path, tmp_path_factory: pytest.TempPathFactory) -> Path:
     folder = tmp_path_factory.mktemp("dist")
     source = folder / "source"
     shutil.copytree(checkout, source, ignore=shutil.ignore_patterns(".*", "__pycache__", "build", "*.egg-info"))
-    build = [sys.executable, "-m", "build", "--outdir", str(folder), str(source)]
+    build = [sys.executable, "-m", "build", "--no-isolation", "--outdir", str(folder), str(source)]
     subprocess.run(build, check=True, stdout=subprocess.DEVNULL, timeout=180)
     return folder
 
