@@ -35,7 +35,7 @@ setup(
     data_files=[
         ("share/ament_index/resource_index/packages", [f"resource/{NAME}"]),
         (f"share/{NAME}", ["package.xml"]),
-        (f"lib/{NAME}", sorted(glob("scripts/*"))),  # where `ros2 run` looks
+        (f"lib/{NAME}", sorted(set(glob("scripts/*")) - set(glob("scripts/*.py")))),  # where `ros2 run` looks
         *share("config"),
         *share("launch"),
     ],
@@ -44,15 +44,15 @@ setup(
         "clarabel>=0.9",
         "dash>=4,<5",
         "Jinja2>=3.1",
-        "joblib>=1.3",
+        "joblib>=1.4",  # results in the order in which they come
         "lz4>=4.3",
-        "mcap>=1.1",
+        "mcap>=1.5",  # Writer.flush
         "numpy>=1.26,<3",
         "pin>=4,<5",
         "plotly>=6",
         "pydantic>=2.6,<3",
         "PyYAML>=6.0.1",
-        "rosbags>=0.10.4",
+        "rosbags>=0.10.9",  # its store of ROS 2 Jazzy, CompressionFormat
         "scipy>=1.11",
         "tqdm>=4.66",
         "zstandard>=0.22",

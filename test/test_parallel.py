@@ -32,7 +32,7 @@ def test_results_come_in_the_order_of_the_cases(workers: int) -> None:
 
 @pytest.mark.parametrize("workers", [1, 2])
 def test_the_exception_of_a_case_is_raised(workers: int) -> None:
-    with pytest.raises(ValueError, match="math domain error"):
+    with pytest.raises(ValueError):
         run_parallel(sqrt, [4.0, -1.0], workers)
 
 
@@ -96,7 +96,7 @@ def test_a_cluster_does_the_same_work_and_a_lost_worker_loses_no_case(cases: Any
 
 
 def test_an_exception_comes_back_from_a_cluster() -> None:
-    with scheduler(1) as (address, _), on_cluster(address), pytest.raises(ValueError, match="math domain error"):
+    with scheduler(1) as (address, _), on_cluster(address), pytest.raises(ValueError):
         run_parallel(sqrt, [4.0, -1.0])
 
 
