@@ -1,4 +1,4 @@
-# What a fresh machine needs: make and Python >= 3.10 with its venv module. All else goes into .venv.
+# What a fresh machine needs: make, libgomp1 and Python >= 3.10 with its venv module. All else goes into .venv.
 
 PYTHON ?= python3
 VENV := .venv
@@ -6,7 +6,8 @@ BIN := $(VENV)/bin
 # Every package, direct or not, with its hashes: the same environment every day.
 LOCKS := requirements
 LINT := lint
-PIP_INSTALL := $(BIN)/python -m pip --disable-pip-version-check install --quiet --no-compile --no-deps --no-build-isolation
+PIP := -m pip --disable-pip-version-check
+PIP_INSTALL := $(BIN)/python $(PIP) install --quiet --no-compile --no-deps --no-build-isolation --use-pep517
 LOCKED := $(PIP_INSTALL) --require-hashes -r
 # setuptools would pack what an earlier build left behind, files since removed included.
 SWEEP := rm -rf build/lib build/bdist.* robot_ident.egg-info; rmdir build 2>/dev/null || true
@@ -50,6 +51,8 @@ $(NEEDS_STAMP):
 	    { echo "Python 3.10 or newer is needed; found: $$($(PYTHON) --version 2>&1); name another: make PYTHON=..." >&2; exit 1; }
 	@$(PYTHON) -c 'import ensurepip, venv' 2>/dev/null || \
 	    { echo "Python's venv module is missing; on Debian and Ubuntu: sudo apt-get install python3-venv" >&2; exit 1; }
+	@$(PYTHON) -c 'import ctypes; ctypes.CDLL("libgomp.so.1")' 2>/dev/null || \
+	    { echo "libgomp.so.1 is missing, which pinocchio needs; on Debian and Ubuntu: sudo apt-get install libgomp1" >&2; exit 1; }
 	@echo "Installing robot_ident and ROS 2 Jazzy from wheels into $(VENV) (about 1 GB; one to three minutes)"
 	$(PYTHON) -m venv --clear $(VENV)
 	@$(SWEEP)
@@ -67,10 +70,10 @@ $(SOURCE_STAMP): | $(NEEDS_STAMP)
 $(TOOLS_STAMP): | $(SOURCE_STAMP)
 	@echo "Installing what lint and tests need"
 	@$(LOCKED) $(LOCKS)/test.txt
-	@$(BIN)/python -m pip --disable-pip-version-check check
+	@$(BIN)/python $(PIP) check
 	@# A DDS of another make doesn't go with the ROS wheels in one environment.
 	@$(PYTHON) -m venv --clear $(VENV)/dds
-	@$(VENV)/dds/bin/python -m pip --disable-pip-version-check install --quiet --no-compile --require-hashes -r $(LOCKS)/dds.txt
+	@$(VENV)/dds/bin/python $(PIP) install --quiet --no-compile --require-hashes -r $(LOCKS)/dds.txt
 	@touch $@
 
 demo: $(SOURCE_STAMP)

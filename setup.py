@@ -43,6 +43,7 @@ setup(
         "casadi>=3.6.7,<4",
         "clarabel>=0.9",
         "dash>=4,<5",
+        "flask>=3.1",  # earlier ones don't go with the werkzeug of today
         "Jinja2>=3.1",
         "joblib>=1.4",  # results in the order in which they come
         "lz4>=4.3",
@@ -65,7 +66,7 @@ setup(
         "test": [
             "build>=1.2",
             "distributed>=2024.1",
-            "example-robot-data>=4.1",
+            "example-robot-data>=5",
             "hypothesis>=6.100",
             "mypy>=1.11",
             "playwright>=1.45",

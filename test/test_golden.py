@@ -1,4 +1,4 @@
-"""Every command answers as it did; a wanted change comes by `scripts/golden.py --write` and a line in the change log."""
+"""Every command answers as it did; `scripts/golden.py --write` takes in a wanted change, the change log tells it."""
 
 from __future__ import annotations
 

@@ -15,7 +15,7 @@ from types import FrameType
 from robot_ident import __version__
 from robot_ident.cli.effects_from import add_effects_from, register_effects
 from robot_ident.cli.output import Parser, flush, refuse_own_input, tell
-from robot_ident.errors import RobotIdentError
+from robot_ident.errors import InputError, RobotIdentError
 from robot_ident.parallel import on_cluster
 
 # verb: what it does, in the order in which they are used
@@ -92,10 +92,13 @@ def _run(words: list[str], verb: str | None, came: list[int]) -> int:
         return 0
     except KeyboardInterrupt:
         return _stopped(verb)
-    except Exception:
-        if not came:
-            raise
-        return _stopped(verb)  # what compiled code, or an import, made of the interrupt
+    except Exception as error:
+        if came:
+            return _stopped(verb)  # what compiled code, or an import, made of the interrupt
+        if isinstance(error, ImportError) and "libgomp" in str(error):
+            tell(f"robot_ident {verb}: {error}; pinocchio needs it (Debian, Ubuntu: sudo apt-get install libgomp1)")
+            return InputError.exit_code
+        raise
 
 
 def _stopped(verb: str | None) -> int:
