@@ -30,14 +30,16 @@ NEEDS_STAMP := $(VENV)/.needs-$(call digest,$(LOCKS)/build.txt $(LOCKS)/run.txt)
 SOURCE_STAMP := $(VENV)/.source-$(firstword $(shell sha256sum $(FRAME) $(SOURCES) | sha256sum))
 TOOLS_STAMP := $(VENV)/.tools-$(call digest,$(LOCKS)/*.txt)
 
-.PHONY: help venv demo test lint format acceptance lock clean
+.PHONY: help venv demo test check lint format acceptance lock clean
 
 help:
 	@echo "make venv        .venv with robot_ident and its ROS 2 nodes"
 	@echo "make demo        the whole story on a simulated robot, in less than six minutes"
 	@echo "make test        lint and all tests"
 	@echo "                 (NEWEST=1: with the newest of all packages that setup.py allows; OLDEST=1: with the lowest)"
-	@echo "make lint        ruff and mypy alone (make format: let ruff lay out the code)"
+	@echo "make check       lint, the tests of the rooms that a change touches, two golden commands: a minute"
+	@echo "                 (make check SINCE=main: of all that differs from a commit)"
+	@echo "make lint        ruff, import-linter and mypy alone (make format: let ruff lay out the code)"
 	@echo "make acceptance  the long runs, hours in all; it says beforehand how long each takes"
 	@echo "                 (one or some of them: make acceptance PARTS='recorder soak')"
 	@echo "make lock        renews requirements/*.txt, the packages that all of these install"
@@ -79,10 +81,18 @@ $(TOOLS_STAMP): | $(SOURCE_STAMP)
 demo: $(SOURCE_STAMP)
 	$(BIN)/robot_ident demo $(DEMO_ARGS)
 
-lint: $(TOOLS_STAMP)
+lint: $(TOOLS_STAMP) $(SOURCE_STAMP)
 	$(BIN)/ruff check .
 	$(BIN)/ruff format --check .
+	$(BIN)/lint-imports --no-logo
 	$(BIN)/mypy
+
+# What can be said of a change in a minute: what differs from the commit SINCE.
+SINCE := HEAD
+check: lint
+	@tests=$$($(BIN)/python scripts/touched.py $(SINCE)) && export ROBOT_IDENT_TEST_INSTALLED=1 && \
+	{ [ -z "$$tests" ] || $(BIN)/pytest -q -n auto --dist loadfile $$tests; }
+	$(BIN)/python scripts/golden.py identify compare
 
 format: $(TOOLS_STAMP)
 	$(BIN)/ruff check --fix .

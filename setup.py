@@ -68,6 +68,7 @@ setup(
             "distributed>=2024.1",
             "example-robot-data>=5",
             "hypothesis>=6.100",
+            "import-linter>=2.12",
             "mypy>=1.11",
             "playwright>=1.45",
             "pytest-xdist>=3.6",

@@ -1,4 +1,4 @@
-"""The house: which room may use which, who alone may talk to ROS or the terminal, and what may not happen at import."""
+"""The house: who alone prints, and what may not happen at import; which room may use which is in pyproject.toml."""
 
 from __future__ import annotations
 
@@ -12,28 +12,6 @@ import robot_ident
 
 PACKAGE = Path(robot_ident.__file__).resolve().parent
 
-FLOORS: tuple[frozenset[str], ...] = tuple(
-    frozenset(floor.split())
-    for floor in (
-        "errors",
-        "configuration files markup motion parallel provenance share",
-        "robot",
-        "effects",
-        "model",
-        "excitation recording",
-        "estimation playing simulation",
-        "diagnosis export",
-        "bags",
-        "figures",
-        "report",
-        "workbench",
-        "nodes",
-        "cli",
-    )
-)
-"""The rooms from the ground up: a room uses those below its own floor, never one beside or above it."""
-
-SHELL = {"bags", "nodes", "cli"}
 ROS = ("rclpy", "builtin_interfaces", "rosgraph_msgs", "rcl_interfaces", "ament_index_python", "launch", "launch_ros")
 WEB = ("dash", "flask", "werkzeug")
 PAGES = tuple(
@@ -41,13 +19,7 @@ PAGES = tuple(
 )
 """The part of the workbench that is a web application; the rest of it knows no web."""
 PLOTS = ("matplotlib", "plotly", "bokeh", "seaborn", "pyqtgraph")
-TERMINAL = ("argparse", "tqdm", "rich", "click", "curses", "getpass")
 HEAVY = ("casadi", "pinocchio", "scipy", "rclpy", "mcap", "rosbags", "joblib")
-
-
-def is_ros(module: str) -> bool:
-    top = module.partition(".")[0]
-    return top in ROS or top.endswith(("_msgs", "_srvs"))
 
 
 def module_name(file: Path) -> str:
@@ -62,7 +34,6 @@ def room(module: str) -> str:
 
 FILES = {module_name(file): file for file in sorted(PACKAGE.rglob("*.py"))}
 TREES = {module: ast.parse(file.read_text(encoding="utf-8"), str(file)) for module, file in FILES.items()}
-ROOMS = sorted({room(module) for module in FILES} - {"", "__main__"})
 
 
 def imports(module: str) -> Iterator[tuple[str, int]]:
@@ -80,43 +51,10 @@ def imports(module: str) -> Iterator[tuple[str, int]]:
                 yield inner if inner in FILES else origin, node.lineno
 
 
-def violations(forbidden: tuple[str, ...], rooms: set[str]) -> list[str]:
-    return [
-        f"{module}:{line} imports {name}"
-        for module in FILES
-        if room(module) in rooms
-        for name, line in imports(module)
-        if name.partition(".")[0] in forbidden
-    ]
-
-
-def floor_of(name: str) -> int:
-    return next((level for level, floor in enumerate(FLOORS) if name in floor), -1)
-
-
-def test_every_room_has_its_floor() -> None:
-    unknown = [name for name in ROOMS if floor_of(name) < 0]
-    assert not unknown, f"say in FLOORS where {unknown} stand"
-    empty = sorted(set().union(*FLOORS) - set(ROOMS))
-    assert not empty, f"FLOORS lists {empty}, which are not there"
-
-
 def test_every_folder_is_a_package() -> None:
     """A folder without `__init__.py` would be left out of what is installed."""
     bare = {str(file.parent) for file in FILES.values() if not (file.parent / "__init__.py").is_file()}
     assert not bare
-
-
-def test_imports_point_down() -> None:
-    wrong = [
-        f"{module}:{line} ({room(module)}) imports {name}"
-        for module in FILES
-        for name, line in imports(module)
-        if name.startswith("robot_ident.")
-        and room(module) not in ("", "__main__", room(name))
-        and floor_of(room(name)) >= floor_of(room(module))
-    ]
-    assert not wrong, "these arrows point the wrong way:\n" + "\n".join(wrong)
 
 
 def test_no_circle_within_a_room() -> None:
@@ -151,33 +89,6 @@ def top_imports(module: str) -> Iterator[tuple[str, int]]:
 
 def _is_type_checking(node: ast.AST) -> bool:
     return isinstance(node, ast.If) and "TYPE_CHECKING" in ast.dump(node.test)
-
-
-def test_ros_is_known_in_nodes_alone() -> None:
-    known = [
-        f"{m}:{line} imports {name}" for m in FILES if room(m) != "nodes" for name, line in imports(m) if is_ros(name)
-    ]
-    assert not known
-
-
-def test_bag_libraries_are_known_in_bags_alone() -> None:
-    assert not violations(("mcap", "mcap_ros2", "rosbags", "sqlite3", "apsw", "lz4", "zstandard"), {*ROOMS} - {"bags"})
-
-
-def test_core_knows_no_terminal_and_no_plots() -> None:
-    assert not violations(TERMINAL, {*ROOMS} - {"cli"})
-    assert not violations(PLOTS, {*ROOMS} - {"figures", "report", "workbench"})
-
-
-def test_the_web_is_known_in_the_workbenchs_pages_alone() -> None:
-    known = [
-        f"{m}:{line} imports {name}"
-        for m in FILES
-        if not m.startswith(PAGES)
-        for name, line in imports(m)
-        if name.partition(".")[0] in WEB or (m.startswith("robot_ident.workbench.") and name.startswith(PAGES))
-    ]
-    assert not known
 
 
 def calls(module: str) -> Iterator[tuple[str, int]]:
