@@ -55,7 +55,7 @@ $(NEEDS_STAMP):
 	    { echo "Python's venv module is missing; on Debian and Ubuntu: sudo apt-get install python3-venv" >&2; exit 1; }
 	@$(PYTHON) -c 'import ctypes; ctypes.CDLL("libgomp.so.1")' 2>/dev/null || \
 	    { echo "libgomp.so.1 is missing, which pinocchio needs; on Debian and Ubuntu: sudo apt-get install libgomp1" >&2; exit 1; }
-	@echo "Installing robot_ident and ROS 2 Jazzy from wheels into $(VENV) (about 1 GB; one to three minutes)"
+	@echo "Installing robot_ident and ROS 2 Jazzy from wheels into $(VENV) (1.2 GB; half a minute to minutes)"
 	$(PYTHON) -m venv --clear $(VENV)
 	@$(SWEEP)
 	@$(LOCKED) $(LOCKS)/build.txt
