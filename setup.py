@@ -51,6 +51,7 @@ setup(
         "numpy>=1.26,<3",
         "pin>=4,<5",
         "plotly>=6",
+        "psutil>=5.9",  # with it loky ends its workers; without it needs pgrep, which a bare machine lacks
         "pydantic>=2.6,<3",
         "PyYAML>=6.0.1",
         "rosbags>=0.10.9",  # its store of ROS 2 Jazzy, CompressionFormat
