@@ -24,7 +24,7 @@ export PYTHONSAFEPATH := 1
 
 # Stamps are named after what was installed: a change of content, and nothing else, installs anew.
 digest = $(firstword $(shell cat $(1) | sha256sum))
-SOURCES := $(sort $(shell find robot_ident config launch resource scripts -type f ! -name '*.pyc'))
+SOURCES := $(sort $(shell find robot_ident config launch resource scripts -type f ! -name '*.pyc' ! -path 'scripts/*.py'))
 FRAME := setup.py setup.cfg package.xml pyproject.toml MANIFEST.in README.md
 NEEDS_STAMP := $(VENV)/.needs-$(call digest,$(LOCKS)/build.txt $(LOCKS)/run.txt)
 SOURCE_STAMP := $(VENV)/.source-$(firstword $(shell sha256sum $(FRAME) $(SOURCES) | sha256sum))
@@ -125,5 +125,5 @@ lock:
 	requirements/lock.sh requirements --universal --python-version 3.10 --upgrade
 
 clean:
-	rm -rf .venv .venv-newest .venv-oldest .locks build dist install log robot_ident.egg-info .mypy_cache .pytest_cache .ruff_cache
+	rm -rf .venv .venv-newest .venv-oldest .locks build dist install log robot_ident.egg-info .mypy_cache .pytest_cache .ruff_cache .import_linter_cache
 	find robot_ident test launch -name __pycache__ -type d -prune -exec rm -rf {} +

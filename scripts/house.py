@@ -1,6 +1,6 @@
 """Counts the house: a table of the rooms of robot_ident, with lines, files, imports and constants, for the change log.
 
-`house.py [FOLDER]` counts a package (default: robot_ident beside this script); a line is one that holds code or text.
+`house.py [FOLDER]` counts a package (default: robot_ident beside this script).
 """
 
 from __future__ import annotations
@@ -19,20 +19,10 @@ COLUMNS = ("lines", "files", f"< {SMALL}", f"> {LARGE}", "imports", "constants",
 
 
 def constants(tree: ast.Module) -> int:
-    """Return how many names of a module are set to a number of its own: what somebody has tuned or measured."""
-    assigned = [node for node in tree.body if isinstance(node, (ast.Assign, ast.AnnAssign)) and node.value is not None]
-    return sum(_is_number(node.value) for node in assigned if node.value is not None)
-
-
-def _is_number(node: ast.expr) -> bool:
-    """Return whether an expression is made of numbers alone."""
-    inner = list(ast.walk(node))
-    found = any(isinstance(x, ast.Constant) and type(x.value) in (int, float) for x in inner)
-    return found and all(
-        isinstance(x, (ast.Constant, ast.UnaryOp, ast.BinOp, ast.Tuple, ast.operator, ast.unaryop, ast.expr_context))
-        and not (isinstance(x, ast.Constant) and not isinstance(x.value, (int, float)))
-        for x in inner
-    )
+    """Return how many names of a module are set to a plain number: what somebody has tuned or measured."""
+    assigned = (node.value for node in tree.body if isinstance(node, (ast.Assign, ast.AnnAssign)))
+    signless = (value.operand if isinstance(value, ast.UnaryOp) else value for value in assigned)
+    return sum(isinstance(value, ast.Constant) and type(value.value) in (int, float) for value in signless)
 
 
 def bodies(tree: ast.Module) -> Iterator[str]:
@@ -52,7 +42,7 @@ def count(package: Path) -> dict[str, Counter[str]]:
     for file in sorted(package.rglob("*.py")):
         parts = file.relative_to(package).parts
         room, text = rooms[parts[0] if len(parts) > 1 else "."], file.read_text(encoding="utf-8")
-        tree, lines = ast.parse(text), sum(bool(line.strip()) for line in text.splitlines())
+        tree, lines = ast.parse(text), len(text.splitlines())
         stretches = list(bodies(tree))
         room.update(
             {

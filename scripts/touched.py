@@ -1,5 +1,5 @@
-"""Prints the tests of what differs from a commit (default: HEAD), for `make check`: a changed test file, and for a
-changed module of a room the tests of that room; those of the nodes, which take minutes, are for `make test`.
+"""Prints the tests of what differs from a commit (default: HEAD), for `make check`: a changed test file; for a changed
+module the test file of its name, or all of its room where it has none. Those of the nodes take minutes: `make test`.
 """
 
 from __future__ import annotations

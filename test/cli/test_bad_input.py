@@ -28,6 +28,14 @@ def refused(outcome: Any, *words: str) -> None:
         assert word in lines[0], lines[0]
 
 
+def test_a_library_that_the_system_lacks_is_one_line(run: Run, monkeypatch: pytest.MonkeyPatch) -> None:
+    def lacking(args: object) -> int:
+        raise ImportError("libgomp.so.1: cannot open shared object file: No such file or directory")
+
+    monkeypatch.setattr("robot_ident.cli.check.run", lacking)
+    refused(run("check", "excitation.yaml"), "libgomp.so.1", "apt-get install libgomp1")
+
+
 def _write(path: Path, recording: Any, **change: Any) -> Path:
     arrays = {"t": recording.t, "q": recording.q, "tau": recording.tau, "names": np.array(recording.names), **change}
     np.savez(path, **arrays)
