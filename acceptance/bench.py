@@ -8,7 +8,7 @@ import subprocess
 import sys
 import threading
 import time
-from collections.abc import Iterator
+from collections.abc import Iterator, Sequence
 from contextlib import contextmanager
 from pathlib import Path
 from typing import Any
@@ -59,10 +59,10 @@ class Node:
 class Bench:
     """A node in this process: publishes numbered joint states at a rate, listens to the recorder's status.
 
-    sent: send time [ns, this machine's clock] of message 1, 2, 3... Message k has position[0] = k.
+    sent: send time [ns, this machine's clock] of message 1, 2, 3... Message k has position[0] = k, on each topic.
     """
 
-    def __init__(self, rate: float) -> None:
+    def __init__(self, rate: float, topics: Sequence[str] = ("joint_states",)) -> None:
         import rclpy
         from diagnostic_msgs.msg import DiagnosticArray
         from rclpy.context import Context
@@ -74,7 +74,7 @@ class Bench:
         self._context = Context()
         rclpy.init(context=self._context)
         self.node = rclpy.create_node("bench", context=self._context, start_parameter_services=False)
-        self._made = self.node.create_publisher(JointState, "joint_states", 10_000)
+        self._made = [self.node.create_publisher(JointState, topic, 10_000) for topic in topics]
         self.node.create_subscription(DiagnosticArray, "/recorder/status", self._on_status, 10)
         self._message = JointState(name=list(NAMES), velocity=[0.5] * 7, effort=[1.0] * 7)
         self._ended, self._paused = threading.Event(), threading.Event()
@@ -99,7 +99,7 @@ class Bench:
 
     def meet(self) -> None:
         """Wait until the recorder listens."""
-        wait(self._made.get_subscription_count)
+        wait(lambda: all(made.get_subscription_count() for made in self._made))
 
     def play(self) -> None:
         """Publish until the end, at the rate on average, whatever the machine's load."""
@@ -117,7 +117,8 @@ class Bench:
         self._message.header.stamp.sec, self._message.header.stamp.nanosec = divmod(stamp or now, 1_000_000_000)
         self._message.position = [float(number), *noise]
         self.sent.append(now)
-        self._made.publish(self._message)
+        for made in self._made:
+            made.publish(self._message)
 
     def pause(self) -> None:
         """Publish no more."""
@@ -133,11 +134,15 @@ class Bench:
 
 
 @contextmanager
-def bench(folder: Path, rate: float, **parameters: object) -> Iterator[tuple[Bench, Node]]:
-    """Give a bench whose recorder listens, in a DDS domain of their own."""
+def bench(
+    folder: Path, rate: float, on: Sequence[str] = ("joint_states",), **parameters: object
+) -> Iterator[tuple[Bench, Node]]:
+    """Give a bench whose recorder listens to all of its topics, in a DDS domain of their own."""
     isolate(folder)
-    recorder = Node("recorder", folder, **{"status_rate": 50.0, **parameters})
-    made = Bench(rate)
+    further = [topic for topic in on if topic not in ("joint_states", "joint_command")]
+    also = {"topics": f"[{','.join(further)}]"} if further else {}
+    recorder = Node("recorder", folder, **{"status_rate": 50.0, **also, **parameters})
+    made = Bench(rate, on)
     try:
         made.meet()
         yield made, recorder

@@ -1,7 +1,8 @@
 """The one place that reads and writes bags, in every form that users have them, without ROS.
 
 `read_recording` gives joint states as arrays, `describe` says what a bag holds, `BagWriter` records serialized messages
-so that a killed process loses none, `write_recording` writes a recording whole, `recover` mends a bag that breaks off.
+so that every reader opens what a killed process leaves, `write_recording` writes a recording whole, `recover` mends a
+bag that breaks off.
 """
 
 from __future__ import annotations
@@ -16,7 +17,7 @@ from robot_ident.bags.recover import Recovery, recover
 from robot_ident.bags.robot_description import read_robot_description
 from robot_ident.bags.states_topic import topic_of_joints
 from robot_ident.bags.storage import JOINT_STATE, NUMBERS, Topic
-from robot_ident.bags.write import write_recording
+from robot_ident.bags.write import Series, write_recording, write_series
 from robot_ident.bags.writer import BagWriter
 
 __all__ = [
@@ -28,6 +29,7 @@ __all__ = [
     "Qos",
     "RawMessage",
     "Recovery",
+    "Series",
     "Topic",
     "TopicInfo",
     "describe",
@@ -40,4 +42,5 @@ __all__ = [
     "topic_of_joints",
     "write_prediction",
     "write_recording",
+    "write_series",
 ]

@@ -6,12 +6,14 @@ from pathlib import Path
 
 import numpy as np
 
-from robot_ident.bags.mcap_records import CHANNEL, MAGIC, MESSAGE_HEAD, Fields, message_heads, scan
+from robot_ident.bags.compression import DECOMPRESSORS
+from robot_ident.bags.mcap_records import CHANNEL, CHUNK, MAGIC, MESSAGE_HEAD, Fields, chunk_fields, message_heads, scan
+from robot_ident.bags.storage import Bytes
 from robot_ident.playing.stamps import header_stamp
 
 
 class BagGrowth:
-    """Follows one topic of messages with a header through the unchunked files of a `BagWriter` while they grow.
+    """Follows one topic of messages with a header through the files of a `BagWriter` while they grow.
 
     Each look reads what has been written since the one before, and nothing twice.
     """
@@ -39,15 +41,22 @@ class BagGrowth:
         return self._bag / f"{self._bag.name}_{number}.mcap"
 
     def _look(self, file: Path) -> None:
-        """Read the records that have become whole."""
+        """Read the chunks that have become whole."""
         with file.open("rb") as stream:
             stream.seek(self._read)
             data = np.frombuffer(stream.read(), dtype=np.uint8)
         begin = len(MAGIC) if not self._read else 0
-        if len(data) <= begin:
-            return
-        found = scan(data, begin, len(data))
-        self._read += found.end
+        chunks = [(start, size) for opcode, start, size in scan(data, begin, len(data)).others if opcode == CHUNK]
+        for start, size in chunks:
+            unpacked, _, compression, packed = chunk_fields(data, start, size)
+            content = DECOMPRESSORS[compression](bytes(packed), unpacked)
+            self._take(np.frombuffer(content, dtype=np.uint8))
+        if chunks:
+            self._read += sum(chunks[-1])
+
+    def _take(self, data: Bytes) -> None:
+        """Take in the channels and stamps of one chunk."""
+        found = scan(data, 0, len(data))
         for opcode, start, size in found.others:
             if opcode == CHANNEL:
                 fields = Fields(data, start, size)

@@ -18,6 +18,7 @@ from robot_ident.bags.mcap_records import Damaged, Fields, Scan, message_heads, 
 from robot_ident.bags.storage import Batch, Bytes, Topic, one_line
 from robot_ident.errors import InputError
 
+_GATHER = 1 << 20  # bytes of small chunks that are looked at together
 _BATCH = 1 << 14  # messages; small enough that a batch stays in the cache while it is decoded
 
 
@@ -63,29 +64,46 @@ class McapFile:
         self._claims = 0
         self._unknown_channels = 0
         self._statistics: dict[int, int] | None = None
+        self._unended = False  # an end that our recorder keeps behind what it has written so far
         self._chunks = self._read_outer_records()
         self.truncated = not self._ends_properly()
 
     # -- what the file holds
 
     def _ends_properly(self) -> bool:
-        """Whether a footer and the closing magic stand where they belong."""
-        footer = bool(self._scan.others) and self._scan.others[-1][0] == records.FOOTER
-        return footer and self._data[self._scan.end : self._scan.end + 8].tobytes() == records.MAGIC
+        """Whether a footer and the closing magic stand where they belong, in our own files with a summary before."""
+        opcode, start, size = self._scan.others[-1] if self._scan.others else (0, 0, 0)
+        magic = self._data[self._scan.end : self._scan.end + 8].tobytes()
+        if opcode != records.FOOTER or magic != records.MAGIC:
+            return False
+        self._unended = size >= 8 and not Fields(self._data, start, size).number(8) and self._is_our_own()
+        return not self._unended
+
+    def _is_our_own(self) -> bool:
+        """Whether this package wrote the file."""
+        opcode, start, size = self._scan.others[0]
+        if opcode != records.HEADER:
+            return False
+        fields = Fields(self._data, start, size)
+        try:
+            return (fields.text(), fields.text()) == ("ros2", records.LIBRARY)
+        except Damaged:
+            return False
 
     def _read_outer_records(self) -> tuple[_Chunk, ...]:
         """Learn schemas, channels and statistics; return the chunks with the channels that their indexes name."""
         chunks: list[tuple[int, int]] = []
-        channels: list[set[int]] = []
+        indexed: list[Counter[int]] = []
         for opcode, start, size in self._scan.others:
             if opcode == records.CHUNK:
                 chunks.append((start, size))
-                channels.append(set())
-            elif opcode == records.MESSAGE_INDEX and channels and size >= 2:
-                channels[-1].add(Fields(self._data, start, size).number(2))
+                indexed.append(Counter())
+            elif opcode == records.MESSAGE_INDEX and indexed and size >= 6:
+                indexed[-1][Fields(self._data, start, size).number(2)] += (size - 6) // 16
             else:
                 self._learn(self._data, opcode, start, size)
-        whole = [_Chunk(*place, frozenset(known) or None) for place, known in zip(chunks, channels, strict=True)]
+        whole = [_Chunk(*place, frozenset(known) or None) for place, known in zip(chunks, indexed, strict=True)]
+        self._indexed = sum(indexed, Counter())
         if self._scan.cut and self._scan.cut[0] == records.CHUNK:
             whole.append(_Chunk(*self._scan.cut[1:], None, torn=True))
         return tuple(whole)
@@ -126,8 +144,12 @@ class McapFile:
 
     @cached_property
     def _summarised(self) -> bool:
-        """Whether the outer records name every channel, so that no chunk needs to be opened to know the topics."""
-        return not self.truncated and self._statistics is not None and set(self._statistics) <= self._outer_channels
+        """Whether the outer records can be relied upon without opening a chunk: they name every channel, and the
+        indexes of the chunks hold as many messages of each as the statistics say (the chunks are the truth).
+        """
+        if self.truncated or self._statistics is None or not set(self._statistics) <= self._outer_channels:
+            return False
+        return not self._chunks or self._indexed == +Counter(self._statistics)
 
     @cached_property
     def _outer_channels(self) -> frozenset[int]:
@@ -169,7 +191,9 @@ class McapFile:
     def notes(self) -> tuple[str, ...]:
         """What was found lost or damaged so far."""
         lines = []
-        if self.truncated:
+        if self._unended:
+            lines.append(f"{self.path.name} is truncated: its recorder did not end it; everything it wrote is used")
+        elif self.truncated:
             lost = len(self._data) - self._scan.end
             what = self._scan.damage or ("its last record is cut" if self._scan.cut else "its end is missing")
             if self._scan.cut and self._scan.cut[0] == records.CHUNK:
@@ -215,14 +239,37 @@ class McapFile:
         """Yield the outer messages and then each chunk that may hold messages of the wanted topics."""
         if len(self._scan.start):
             yield self._data, self._scan
+        gathered: list[bytes] = []
+        size = 0
         for chunk in self._chunks:
             if wanted is not None and chunk.channels is not None and self._summarised:
                 held = {int(self._index[channel]) for channel in chunk.channels}
                 if not held & wanted:
                     continue
-            opened = self._open(chunk)
-            if opened is not None and len(opened[1].start):
-                yield opened
+            gathered.append(self._open(chunk))
+            size += len(gathered[-1])
+            if size >= _GATHER:
+                yield from self._records(gathered)
+                gathered, size = [], 0
+        yield from self._records(gathered)
+
+    def _records(self, contents: list[bytes]) -> Iterator[tuple[Bytes, Scan]]:
+        """Find the records of chunks: of all at once, or of each by itself where one is damaged or contradicts another
+        about a channel.
+        """
+        data = np.frombuffer(b"".join(contents) or bytearray(), dtype=np.uint8)
+        found = scan(data, 0, len(data))
+        known, contradicts = self._index.copy() if found.others else self._index, False
+        for opcode, start, length in found.others:
+            before = self._index.copy() if opcode == records.CHANNEL else self._index
+            self._learn(data, opcode, start, length)
+            contradicts |= bool(np.any((before >= 0) & (before != self._index)))
+        if len(contents) > 1 and (contradicts or found.end < len(data)):
+            self._index = known
+            for content in contents:
+                yield from self._records([content])
+        elif len(found.start):
+            yield data, found
 
     def _claim(self, chunk: _Chunk, size: int) -> int:
         """Return the bytes that the chunks opened so far, this one included, unfold to."""
@@ -231,30 +278,24 @@ class McapFile:
             self._claimed[chunk.start] = self._claims
         return self._claimed[chunk.start]
 
-    def _open(self, chunk: _Chunk) -> tuple[Bytes, Scan] | None:
-        """Decompress a chunk and find its records; None, and a note, where nothing of it can be used."""
-        fields = Fields(self._data, chunk.start, chunk.size)
+    def _open(self, chunk: _Chunk) -> bytes:
+        """Return the records of a chunk, decompressed; nothing, and a note, where none of it can be used."""
         try:
-            fields.take(16)
-            size, checksum, compression = fields.number(8), fields.number(4), fields.text()
-            announced = fields.number(8)
-            stored = fields.take(min(announced, fields.end - fields.position) if chunk.torn else announced)
+            size, checksum, compression, stored = records.chunk_fields(
+                self._data, chunk.start, chunk.size, torn=chunk.torn
+            )
         except Damaged as damage:
             self._chunk_notes[chunk.start] = f"a chunk is left out: {damage}"
-            return None
+            return b""
         decompress = DECOMPRESSORS.get(compression)
         too_large = size > LARGEST_CHUNK or self._claim(chunk, size) > most(len(self._data))
         if decompress is None or too_large:
             unknown = f"compression {one_line(compression)!r} is not known"
             reason = unknown if decompress is None else f"it claims {size} bytes, more than any recording's"
             self._chunk_notes[chunk.start] = f"a chunk is left out: {reason}"
-            return None
+            return b""
         content = decompress(bytes(stored), size)
         if not chunk.torn and (len(content) != size or (checksum and zlib.crc32(content) != checksum)):
             self._chunk_notes[chunk.start] = f"a chunk of {size} bytes is damaged and left out (its checksum is wrong)"
-            return None
-        data = np.frombuffer(content or bytearray(), dtype=np.uint8)
-        found = scan(data, 0, len(data))
-        for opcode, start, length in found.others:
-            self._learn(data, opcode, start, length)
-        return data, found
+            return b""
+        return content

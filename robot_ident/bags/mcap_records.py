@@ -17,10 +17,10 @@ from numpy.typing import NDArray
 from robot_ident.bags.storage import Bytes, Integers, windows
 
 MAGIC = b"\x89MCAP0\r\n"
-FOOTER, SCHEMA, CHANNEL, MESSAGE, CHUNK, MESSAGE_INDEX = range(2, 8)
-STATISTICS = 0x0B
-FIRST_OPCODE = 1
-_KEPT = frozenset({SCHEMA, CHANNEL, CHUNK, MESSAGE_INDEX, STATISTICS, FOOTER})
+LIBRARY = "robot_ident"  # in the header of our own files
+HEADER, FOOTER, SCHEMA, CHANNEL, MESSAGE, CHUNK, MESSAGE_INDEX = range(1, 8)
+STATISTICS, DATA_END = 0x0B, 0x0F
+_KEPT = frozenset({HEADER, SCHEMA, CHANNEL, CHUNK, MESSAGE_INDEX, STATISTICS, FOOTER})
 MESSAGE_HEAD = np.dtype([("channel", "<u2"), ("sequence", "<u4"), ("log_time", "<u8"), ("publish_time", "<u8")])
 
 _HEAD = struct.Struct("<BQ")
@@ -126,7 +126,7 @@ def scan(data: Bytes, begin: int, end: int) -> Scan:
     while position + 9 <= end:
         opcode, size = unpack(view, position)
         content = position + 9
-        if opcode < FIRST_OPCODE or (opcode == MESSAGE and size < MESSAGE_HEAD.itemsize):
+        if opcode < HEADER or (opcode == MESSAGE and size < MESSAGE_HEAD.itemsize):
             damage = f"no record begins at byte {position}"
             break
         if size > end - content:
@@ -171,3 +171,16 @@ def _run(data: Bytes, begin: int, end: int, size: int) -> int:
 def message_heads(data: Bytes, start: Integers) -> NDArray[np.void]:
     """Return channel, sequence and both stamps of the Message records whose content begins at `start` [N]."""
     return windows(data, start, MESSAGE_HEAD.itemsize).view(MESSAGE_HEAD)[:, 0]
+
+
+def chunk_fields(data: Bytes, start: int, size: int, *, torn: bool = False) -> tuple[int, int, str, memoryview]:
+    """Return what a Chunk record holds: unpacked size, CRC-32 of that (0: none), compression, the packed records.
+
+    Damaged where it contradicts itself. torn: the record is cut, and so are the packed records.
+    """
+    fields = Fields(data, start, size)
+    fields.take(16)
+    unpacked, checksum, compression = fields.number(8), fields.number(4), fields.text()
+    announced = fields.number(8)
+    packed = fields.take(min(announced, fields.end - fields.position) if torn else announced)
+    return unpacked, checksum, compression, packed

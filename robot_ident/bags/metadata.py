@@ -10,6 +10,7 @@ from robot_ident.bags.qos import profiles_of
 from robot_ident.bags.storage import Topic
 
 VERSION = 9
+OPEN = "robot_ident_recording"  # key of the custom data in a bag that nobody has closed
 ROS_DISTRO = "jazzy"  # whose message definitions and hashes the bag holds
 
 

@@ -7,9 +7,7 @@ from pathlib import Path
 
 import numpy as np
 
-from robot_ident.bags.qos import Qos, qos_text
-from robot_ident.bags.storage import JOINT_STATE, Topic
-from robot_ident.bags.writer import BagWriter
+from robot_ident.bags.write import Series, write_series
 from robot_ident.estimation.predict import Prediction
 from robot_ident.files import whole
 
@@ -24,31 +22,26 @@ def write_prediction(path: Path | str, prediction: Prediction, *, force: bool = 
     motion = prediction.motion
     arrays = {"q": motion.q, "dq": motion.dq, "ddq": motion.ddq}
     arrays |= {"tau": prediction.torque, "tau_std": prediction.std, "tau_band": prediction.band}
+    if path.suffix not in (".npz", ".csv"):
+        write_series(path, _series(prediction), force=force)
+        return
     with whole(path, force=force) as draft:
         if path.suffix == ".npz":
             with draft.open("wb") as file:
                 np.savez(file, t=prediction.t, names=np.array(prediction.joints), **arrays)  # type: ignore[arg-type]
-        elif path.suffix == ".csv":
+        else:
             header = ["t", *(f"{key}_{joint}" for key in arrays for joint in prediction.joints)]
             columns = np.column_stack([prediction.t, *arrays.values()])
             np.savetxt(draft, columns, fmt="%.12g", delimiter=",", header=",".join(header), comments="")
-        else:
-            _write_bag(path, draft, prediction)
 
 
-def _write_bag(path: Path, draft: Path, prediction: Prediction) -> None:
-    topics = {
+def _series(prediction: Prediction) -> list[Series]:
+    start = prediction.start_ns or time.time_ns()
+    stamps = start + np.rint(prediction.t * 1e9).astype(np.int64)
+    efforts = {
         "/predicted": prediction.torque,
         "/predicted_lower": prediction.torque - prediction.band,
         "/predicted_upper": prediction.torque + prediction.band,
     }
-    start = prediction.start_ns or time.time_ns()
-    stamps = start + np.rint(prediction.t * 1e9).astype(np.int64)
-    folder = draft.with_name(path.stem) if path.suffix == ".mcap" else draft
-    qos = qos_text([Qos()])
-    with BagWriter(folder, [Topic(name, JOINT_STATE, qos=qos) for name in topics], chunked=True, shown_as=path) as bag:
-        for name, torque in topics.items():
-            motion = prediction.motion
-            bag.write_joint_states(name, prediction.joints, stamps, motion.q, motion.dq, torque)
-    if path.suffix == ".mcap":
-        (folder / f"{folder.name}_0.mcap").rename(draft)
+    q, dq = prediction.motion.q, prediction.motion.dq
+    return [Series(topic, prediction.joints, stamps, q, dq, effort) for topic, effort in efforts.items()]

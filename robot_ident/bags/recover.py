@@ -2,12 +2,17 @@
 
 from __future__ import annotations
 
+import heapq
 from collections import Counter
+from collections.abc import Iterator
 from dataclasses import dataclass
 from pathlib import Path
 
+import numpy as np
+
 from robot_ident.bags.forms import open_storage
-from robot_ident.bags.read import raw_messages
+from robot_ident.bags.read import RawMessage, raw_messages
+from robot_ident.bags.storage import Storage
 from robot_ident.bags.writer import BagWriter
 from robot_ident.errors import InputError
 from robot_ident.files import refuse_existing, whole
@@ -31,7 +36,8 @@ class Recovery:
 def recover(path: Path | str, out: Path | str, *, force: bool = False) -> Recovery:
     """Copy every readable message of a bag, unchanged, into a whole rosbag2 folder with index and `metadata.yaml`.
 
-    The stamps, definitions, hashes and QoS stay. InputError when nothing can be read or `out` exists (and not `force`).
+    The messages come in the order of their receive times. The stamps, definitions, hashes and QoS stay. InputError when
+    nothing can be read or `out` exists (and not `force`).
     """
     path, out = Path(path), Path(out)
     refuse_existing(out, force=force)
@@ -41,8 +47,8 @@ def recover(path: Path | str, out: Path | str, *, force: bool = False) -> Recove
     impossible = 0
     kept: Counter[str] = Counter({topic.name: 0 for topic in storage.topics})
     with whole(out, force=force) as draft:
-        with BagWriter(draft, storage.topics, chunked=True, shown_as=out) as bag:
-            for message in raw_messages(storage):
+        with BagWriter(draft, storage.topics, shown_as=out) as bag:
+            for message in in_time_order(storage):
                 log_time, publish_time = max(message.log_time, 0), max(message.publish_time, 0)
                 bag.write(message.topic.name, message.data, log_time, publish_time)
                 kept[message.topic.name] += 1
@@ -54,3 +60,22 @@ def recover(path: Path | str, out: Path | str, *, force: bool = False) -> Recove
     if impossible:
         lost += (f"{impossible} messages had a receive or send time after the year 2262; it is set to 0",)
     return Recovery(str(path), str(out), dict(kept), lost)
+
+
+def in_time_order(storage: Storage) -> Iterator[RawMessage]:
+    """Yield the messages of a storage by receive time, those of one time in the order of the file.
+
+    No more are held at once than the file has out of place: a first pass finds how late a message comes at most.
+    """
+    newest, latest = np.iinfo(np.int64).min, 0
+    for batch in storage.batches():
+        before = np.maximum.accumulate(np.append(newest, batch.log_time))
+        latest = max(latest, int((before[:-1] - batch.log_time)[before[:-1] > batch.log_time].max(initial=0)))
+        newest = int(before[-1])
+    held: list[tuple[int, int, RawMessage]] = []
+    for number, message in enumerate(raw_messages(storage)):
+        heapq.heappush(held, (message.log_time, number, message))
+        while held and held[0][0] <= message.log_time - latest:
+            yield heapq.heappop(held)[2]
+    while held:
+        yield heapq.heappop(held)[2]

@@ -12,6 +12,7 @@ import numpy as np
 
 from robot_ident.bags.compression import unpack_file
 from robot_ident.bags.mcap_file import McapFile
+from robot_ident.bags.metadata import OPEN
 from robot_ident.bags.scratch import ScratchFolder
 from robot_ident.bags.sqlite_file import SqliteFile
 from robot_ident.bags.storage import Batch, Storage, Topic, one_line
@@ -92,6 +93,9 @@ class Rosbag2Directory:
         try:
             with (self.path / METADATA).open(encoding="utf-8") as file:
                 content = load_yaml(file.read(_LONGEST), aliases=True)["rosbag2_bagfile_information"]
+            if isinstance(content, dict) and OPEN in (content.get("custom_data") or {}):
+                self._own_notes.append(f"{self.path.name}: the recorder was not closed properly")
+                return None  # it says how far the bag had come before
             if isinstance(content, dict):
                 return content
             self._own_notes.append(f"{METADATA} holds no information and is not used")

@@ -3,19 +3,35 @@
 from __future__ import annotations
 
 import time
+from collections.abc import Sequence
+from dataclasses import dataclass
 from pathlib import Path
 
 import numpy as np
 
+from robot_ident.bags import cdr
 from robot_ident.bags.forms import TABLES
 from robot_ident.bags.qos import Qos, qos_text
-from robot_ident.bags.storage import JOINT_STATE, Topic
+from robot_ident.bags.storage import JOINT_STATE, Integers, Topic
 from robot_ident.bags.writer import BagWriter
 from robot_ident.errors import InputError
 from robot_ident.files import whole
+from robot_ident.motion import Array
 from robot_ident.recording.recording import Recording
 
 _LAST = 2**31 * 1_000_000_000  # ns; seconds are a signed number of 32 bits in builtin_interfaces/Time
+
+
+@dataclass(frozen=True)
+class Series:
+    """N JointStates on one topic: stamps [N] ns (also receive and send time), position, velocity, effort [N, n]."""
+
+    topic: str
+    names: tuple[str, ...]
+    stamps: Integers
+    position: Array | None = None
+    velocity: Array | None = None
+    effort: Array | None = None
 
 
 def write_recording(
@@ -44,8 +60,30 @@ def write_recording(
                 f"{path}: it would last from {stamps[0] / 1e9:.0f} to {stamps[-1] / 1e9:.0f} s since 1970;"
                 " the stamps of ROS 2 end in 2038"
             )
-        folder = draft.with_name(path.stem) if path.suffix == ".mcap" else draft
-        with BagWriter(folder, [Topic(topic, JOINT_STATE, qos=qos_text([Qos()]))], chunked=True, shown_as=path) as bag:
-            bag.write_joint_states(topic, recording.names, stamps, recording.q, recording.dq, recording.tau)
-        if path.suffix == ".mcap":
-            (folder / f"{folder.name}_0.mcap").rename(draft)
+        states = Series(topic, recording.names, stamps, recording.q, recording.dq, recording.tau)
+        _write_bag(draft, path, [states])
+
+
+def write_series(path: Path | str, series: Sequence[Series], *, force: bool = False) -> None:
+    """Write topics of JointStates, whole or not at all: one `.mcap` file, or else a rosbag2 folder.
+
+    The messages of all topics come in the order of their stamps. InputError when the path exists (and not `force`) or
+    the disk refuses.
+    """
+    path = Path(path)
+    with whole(path, force=force) as draft:
+        _write_bag(draft, path, series)
+
+
+def _write_bag(draft: Path, path: Path, series: Sequence[Series]) -> None:
+    folder = draft.with_name(path.stem) if path.suffix == ".mcap" else draft
+    topics = [Topic(one.topic, JOINT_STATE, qos=qos_text([Qos()])) for one in series]
+    with BagWriter(folder, topics, shown_as=path) as bag:
+        rows = [cdr.serialise(one.names, one.stamps, one.position, one.velocity, one.effort) for one in series]
+        stamps = np.concatenate([one.stamps for one in series])
+        source = np.repeat(np.arange(len(series)), [len(one.stamps) for one in series])
+        within = np.concatenate([np.arange(len(one.stamps)) for one in series])
+        for k in np.argsort(stamps, kind="stable").tolist():
+            bag.write(topics[source[k]].name, rows[source[k]][within[k]].tobytes(), int(stamps[k]))
+    if path.suffix == ".mcap":
+        (folder / f"{folder.name}_0.mcap").rename(draft)

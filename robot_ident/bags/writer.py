@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import shutil
 import threading
-from collections.abc import Iterable, Iterator
+from collections.abc import Iterable, Iterator, Mapping, Sequence
 from contextlib import contextmanager, suppress
 from dataclasses import replace
 from pathlib import Path
@@ -15,7 +15,7 @@ import numpy as np
 from robot_ident.bags import cdr
 from robot_ident.bags.mcap_writer import Extent, McapFileWriter
 from robot_ident.bags.message_types import complete
-from robot_ident.bags.metadata import bag_metadata, yaml_text
+from robot_ident.bags.metadata import OPEN, bag_metadata, yaml_text
 from robot_ident.bags.qos import profiles_of, qos_text
 from robot_ident.bags.rosbag2_directory import FILES, METADATA
 from robot_ident.bags.storage import Integers, Topic
@@ -27,10 +27,9 @@ from robot_ident.motion import Array
 class BagWriter:
     """A rosbag2 folder (MCAP) that grows in its final place; may be used from several threads.
 
-    Unchunked, the default for recording: each message is handed to the kernel before `write` returns, so that a killed
-    process loses nothing, and `sync` once a second bounds what a power cut can take. Chunked: compressed and indexed;
-    `flush` bounds what a killed process loses. Index, summary and `metadata.yaml` are written by `close`. `custom_data`
-    goes into `metadata.yaml`.
+    Every reader opens it at any moment: what was written before the last `flush` is there however the process ends, and
+    `sync` once a second bounds what a power cut can take. `close` writes index, summary and the final `metadata.yaml`.
+    `custom_data` goes into that.
     """
 
     def __init__(
@@ -38,21 +37,23 @@ class BagWriter:
         path: Path | str,
         topics: Iterable[Topic] = (),
         *,
-        chunked: bool = False,
+        compress: bool = True,
         force: bool = False,
         shown_as: Path | str | None = None,
     ) -> None:
         """Create the folder; InputError when it exists (and not `force`) or can't be written.
 
-        topics: name and type are enough for the standard types. shown_as: the name in messages to the user.
+        topics: name and type are enough for the standard types. compress: the files, by zstd. shown_as: the name in
+        messages to the user.
         """
         self.path = Path(path)
         self.custom_data: dict[str, str] = {}
         self._shown = shown_as or path
-        self._chunked = chunked
+        self._compress = compress
         self._lock = threading.RLock()
         self._topics: dict[str, Topic] = {}
         self._done: list[tuple[str, Extent]] = []
+        self._told = (0, 0)  # topics and finished files that `metadata.yaml` knows
         self._failure: InputError | None = None
         self._closed = False
         refuse_existing(self.path, force=force)
@@ -67,7 +68,7 @@ class BagWriter:
 
     def _next_file(self) -> McapFileWriter:
         name = f"{self.path.name}_{len(self._done)}.mcap"
-        return McapFileWriter(self.path / name, chunked=self._chunked)
+        return McapFileWriter(self.path / name, compress=self._compress)
 
     @contextmanager
     def _guarded(self) -> Iterator[None]:
@@ -131,15 +132,28 @@ class BagWriter:
             self.write(topic, content[number * size : (number + 1) * size], stamp)
 
     def flush(self) -> None:
-        """Hand the chunk in progress to the kernel; unchunked bags never hold anything back."""
+        """Hand all messages to the kernel; `metadata.yaml` names all topics and files."""
         with self._lock, self._guarded():
             self._file.flush()
+            if self._told != (len(self._topics), len(self._done)):
+                self._tell_progress()
 
     def sync(self) -> None:
-        """Wait until the disk has all messages; other threads go on writing meanwhile."""
+        """Wait until the disk has all messages, with a `metadata.yaml` that says how far the bag has come.
+
+        Other threads go on writing meanwhile.
+        """
         self.flush()
         with self._guarded():
             self._file.sync()
+            with self._lock:
+                if not self._closed:
+                    self._tell_progress()
+
+    def _tell_progress(self) -> None:
+        """Write the `metadata.yaml` of a bag that is open."""
+        self._told = (len(self._topics), len(self._done))
+        self._write_metadata([*self._done, (self._file.name, self._file.extent)], {OPEN: "true"})
 
     def split(self) -> None:
         """Finish the present file and go on in the next one of the folder."""
@@ -155,7 +169,7 @@ class BagWriter:
         self._done.append(done)
 
     def close(self) -> None:
-        """Write index, summary and `metadata.yaml`. After a failed write the folder stays as a truncated bag."""
+        """Write index, summary and `metadata.yaml`; a failed write leaves the folder as a killed process does."""
         with self._lock:
             if self._closed:
                 return
@@ -164,13 +178,13 @@ class BagWriter:
                 if self._failure is None:  # else the write that met it has told it
                     with self._guarded():
                         self._finish_file()
-                        self._write_metadata()
+                        self._write_metadata(self._done, self.custom_data)
             finally:
                 with suppress(OSError):
                     self._file.abandon()
 
-    def _write_metadata(self) -> None:
-        content = bag_metadata(self._topics.values(), self._done, self.custom_data)
+    def _write_metadata(self, files: Sequence[tuple[str, Extent]], custom_data: Mapping[str, str]) -> None:
+        content = bag_metadata(self._topics.values(), files, custom_data)
         write_text(self.path / METADATA, yaml_text({"rosbag2_bagfile_information": content}), force=True)
 
     def __enter__(self) -> BagWriter:

@@ -3,13 +3,14 @@
 from __future__ import annotations
 
 import argparse
-from collections.abc import Sequence
+from collections.abc import Iterator, Sequence
 from typing import TYPE_CHECKING, Any
 
 from robot_ident.cli.output import add_json, print_json, say, table, tell
 from robot_ident.errors import CheckFailed, InputError, did_you_mean
 
 if TYPE_CHECKING:
+    from robot_ident.bags import Series
     from robot_ident.cli.loop import Inputs
     from robot_ident.diagnosis.comparison import Comparison, JointComparison
     from robot_ident.robot.robot import Robot
@@ -209,32 +210,25 @@ def _print_bars(title: str, rows: Sequence[tuple[str, float]], nothing: str) -> 
 
 def _write_mcap(args: argparse.Namespace, inputs: Inputs) -> None:
     """Write what belongs beside the recordings in a viewer, with their own stamps."""
-    from pathlib import Path
-
-    from robot_ident.bags import BagWriter, read_for
+    from robot_ident.bags import read_for, write_series
     from robot_ident.diagnosis.along import along
     from robot_ident.estimation.at_pose import at_pose
-    from robot_ident.files import whole
 
-    path = Path(args.mcap)
-    with whole(path, force=args.force) as draft:
-        folder = draft.with_name(path.stem) if path.suffix == ".mcap" else draft
-        with BagWriter(folder, chunked=True, shown_as=path) as bag:
-            for number, (name, measured) in enumerate(zip(inputs.bags, inputs.measurements, strict=True), 1):
-                recording = at_pose(inputs.models[0], read_for(name, inputs.models[0].robot, topic=args.topic))
-                prefix = f"/bag_{number}" if len(inputs.bags) > 1 else ""
-                _write_along(bag, prefix, along(inputs.models[0], recording, measured))
-        if path.suffix == ".mcap":
-            (folder / f"{folder.name}_0.mcap").rename(draft)
+    series: list[Series] = []
+    for number, (name, measured) in enumerate(zip(inputs.bags, inputs.measurements, strict=True), 1):
+        recording = at_pose(inputs.models[0], read_for(name, inputs.models[0].robot, topic=args.topic))
+        prefix = f"/bag_{number}" if len(inputs.bags) > 1 else ""
+        series += _series_along(prefix, along(inputs.models[0], recording, measured))
+    write_series(args.mcap, series, force=args.force)
 
 
-def _write_along(bag: Any, prefix: str, found: Any) -> None:
+def _series_along(prefix: str, found: Any) -> Iterator[Series]:
     import re
     import time
 
     import numpy as np
 
-    from robot_ident.bags.storage import JOINT_STATE, Topic
+    from robot_ident.bags import Series
 
     rows = found.rows
     start = rows.start_ns or (0 if rows.t[0] > 0 else time.time_ns())
@@ -242,9 +236,5 @@ def _write_along(bag: Any, prefix: str, found: Any) -> None:
     efforts = {"measured": found.measured, "predicted": found.predicted, "residual": found.residual}
     efforts |= {f"effect/{re.sub('[^A-Za-z0-9_]', '_', name)}": share for name, share in found.shares.items()}
     for name, effort in efforts.items():
-        topic = f"{prefix}/{name}"
-        bag.add_topic(Topic(topic, JOINT_STATE))
-        whole_state = name == "measured"
-        bag.write_joint_states(
-            topic, rows.names, stamps, rows.q if whole_state else None, rows.dq if whole_state else None, effort
-        )
+        q, dq = (rows.q, rows.dq) if name == "measured" else (None, None)
+        yield Series(f"{prefix}/{name}", rows.names, stamps, q, dq, effort)

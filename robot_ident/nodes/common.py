@@ -10,6 +10,7 @@ import tempfile
 import threading
 from collections.abc import Callable, Iterator, Mapping, Sequence
 from contextlib import contextmanager
+from enum import IntEnum
 from types import FrameType, TracebackType
 from typing import Any, ClassVar
 
@@ -31,6 +32,7 @@ from rclpy.timer import Timer
 from rclpy.topic_endpoint_info import TopicEndpointInfo
 from rclpy.utilities import remove_ros_args
 
+from robot_ident.bags import Qos
 from robot_ident.errors import InputError, RobotIdentError
 from robot_ident.nodes.parameters import Parameter, Value, declare, usage
 from robot_ident.playing.ticker import follow_at, follow_no_more
@@ -70,6 +72,25 @@ def offered(offers: Sequence[TopicEndpointInfo], depth: int) -> QoSProfile:
         durability=DurabilityPolicy.TRANSIENT_LOCAL if kept else DurabilityPolicy.VOLATILE,
         history=HistoryPolicy.KEEP_LAST,
         depth=depth,
+    )
+
+
+def qos_of(profile: QoSProfile) -> Qos:
+    """Return a profile in the words of bags."""
+
+    def word(policy: IntEnum) -> str:
+        return policy.name.lower()
+
+    return Qos(
+        history=word(profile.history),
+        depth=profile.depth,
+        reliability=word(profile.reliability),
+        durability=word(profile.durability),
+        deadline_ns=profile.deadline.nanoseconds,
+        lifespan_ns=profile.lifespan.nanoseconds,
+        liveliness=word(profile.liveliness),
+        liveliness_lease_duration_ns=profile.liveliness_lease_duration.nanoseconds,
+        avoid_ros_namespace_conventions=profile.avoid_ros_namespace_conventions,
     )
 
 

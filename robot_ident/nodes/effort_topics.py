@@ -10,14 +10,13 @@ from functools import partial
 from typing import Any
 
 from rclpy.serialization import deserialize_message
-from rclpy.subscription import Subscription
 from sensor_msgs.msg import JointState
 from std_msgs.msg import Float64MultiArray
 
 from robot_ident.bags import JOINT_STATE, NUMBERS
 from robot_ident.errors import InputError
 from robot_ident.nodes.common import BaseNode, offered
-from robot_ident.nodes.hearing import hear_raw
+from robot_ident.nodes.hearing import Hearing, hear_raw
 from robot_ident.nodes.joint_states import stamp_of
 from robot_ident.robot import Robot
 from robot_ident.robot.effort import EffortSource
@@ -101,16 +100,16 @@ class EffortTopics:
         self._sources = {joint: source for joint, source in sources.items() if source.topic}
         self._kinds = topics_of(self._sources)
         self._heard = {topic: _Heard() for topic in self._kinds}
-        self._subscriptions: dict[str, Subscription] = {}
+        self._hearings: dict[str, Hearing] = {}
         self._timer = node.every(_LOOK, self._look) if self._kinds else None
         self._look()
 
     def _look(self) -> None:
         """Subscribe where publishers of the right type have come."""
-        for topic in set(self._kinds) - set(self._subscriptions):
+        for topic in set(self._kinds) - set(self._hearings):
             offers = [one for one in self._offers(topic) if one.topic_type == self._kinds[topic]]
             if offers:
-                self._subscriptions[topic] = hear_raw(
+                self._hearings[topic] = hear_raw(
                     self._node,
                     KINDS[self._kinds[topic]],
                     topic,
@@ -125,8 +124,8 @@ class EffortTopics:
         """Listen no more, for good."""
         if self._timer is not None:
             self._node.destroy_timer(self._timer)
-        for subscription in self._subscriptions.values():
-            self._node.destroy_subscription(subscription)
+        for hearing in self._hearings.values():
+            hearing.end()
 
     def _receive(self, topic: str, data: bytes, info: Mapping[str, Any]) -> None:
         received = info["received_timestamp"] or time.time_ns()
@@ -164,7 +163,7 @@ class EffortTopics:
             return f"{head}: its messages hold none of {heard.lacks} in field {place} (the YAML's effort.field)"
         if not offers:
             return f"{head}: nobody publishes there (the YAML's effort.topic)"
-        if topic not in self._subscriptions:
+        if topic not in self._hearings:
             return f"{head}: it carries {offers[0].topic_type}, not {kind} (the YAML's effort.field)"
         return f"{head}: its publisher says nothing"
 

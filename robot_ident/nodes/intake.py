@@ -47,7 +47,7 @@ class Intake:
         self._others = {Topic(name, kind): Collector(self._memory) for name, kind in topics_of(self._sources).items()}
         self._paired = time.monotonic()
         self._efforts = EffortTopics(self._node, self._robot, self._sources, self._on_effort, self._depth)
-        self._subscription = hear_raw(self._node, JointState, states, self._on_state, reliable(self._depth))
+        self._hearing = hear_raw(self._node, JointState, states, self._on_state, reliable(self._depth))
 
     def _on_state(self, data: bytes, info: dict[str, Any]) -> None:
         message = deserialize_message(data, JointState)
@@ -83,7 +83,7 @@ class Intake:
         """Take the positions from the topic that the YAML declares, whose messages turn out to hold them."""
         self._node.get_logger().info(f"positions and efforts come on {self._node.resolve_topic_name(topic)}")
         self._efforts.close()
-        self._node.destroy_subscription(self._subscription)
+        self._hearing.end()
         self._listen(topic)
 
     def __len__(self) -> int:

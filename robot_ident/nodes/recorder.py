@@ -1,4 +1,4 @@
-"""Records topics to a rosbag2 folder, byte for byte as they come from DDS, so that a killed recorder loses nothing."""
+"""Records topics to a rosbag2 folder, byte for byte as they come from DDS, for every reader at any moment."""
 
 from __future__ import annotations
 
@@ -7,30 +7,43 @@ import shutil
 import threading
 import time
 from collections.abc import Sequence
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 from pathlib import Path
-from typing import Any, ClassVar
+from typing import ClassVar
 
-from rclpy.qos import DurabilityPolicy, QoSProfile, ReliabilityPolicy
-from rclpy.subscription import Subscription
+from rclpy.qos import QoSProfile
 from sensor_msgs.msg import JointState
 from std_srvs.srv import Trigger
 
-from robot_ident.bags import BagWriter, Qos, Topic, qos_text
+from robot_ident.bags import BagWriter, Topic, qos_text
 from robot_ident.errors import InputError, RobotIdentError
-from robot_ident.nodes.common import ERROR, OK, WARN, BaseNode, offered, reliable, run
+from robot_ident.nodes.common import ERROR, OK, WARN, BaseNode, offered, qos_of, reliable, run
 from robot_ident.nodes.definitions import definition_of
 from robot_ident.nodes.effort_topics import sources_of, topics_of
-from robot_ident.nodes.hearing import hear_raw
+from robot_ident.nodes.hearing import Hearing
 from robot_ident.nodes.parameters import Parameter
 from robot_ident.playing.stamps import SequenceWatch, StampWatch, header_stamp
 from robot_ident.robot import load_robot
 
+_TAKE = 0.01  # s between looks at what has come
+_FLUSH = 0.05  # s after which what was taken is on file, for everybody to read, whatever becomes of the recorder
+_ORDERED = 100_000_000  # ns by which a message may come later than one that was received after it
 _DRAIN = 2.0  # s that the end of a recording waits for messages that have come and aren't written yet
 _IDLE = 20  # looks of 5 ms without a message after which none waits any more
 _SYNC = 0.5  # s between syncs, which may themselves take as long on a slow disk: nothing older than a second is lost
 _LOOK = 0.5  # s between looks for topics whose type isn't known yet
 _STATES = "sensor_msgs/msg/JointState"
+
+
+@dataclass(frozen=True)
+class _Message:
+    """A message that was taken, with what the middleware told of it; times in ns."""
+
+    stream: str
+    data: bytes
+    received: int
+    sent: int
+    number: int
 
 
 @dataclass
@@ -39,6 +52,7 @@ class Stream:
 
     topic: Topic
     has_header: bool
+    listed: bool = False  # whether the bag knows it
     stamps: StampWatch = field(default_factory=StampWatch)
     numbers: SequenceWatch = field(default_factory=SequenceWatch)
 
@@ -63,7 +77,7 @@ def message_class(kind: str) -> type:
 
 
 class Recorder(BaseNode):
-    """Subscribes raw, writes each message at once, counts what is missing."""
+    """Subscribes raw, writes the messages of all topics in the order in which they came, counts what is missing."""
 
     node_name: ClassVar[str] = "recorder"
     description: ClassVar[str] = "records joint states, commands and further topics to a rosbag2 folder (MCAP)"
@@ -80,12 +94,7 @@ class Recorder(BaseNode):
         ),
         Parameter("robot", "", "robot YAML whose topics of efforts (effort.topic) are recorded as well ('' for none)"),
         Parameter("autostart", True, "start recording at once; otherwise by ~/start"),
-        Parameter(
-            "chunked",
-            False,
-            "compress in chunks: a smaller bag, of which a killed recorder loses up to a second",
-            live=True,
-        ),
+        Parameter("compress", False, "compress the bag by zstd", live=True),
         Parameter(
             "split_size",
             0,
@@ -118,7 +127,10 @@ class Recorder(BaseNode):
         self._file_begun = 0.0
         self._split_at = (0, 0.0)  # bytes, s
         self._newest_ns = 0
-        self._subscribed: dict[str, Subscription] = {}
+        self._hearings: dict[str, Hearing] = {}
+        self._held: list[_Message] = []
+        self._written_ns = 0
+        self._flushed = 0.0
         self._sought = [entry.partition(":")[0] for entry in self.texts("topics")]
         self._kinds = {"joint_states": _STATES, "joint_command": _STATES}
         self._kinds |= {
@@ -133,6 +145,7 @@ class Recorder(BaseNode):
         self.create_service(Trigger, "~/stop", self._on_stop)
         self.every(1.0 / self.value("status_rate"), self._tell)
         self.every(_LOOK, self._look)
+        self.every(_TAKE, self._take)
         self._look()
         self._syncing = threading.Thread(target=self._sync, name="sync", daemon=True)
         self._syncing.start()
@@ -160,29 +173,35 @@ class Recorder(BaseNode):
                 self.get_logger().error(f"topic {name} can't be recorded: {error}")
                 continue
             self._subscribe(name, message, kind, offered(offers, self.value("depth")))
+        self._list_published()
+
+    def _list_published(self) -> None:
+        """Make the topics known to the bag on which somebody publishes."""
+        with self._lock:
+            for name, stream in self._streams.items():
+                if self._bag is None or stream.listed or not self.get_publishers_info_by_topic(name):
+                    continue
+                try:
+                    self._list(self._bag, stream)
+                except RobotIdentError as error:
+                    self.fail(error)
 
     def _subscribe(self, name: str, message: type, kind: str, profile: QoSProfile) -> None:
         full = self.resolve_topic_name(name)
-        if full in self._subscribed:
+        if full in self._hearings:
             return
-        offered = Qos(
-            depth=profile.depth,
-            reliability="best_effort" if profile.reliability == ReliabilityPolicy.BEST_EFFORT else "reliable",
-            durability="transient_local" if profile.durability == DurabilityPolicy.TRANSIENT_LOCAL else "volatile",
-        )
         definition, type_hash = definition_of(kind)
-        topic = Topic(full, kind, definition=definition, qos=qos_text([offered]), type_hash=type_hash)
+        topic = Topic(full, kind, definition=definition, type_hash=type_hash)
         fields = message.get_fields_and_field_types()  # type: ignore[attr-defined]
         stream = Stream(topic, next(iter(fields.values()), "") == "std_msgs/Header")
-
-        def receive(data: bytes, info: dict[str, Any]) -> None:
-            self._receive(full, data, info)
-
         with self._lock:
             self._streams[full] = stream
-            if self._bag is not None:
-                self._bag.add_topic(topic)
-        self._subscribed[full] = hear_raw(self, message, name, receive, profile)
+        self._hearings[full] = Hearing(self, message, name, profile, raw=True)
+
+    def _offered(self, name: str) -> str:
+        """Return what the publishers of a topic offer; what we ask for, where none is known."""
+        profiles = [offer.qos_profile for offer in self.get_publishers_info_by_topic(name)]
+        return qos_text([qos_of(profile) for profile in profiles or [self._hearings[name].profile]])
 
     # --- recording
 
@@ -193,40 +212,75 @@ class Recorder(BaseNode):
             raise InputError(f"parameter output: {output} exists already; give another name")
         with self._lock:
             streams = {name: Stream(stream.topic, stream.has_header) for name, stream in self._streams.items()}
-            bag = BagWriter(output, [stream.topic for stream in streams.values()], chunked=self.value("chunked"))
+            bag = BagWriter(output, compress=self.value("compress"))
             self._streams, self._bag = streams, bag
+            self._held.clear()
             self._begun = self._file_begun = time.monotonic()
             self._split_at = (self.value("split_size") * 1_000_000, self.value("split_duration"))
         self.get_logger().info(f"recording to {output}")
 
     def _stop(self) -> str:
         """Close the bag; return what it holds."""
+        self._take(last=True)
         with self._lock:
             bag, self._bag = self._bag, None
             if bag is None:
                 return ""
+            for stream in self._streams.values():
+                if not stream.listed:
+                    self._list(bag, stream)
             bag.custom_data |= {f"robot_ident{name}": stream.summary() for name, stream in self._streams.items()}
             bag.close()
         counts = ", ".join(f"{stream.stamps.received} of {name}" for name, stream in self._streams.items())
         return f"{bag.path}: {bag.messages} messages ({counts})"
 
-    def _receive(self, name: str, data: bytes, info: dict[str, Any]) -> None:
-        received = info["received_timestamp"] or time.time_ns()
-        number = info["publication_sequence_number"] or 0
-        self._newest_ns = max(self._newest_ns, received)
+    def _take(self, *, last: bool = False) -> None:
+        """Take what has come and write it in the order in which it came; last: all of it.
+
+        What is received while the topics are emptied one after the other waits until the next time.
+        """
+        until = time.time_ns()
+        for name, hearing in self._hearings.items():
+            for data, info in hearing.waiting(until):
+                received = info["received_timestamp"] or time.time_ns()
+                number = info["publication_sequence_number"] or 0
+                self._held.append(_Message(name, data, received, info["source_timestamp"] or received, number))
+        self._held.sort(key=lambda message: message.received)
+        ready = [message for message in self._held if last or message.received <= until]
+        if self._held:
+            self._newest_ns = max(self._newest_ns, self._held[-1].received)
+        del self._held[: len(ready)]
         with self._lock:
-            if self._bag is None:
+            bag = self._bag
+            if bag is None:
                 return
-            stream = self._streams[name]
             try:
-                self._bag.write(name, data, received, info["source_timestamp"] or received, number % 2**32)
-                self._split(self._bag)
+                for message in ready:
+                    self._write(bag, message)
+                now = time.monotonic()
+                if last or now - self._flushed >= _FLUSH:
+                    bag.flush()
+                    self._flushed = now
             except RobotIdentError as error:
                 self.fail(error)
-                return
-            stream.stamps.add(header_stamp(data) if stream.has_header else info["source_timestamp"])
-            if number:
-                stream.numbers.add(number)
+
+    def _write(self, bag: BagWriter, message: _Message) -> None:
+        stream = self._streams[message.stream]
+        if not stream.listed:
+            self._list(bag, stream)
+        late = self._written_ns - message.received
+        logged = self._written_ns if 0 < late < _ORDERED else message.received  # else the clock was set
+        self._written_ns = logged
+        bag.write(message.stream, message.data, logged, message.sent, message.number % 2**32)
+        self._split(bag)
+        stream.stamps.add(header_stamp(message.data) if stream.has_header else message.sent)
+        if message.number:
+            stream.numbers.add(message.number)
+
+    def _list(self, bag: BagWriter, stream: Stream) -> None:
+        """Make a topic known to the bag, with what its publishers offer by now."""
+        bag.add_topic(replace(stream.topic, qos=self._offered(stream.topic.name)))
+        stream.listed = True
 
     def _split(self, bag: BagWriter) -> None:
         size, duration = self._split_at
@@ -295,11 +349,12 @@ class Recorder(BaseNode):
         self.tell(level, message, values)
 
     def _drain(self) -> None:
-        """Write what had come before the end: messages that wait in the subscriptions' queues."""
-        executor, until_ns, deadline = self.executor, time.time_ns(), time.monotonic() + _DRAIN
+        """Take what had come before the end and the middleware has not handed out."""
+        until_ns, deadline = time.time_ns(), time.monotonic() + _DRAIN
         idle, newest = 0, self._newest_ns
-        while executor is not None and idle < _IDLE and newest < until_ns and time.monotonic() < deadline:
-            executor.spin_once(timeout_sec=0.005)
+        while idle < _IDLE and newest < until_ns and time.monotonic() < deadline:
+            time.sleep(_TAKE / 2)
+            self._take()
             idle, newest = (0 if self._newest_ns != newest else idle + 1), self._newest_ns
 
     def close(self) -> None:

@@ -7,7 +7,6 @@ import time
 from collections.abc import Callable
 
 import numpy as np
-from rclpy.subscription import Subscription
 from sensor_msgs.msg import JointState
 from std_msgs.msg import Float64
 
@@ -20,7 +19,7 @@ from robot_ident.motion import Array, Motion
 from robot_ident.nodes.action_output import ActionOutput
 from robot_ident.nodes.common import BaseNode, reliable
 from robot_ident.nodes.effort_topics import EffortMessage, EffortTopics, sources_of
-from robot_ident.nodes.hearing import hear
+from robot_ident.nodes.hearing import Hearing, hear
 from robot_ident.nodes.joint_states import stamp_of
 from robot_ident.nodes.outputs import Output, SampleOutput, TrajectoryOutput
 from robot_ident.playing.effort_load import EffortLoad
@@ -58,13 +57,13 @@ class Session:
         self._clock = SetClock(node.now_ns)
         self._scaling = SpeedScaling(node.value("speed_scaling_topic"))
         self._efforts = EffortTopics(node, plan.robot, sources, self._on_effort, _DEPTH)
-        self._subscriptions = self._subscribe()
+        self._hearings = self._listen()
         self._preparing: threading.Thread | None = None
         self._origin_ns: int | None = None
         self._ticked = time.monotonic()
         self.player, self.ticker = self._make_player()
 
-    def _subscribe(self) -> list[Subscription]:
+    def _listen(self) -> list[Hearing]:
         node, scaling = self._node, self._node.value("speed_scaling_topic")
         sources = [(JointState, "joint_states", self._on_state, _DEPTH)]
         if scaling:
@@ -159,8 +158,8 @@ class Session:
         """Give back what was taken of the node."""
         self._efforts.close()
         self.output.close()
-        for subscription in self._subscriptions:
-            self._node.destroy_subscription(subscription)
+        for hearing in self._hearings:
+            hearing.end()
 
     def renew_bounds(self) -> None:
         """Take the bounds of the watch from the parameters, which may be changed at any time."""

@@ -216,6 +216,19 @@ def test_a_channel_that_the_summary_does_not_know(tmp_path: Path, maker: SimpleN
     assert [raw.topic.name for raw in read_messages(path)] == ["/joint_states"] * 50
 
 
+@pytest.mark.parametrize("bit", [0, 1, 3])
+def test_an_index_that_names_another_channel_hides_nothing(tmp_path: Path, maker: SimpleNamespace, bit: int) -> None:
+    """The index is a hint, the chunks are the truth."""
+    messages = maker.messages_of(maker.make_recording(300))
+    others = [("/other", "sensor_msgs/msg/JointState", "cdr", messages[:100])]
+    path = maker.write_mcap(tmp_path / "a.mcap", messages, others=others, chunk_size=5000)
+    content = bytearray(path.read_bytes())
+    for at in [at for at, (opcode, *_) in places_of(bytes(content)) if opcode == 7][-3:]:
+        content[at + 9] ^= 1 << bit
+    path.write_bytes(content)
+    maker.assert_same(read_recording(path, topic="/joint_states"), maker.make_recording(300))
+
+
 def test_a_robot_description_without_a_message(tmp_path: Path, maker: SimpleNamespace) -> None:
     silent = [("/robot_description", "std_msgs/msg/String", "cdr", [])]
     path = maker.write_mcap(tmp_path / "a.mcap", maker.messages_of(maker.make_recording(5)), others=silent)

@@ -15,15 +15,20 @@ from robot_ident.errors import InputError
 
 
 def torn_bag(path: Path, maker: SimpleNamespace, samples: int = 300) -> Path:
-    """Return a bag whose recorder was killed in mid-write."""
+    """Return a bag whose file is torn in its last message; its topics came one after the other every 30 samples."""
     topic = Topic("/joint_states", "sensor_msgs/msg/JointState", qos=qos_text([Qos(depth=7)]))
-    bag = BagWriter(path, [topic, Topic("/joint_command", topic.type)])
-    for k, (log, data) in enumerate(maker.messages_of(maker.make_recording(samples))):
-        bag.write("/joint_states", data, log, log - 3, k)
-        if k % 3 == 0:
-            bag.write("/joint_command", data[:-3], log + 5, log + 1)
+    bag = BagWriter(path, [topic, Topic("/joint_command", topic.type)], compress=False)
+    messages = maker.messages_of(maker.make_recording(samples))
+    for first in range(0, samples, 30):
+        for k, (log, data) in enumerate(messages[first : first + 30]):
+            if k % 3 == 0:
+                bag.write("/joint_command", data[:-3], log + 5, log + 1)
+        for log, data in messages[first : first + 30]:
+            bag.write("/joint_states", data, log, log - 3)
+        bag.flush()
     file = path / f"{path.name}_0.mcap"
-    file.write_bytes(file.read_bytes()[:-7])
+    content = file.read_bytes()
+    file.write_bytes(content[: content.rindex(messages[-1][1]) + len(messages[-1][1]) - 7])
     return path
 
 
@@ -39,9 +44,12 @@ def test_recovered_bag_is_whole(tmp_path: Path, maker: SimpleNamespace) -> None:
     assert not info.truncated
     assert info.notes == ()
     maker.assert_same(read_recording(tmp_path / "mended"), maker.make_recording(300), slice(0, 299))
-    assert list(read_messages(tmp_path / "mended")) == list(read_messages(bag))
+    mended = list(read_messages(tmp_path / "mended"))
+    there = list(read_messages(bag))
+    assert mended != there, "they weren't in the order of time"
+    assert mended == sorted(there, key=lambda message: message.log_time)
     with AnyReader([tmp_path / "mended"]) as reader:
-        assert [raw for _, _, raw in reader.messages()] == [message.data for message in read_messages(bag)]
+        assert [raw for _, _, raw in reader.messages()] == [message.data for message in mended]
         assert [c.ext.offered_qos_profiles[0].depth for c in reader.connections if c.topic == "/joint_states"] == [7]
 
 

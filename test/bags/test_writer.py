@@ -37,14 +37,14 @@ STATES = Topic("/joint_states", JOINT_STATE, qos=qos_text([Qos(reliability="best
 COMMANDS = Topic("/joint_command", JOINT_STATE)
 
 
-@pytest.fixture(params=[False, True], ids=["unchunked", "chunked"])
-def chunked(request: pytest.FixtureRequest) -> bool:
+@pytest.fixture(params=[False, True], ids=["plain", "zstd"])
+def compress(request: pytest.FixtureRequest) -> bool:
     return bool(request.param)
 
 
-def write_bag(path: Path, maker: SimpleNamespace, chunked: bool, samples: int = 300) -> list[tuple[int, bytes]]:
+def write_bag(path: Path, maker: SimpleNamespace, compress: bool, samples: int = 300) -> list[tuple[int, bytes]]:
     messages = maker.messages_of(maker.make_recording(samples))
-    with BagWriter(path, [STATES, COMMANDS], chunked=chunked) as bag:
+    with BagWriter(path, [STATES, COMMANDS], compress=compress) as bag:
         for k, (log, data) in enumerate(messages):
             bag.write("/joint_states", data, log, log - 1_000_000, k)
         bag.custom_data["dropped"] = "0"
@@ -54,8 +54,8 @@ def write_bag(path: Path, maker: SimpleNamespace, chunked: bool, samples: int = 
 # -- others read what we write
 
 
-def test_mcap_library_reads_it(tmp_path: Path, maker: SimpleNamespace, chunked: bool) -> None:
-    messages = write_bag(tmp_path / "bag", maker, chunked)
+def test_mcap_library_reads_it(tmp_path: Path, maker: SimpleNamespace, compress: bool) -> None:
+    messages = write_bag(tmp_path / "bag", maker, compress)
     with (tmp_path / "bag" / "bag_0.mcap").open("rb") as file:
         reader = make_reader(file, validate_crcs=True)
         got = [(message.log_time, message.data) for _, _, message in reader.iter_messages()]
@@ -67,7 +67,7 @@ def test_mcap_library_reads_it(tmp_path: Path, maker: SimpleNamespace, chunked: 
         assert summary is not None
         assert summary.statistics is not None
         assert summary.statistics.message_count == 300
-        assert bool(summary.chunk_indexes) is chunked
+        assert summary.chunk_indexes
         schema, channel, message = next(iter(reader.iter_messages()))
         assert schema is not None
         assert (schema.name, schema.encoding) == (JOINT_STATE, "ros2msg")
@@ -81,9 +81,9 @@ def test_mcap_library_reads_it(tmp_path: Path, maker: SimpleNamespace, chunked: 
         assert yaml.safe_load(metadata.metadata["serialized_metadata"])["message_count"] == 300
 
 
-def test_rosbags_reads_it(tmp_path: Path, maker: SimpleNamespace, chunked: bool) -> None:
+def test_rosbags_reads_it(tmp_path: Path, maker: SimpleNamespace, compress: bool) -> None:
     recording = maker.make_recording(300)
-    write_bag(tmp_path / "bag", maker, chunked)
+    write_bag(tmp_path / "bag", maker, compress)
     with AnyReader([tmp_path / "bag"]) as reader:
         connections = {connection.topic: connection for connection in reader.connections}
         assert set(connections) == {"/joint_states", "/joint_command"}
@@ -149,22 +149,22 @@ def test_metadata_is_as_jazzy_writes_it(tmp_path: Path, maker: SimpleNamespace) 
     }
 
 
-def test_empty_bag(tmp_path: Path, chunked: bool) -> None:
-    BagWriter(tmp_path / "bag", [STATES], chunked=chunked).close()
+def test_empty_bag(tmp_path: Path, compress: bool) -> None:
+    BagWriter(tmp_path / "bag", [STATES], compress=compress).close()
     with Reader(tmp_path / "bag") as reader:
         assert reader.message_count == 0
     with pytest.raises(InputError, match="the bag is empty"):
         read_recording(tmp_path / "bag")
 
 
-def test_any_type(tmp_path: Path, chunked: bool) -> None:
+def test_any_type(tmp_path: Path, compress: bool) -> None:
     """Further topics of any type are recorded, with or without a known definition."""
     topics = [
         Topic("/tf", "tf2_msgs/msg/TFMessage"),
         Topic("/own", "my_msgs/msg/Own"),
         Topic("/given", "my_msgs/msg/Given", definition="int8 x"),
     ]
-    with BagWriter(tmp_path / "bag", topics, chunked=chunked) as bag:
+    with BagWriter(tmp_path / "bag", topics, compress=compress) as bag:
         for k, topic in enumerate(topics):
             bag.write(topic.name, b"\0\1\0\0" + bytes([k]), 10 + k)
     got = list(read_messages(tmp_path / "bag"))
@@ -176,17 +176,17 @@ def test_any_type(tmp_path: Path, chunked: bool) -> None:
     assert got[2].topic.definition == "int8 x"
 
 
-def test_round_trip(tmp_path: Path, maker: SimpleNamespace, chunked: bool) -> None:
-    write_bag(tmp_path / "bag", maker, chunked)
+def test_round_trip(tmp_path: Path, maker: SimpleNamespace, compress: bool) -> None:
+    write_bag(tmp_path / "bag", maker, compress)
     got = read_recording(tmp_path / "bag")
     maker.assert_same(got, maker.make_recording(300))
     assert got.notes == ()
 
 
-def test_split(tmp_path: Path, maker: SimpleNamespace, chunked: bool) -> None:
+def test_split(tmp_path: Path, maker: SimpleNamespace, compress: bool) -> None:
     recording = maker.make_recording(300)
     messages = maker.messages_of(recording)
-    with BagWriter(tmp_path / "bag", [STATES], chunked=chunked) as bag:
+    with BagWriter(tmp_path / "bag", [STATES], compress=compress) as bag:
         for k, (log, data) in enumerate(messages):
             if k in (100, 150):
                 bag.split()
@@ -200,9 +200,9 @@ def test_split(tmp_path: Path, maker: SimpleNamespace, chunked: bool) -> None:
         assert [raw for _, _, raw in reader.messages()] == [data for _, data in messages]
 
 
-def test_several_threads(tmp_path: Path, maker: SimpleNamespace, chunked: bool) -> None:
+def test_several_threads(tmp_path: Path, maker: SimpleNamespace, compress: bool) -> None:
     data = maker.messages_of(maker.make_recording(1))[0][1]
-    with BagWriter(tmp_path / "bag", [STATES, COMMANDS], chunked=chunked) as bag:
+    with BagWriter(tmp_path / "bag", [STATES, COMMANDS], compress=compress) as bag:
 
         def write(topic: str) -> None:
             for k in range(500):
@@ -221,24 +221,36 @@ def test_several_threads(tmp_path: Path, maker: SimpleNamespace, chunked: bool) 
 # -- what can go wrong
 
 
-def test_unchunked_message_is_on_file_when_write_returns(tmp_path: Path, maker: SimpleNamespace) -> None:
+def test_what_was_flushed_is_on_file(tmp_path: Path, maker: SimpleNamespace, compress: bool) -> None:
     recording = maker.make_recording(20)
-    bag = BagWriter(tmp_path / "bag", [STATES])
+    bag = BagWriter(tmp_path / "bag", [STATES], compress=compress)
     for k, (log, data) in enumerate(maker.messages_of(recording)):
         bag.write("/joint_states", data, log)
+        bag.flush()
         got = read_recording(tmp_path / "bag")
         maker.assert_same(got, recording, slice(0, k + 1))
         assert any("truncated" in note for note in got.notes)
     bag.close()
+    assert read_recording(tmp_path / "bag").notes == ()
 
 
-def test_flush_bounds_what_a_chunked_bag_holds_back(tmp_path: Path, maker: SimpleNamespace) -> None:
-    bag = BagWriter(tmp_path / "bag", [STATES], chunked=True)
-    for log, data in maker.messages_of(maker.make_recording(20)):
-        bag.write("/joint_states", data, log)
-    bag.flush()
-    assert read_recording(tmp_path / "bag").samples == 20
+def test_an_open_bag_is_read_by_others(tmp_path: Path, maker: SimpleNamespace, compress: bool) -> None:
+    """Whoever dies leaves what was synced, for everybody; our own reader says that it wasn't closed."""
+    messages = maker.messages_of(maker.make_recording(300))
+    bag = BagWriter(tmp_path / "bag", [STATES, COMMANDS], compress=compress)
+    for k, (log, data) in enumerate(messages):
+        bag.write(("/joint_states", "/joint_command")[k % 2], data, log)
+        if k % 100 == 70:
+            bag.sync()
+    with Reader(tmp_path / "bag") as reader:
+        assert [bytes(raw) for _, _, raw in reader.messages()] == [data for _, data in messages[:271]]
+    with (tmp_path / "bag" / "bag_0.mcap").open("rb") as file:
+        got = [message.data for _, _, message in make_reader(file, validate_crcs=True).iter_messages()]
+        assert got == [data for _, data in messages[:271]]
+    notes = describe(tmp_path / "bag").notes
+    assert any("the recorder was not closed properly" in note for note in notes)
     bag.close()
+    assert describe(tmp_path / "bag").notes == ()
 
 
 KILLED = """
@@ -250,11 +262,12 @@ k = 0
 while True:
     k += 1
     bag.write("/joint_states", data[:4] + k.to_bytes(4, "little") + data[8:], k)
+    bag.flush()
     os.write(1, b"%d\\n" % k)
 """
 
 
-def test_kill_9_loses_nothing(tmp_path: Path, maker: SimpleNamespace) -> None:
+def test_kill_9_loses_nothing_flushed(tmp_path: Path, maker: SimpleNamespace) -> None:
     data = maker.serialise(("a", "b"), 0, (1, 2), (), (3, 4))
     command = [sys.executable, "-c", KILLED, str(tmp_path / "bag"), data.hex()]
     with subprocess.Popen(command, stdout=subprocess.PIPE, cwd=ROOT) as process:
@@ -288,10 +301,10 @@ def small_disk(tmp_path: Path) -> Iterator[Path]:
         subprocess.run(["umount", "--lazy", str(place)], check=True)
 
 
-def test_full_disk(small_disk: Path, maker: SimpleNamespace, chunked: bool) -> None:
+def test_full_disk(small_disk: Path, maker: SimpleNamespace) -> None:
     """One line at the message that did not fit, the same line at every later one; all before it stays readable."""
     recording = maker.make_recording(6000)
-    bag = BagWriter(small_disk / "bag", [STATES], chunked=chunked)
+    bag = BagWriter(small_disk / "bag", [STATES])
     written = 0
     with pytest.raises(
         InputError, match=r"bag: can't be written \(No space left on device\); at least (\d+) of its messages are kept$"
@@ -299,7 +312,7 @@ def test_full_disk(small_disk: Path, maker: SimpleNamespace, chunked: bool) -> N
         for log, data in maker.messages_of(recording):
             bag.write("/joint_states", data, log)
             written += 1
-            if chunked and written % 100 == 0:
+            if written % 100 == 0:
                 bag.flush()
     assert "\n" not in str(caught.value)
     with pytest.raises(InputError, match="can't be written"):
@@ -308,7 +321,7 @@ def test_full_disk(small_disk: Path, maker: SimpleNamespace, chunked: bool) -> N
     got = read_recording(small_disk / "bag")
     assert written > 500
     promised = int(str(caught.value).split(" at least ")[1].split()[0])
-    assert (written - 100 if chunked else written) <= promised <= got.samples
+    assert written - 100 <= promised <= got.samples
     maker.assert_same(got, recording, slice(0, got.samples))
 
 

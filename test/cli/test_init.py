@@ -63,7 +63,7 @@ def bag(tmp_path: Path) -> Path:
         Topic(description, "std_msgs/msg/String", qos=qos_text([Qos(durability="transient_local")])),
     ]
     stamps = 1_700_000_000_000_000_000 + np.rint(1e9 * t).astype(np.int64)
-    with BagWriter(path, topics, chunked=True, shown_as=path) as writer:
+    with BagWriter(path, topics, shown_as=path) as writer:
         message = b"\0\1\0\0" + struct.pack("<I", len(text)) + text
         writer.write(description, message, int(stamps[0]), int(stamps[0]), 1)
         writer.write_joint_states(states, ("joint_2", "joint_1", "grip"), stamps, q, None, np.ones_like(q))
@@ -86,7 +86,7 @@ def two_states(path: Path) -> Path:
     stamps = 1_700_000_000_000_000_000 + np.rint(1e9 * t).astype(np.int64)
     names = {"/cell/joint_states": ("joint_2", "joint_1", "joint_3"), "/gripper/joint_states": ("finger",)}
     topics = [Topic(name, "sensor_msgs/msg/JointState", qos=qos_text([Qos()])) for name in names]
-    with BagWriter(path, topics, chunked=True, shown_as=path) as writer:
+    with BagWriter(path, topics, shown_as=path) as writer:
         for name, joints in names.items():
             q = np.sin(t)[:, None] * np.linspace(0.1, 0.3, len(joints))
             writer.write_joint_states(name, joints, stamps, q, None, np.ones_like(q))

@@ -159,7 +159,7 @@ def test_a_robot_at_rest_is_no_bomb(tmp_path: Path) -> None:
 
     stamps = 1_700_000_000_000_000_000 + 1_000_000 * np.arange(100_000)
     names, still = tuple(f"joint_{k}" for k in range(7)), np.zeros((len(stamps), 7))
-    with BagWriter(tmp_path / "bag", [Topic("/joint_states", JOINT_STATE)], chunked=True) as bag:
+    with BagWriter(tmp_path / "bag", [Topic("/joint_states", JOINT_STATE)]) as bag:
         bag.write_joint_states("/joint_states", names, stamps, still, still, still)
     recording = read_recording(tmp_path / "bag")
     assert recording.samples == len(stamps) and recording.notes == ()

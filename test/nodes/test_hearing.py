@@ -13,7 +13,7 @@ pytest.importorskip("rclpy")
 import rclpy
 from rclpy.duration import Duration
 from rclpy.executors import SingleThreadedExecutor
-from rclpy.qos import QoSProfile, ReliabilityPolicy
+from rclpy.qos import DurabilityPolicy, QoSProfile, ReliabilityPolicy
 from rclpy.serialization import deserialize_message
 from sensor_msgs.msg import JointState
 
@@ -22,6 +22,13 @@ from robot_ident.nodes.hearing import hear, hear_raw, poll
 from robot_ident.nodes.parameters import Parameter
 
 COUNT = 50
+QUICK = {
+    "best effort": QoSProfile(
+        depth=1, reliability=ReliabilityPolicy.BEST_EFFORT, durability=DurabilityPolicy.TRANSIENT_LOCAL
+    ),
+    "volatile": QoSProfile(depth=1, reliability=ReliabilityPolicy.RELIABLE),
+    "both": QoSProfile(depth=1, reliability=ReliabilityPolicy.BEST_EFFORT),
+}
 
 
 class Listener(BaseNode):
@@ -81,9 +88,9 @@ def test_who_listens_no_more_is_handed_nothing(listener: Listener) -> None:
 
     def take(message: JointState) -> None:
         taken.append(message.position[0])
-        listener.destroy_subscription(subscription)
+        hearing.end()
 
-    subscription = hear(listener, JointState, "numbers", take, reliable(COUNT))
+    hearing = hear(listener, JointState, "numbers", take, reliable(COUNT))
     send(listener)
     wake(listener, taken)
     assert taken == [0.0]
@@ -102,14 +109,42 @@ def test_what_is_polled_wakes_nobody(listener: Listener) -> None:
     assert taken == [float(number) for number in range(COUNT)]
 
 
-def test_who_can_not_be_heard_is_told_of(listener: Listener, capfd: pytest.CaptureFixture[str]) -> None:
-    poll(listener, JointState, "numbers", lambda message: None, reliable(COUNT))
-    quick = QoSProfile(depth=1, reliability=ReliabilityPolicy.BEST_EFFORT)
-    listener.create_publisher(JointState, "numbers", quick)
+@pytest.mark.parametrize("polled", [False, True])
+@pytest.mark.parametrize("reliability", list(QUICK))
+def test_a_publisher_that_offers_less_is_heard(listener: Listener, polled: bool, reliability: str) -> None:
+    """Best effort, volatile or both, while reliable and transient local were asked for."""
+    taken: list[float] = []
+
+    def take(message: JointState) -> None:
+        taken.append(message.position[0])
+
+    asked = QoSProfile(depth=COUNT, durability=DurabilityPolicy.TRANSIENT_LOCAL)
+    look = (
+        poll(listener, JointState, "numbers", take, asked)
+        if polled
+        else hear(listener, JointState, "numbers", take, asked) and None
+    )
+    sender = listener.create_publisher(JointState, "numbers", QUICK[reliability])
+    executor, deadline = SingleThreadedExecutor(), time.monotonic() + 20
+    executor.add_node(listener)
+    while not taken and time.monotonic() < deadline:
+        sender.publish(JointState(position=[1.0]))
+        executor.spin_once(timeout_sec=0.01)
+        if look is not None:
+            look()
+    assert taken
+    others = [info.qos_profile for info in listener.get_subscriptions_info_by_topic("/numbers")]
+    assert [profile.reliability for profile in others] == [QUICK[reliability].reliability]
+
+
+def test_what_can_not_be_heard_is_told(listener: Listener, capfd: pytest.CaptureFixture[str]) -> None:
+    """A deadline that is asked for and not offered is no matter of losing a message or two."""
+    asked = QoSProfile(depth=1, deadline=Duration(seconds=0.1))
+    hear(listener, JointState, "numbers", lambda message: None, asked)
+    listener.create_publisher(JointState, "numbers", QoSProfile(depth=1))
     executor, deadline, said = SingleThreadedExecutor(), time.monotonic() + 20, ""
     executor.add_node(listener)
     while "not heard" not in said and time.monotonic() < deadline:
         executor.spin_once(timeout_sec=0.1)
         said += capfd.readouterr().err
-    assert "listener is not heard on /numbers" in said
-    assert "best effort" in said.lower()
+    assert "/numbers" in said and "deadline" in said.lower()

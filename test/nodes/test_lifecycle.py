@@ -50,7 +50,7 @@ def put(call: Callable[..., Any]) -> Callable[[str, Any], Any]:
         else:
             value = ParameterValue(type=ParameterType.PARAMETER_DOUBLE_ARRAY, double_array_value=given)
         request = SetParameters.Request(parameters=[Parameter(name=name, value=value)])
-        return call(SetParameters, f"{NODE}/set_parameters", request).results[0]
+        return call(SetParameters, f"{NODE}/set_parameters", request, again=10.0).results[0]
 
     return give
 

@@ -121,7 +121,7 @@ def write_ur10e_bag(path: Path, robot: Robot, course: Course, urdf: Path) -> Non
         Topic("/robot_description", "std_msgs/msg/String", qos=LATCHED),
     ]
     stamps = START + np.rint(1e9 * course.t).astype(np.int64)
-    with BagWriter(path, topics, chunked=True) as bag:
+    with BagWriter(path, topics) as bag:
         bag.write("/robot_description", text_message(urdf.read_text(encoding="utf-8")), int(stamps[0]))
         for stamp in stamps[::5]:
             bag.write(scaling, b"\0\1\0\0" + struct.pack("<d", 100.0), int(stamp))
@@ -146,7 +146,7 @@ def write_franka_bag(path: Path, robot: Robot, course: Course, urdf: Path) -> No
     def beside(values: Array, of_fingers: Array) -> Array:
         return np.hstack([values[slow], of_fingers])
 
-    with BagWriter(path, topics, chunked=True) as bag:
+    with BagWriter(path, topics) as bag:
         bag.write("/robot_description", text_message(urdf.read_text(encoding="utf-8")), int(stamps[0]))
         bag.write_joint_states(hand, fingers, stamps[slow], width, nothing, nothing)
         both = (beside(course.q, width), beside(course.dq, nothing), beside(course.tau, nothing))
