@@ -280,7 +280,7 @@ def test_kill_9_loses_nothing_flushed(tmp_path: Path, maker: SimpleNamespace) ->
     got = read_recording(tmp_path / "bag")
     assert got.samples >= acknowledged
     np.testing.assert_array_equal(got.t, np.arange(got.samples))
-    assert "no metadata.yaml" in " ".join(got.notes)
+    assert "the recorder was not closed properly" in " ".join(got.notes)
 
 
 @pytest.fixture
