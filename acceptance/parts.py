@@ -16,6 +16,7 @@ MINUTES = {
     "measurement": 20,
     "robots": 20,
     "recorder": 4,
+    "attack": 15,
     "faults": 10,
     "ends": 10,
     "soak": 60,

@@ -16,6 +16,8 @@ from robot_ident.motion import Array
 from robot_ident.recording.recording import Recording
 
 _BURSTS = 0.1  # of the samples: as many that come with another are no accident
+_OWN_DELAY = 1000  # ns by which the delays of messages differ that were received
+_SHORTEST = 1e9  # ns over which the pace of clocks shows
 _CLOSE = 0.05  # of the long steps between stamps: what is nearer came in one burst
 _LONGEST = 100  # samples of a burst
 _BACKWARDS = 0.9  # of the steps between stamps: nothing that is late now and then goes back as often
@@ -160,12 +162,13 @@ def assemble(
     used = [_only(piece, names) for piece in with_efforts if set(names) <= set(piece.names)]
     notes = [*losses, *_left_out(pieces, used, names)]
     samples, join_notes = _join(used)
+    pace = _pace(np.concatenate([piece.stamp for piece in used]), np.concatenate([piece.log for piece in used]))
     names, samples, silent_notes = _without_silent(names, samples, joints, place)
     samples, order_notes = in_order(samples, place)
     start = int(samples.stamp[0])
     t = (samples.stamp - start) / 1e9
     notes += join_notes + silent_notes + order_notes
-    return Recording(names, t, samples.q, samples.tau, samples.dq, source, tuple(notes), start)
+    return Recording(names, t, samples.q, samples.tau, samples.dq, source, tuple(notes), start, pace=pace)
 
 
 def _join(used: Sequence[Piece]) -> tuple[Samples, list[str]]:
@@ -184,6 +187,21 @@ def _join(used: Sequence[Piece]) -> tuple[Samples, list[str]]:
     if np.any(np.diff(index) < 0):
         samples = samples[np.argsort(index)]
     return samples, clock_notes + velocity_notes
+
+
+def _pace(stamp: Integers, log: Integers) -> float | None:
+    """Return how much time the receive times span while the header stamps span a second; None where they say nothing
+    of their own, as in a bag that was made of stamps.
+    """
+    if not stamp.any():
+        return 1.0
+    stamp, log = stamp[stamp != 0], log[stamp != 0]
+    delay = log - stamp
+    few = max(1, len(stamp) // 20)
+    spans = [float(np.median(x[-few:] - x[0]) - np.median(x[:few] - x[0])) for x in (log, stamp)]
+    if np.ptp(delay) < _OWN_DELAY or spans[1] < _SHORTEST:
+        return None
+    return spans[0] / spans[1]
 
 
 def _size(pieces: Sequence[Piece]) -> int:

@@ -9,6 +9,7 @@ from robot_ident.bags.efforts_elsewhere import with_efforts
 from robot_ident.bags.forms import TABLES, form_of, open_storage
 from robot_ident.bags.joint_state_decoder import JointStateDecoder
 from robot_ident.bags.read import read_recording
+from robot_ident.bags.tables import refuse_unnamed
 from robot_ident.bags.topics import named_topic
 from robot_ident.recording.conditions import read_conditions
 from robot_ident.recording.recording import Recording
@@ -26,6 +27,7 @@ def read_for(path: Path | str, robot: Robot, *, topic: str | None = None) -> Rec
     path = Path(path)
     states = topic or robot.effort.topic
     if form_of(path) in TABLES:
+        refuse_unnamed(path, robot.n)
         return read_recording(path, topic=states)
     sources = dict(robot.effort.sources)
     if topic is None and states is not None and not _has_positions(path, states):

@@ -155,6 +155,21 @@ def _complain(path: Path, columns: list[int], names: list[str], delimiter: str, 
                     raise InputError(f"{path}: row {number}, column {name!r}: {cell!r} is not a number")
 
 
+def refuse_unnamed(path: Path, joints: int) -> None:
+    """Raise InputError where a `.npz` without names has other columns than a robot has joints: which are they?"""
+    if path.suffix != ".npz":
+        return
+    arrays = _load(path)
+    if "names" in arrays or "q" not in arrays:
+        return
+    columns = arrays["q"].shape[-1] if np.ndim(arrays["q"]) == 2 else 1
+    if columns != joints:
+        raise InputError(
+            f"{path}: q has {columns} columns and no names, the robot {joints} joints; add `names` [{columns}] to the"
+            " file, so that it is known which column is which joint"
+        )
+
+
 def read_npz(path: Path, joints: Sequence[str] | None = None) -> Recording:
     """Read `t` [N] s, `q` and `tau` [N, n], optional `dq` [N, n] and `names` [n] (`joint_1`... where missing).
 

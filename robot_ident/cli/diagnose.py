@@ -40,7 +40,7 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
 
 def run(args: argparse.Namespace) -> int:
     """Say which physical effect is missing."""
-    from robot_ident.cli.loop import read_inputs, refuse_other_units
+    from robot_ident.cli.loop import read_inputs, refuse_contradictions
     from robot_ident.cli.until_adequate import Additions, add_until_adequate, print_additions, to_dict
     from robot_ident.diagnosis.diagnose import diagnose
     from robot_ident.diagnosis.kept_aside import misfit_aside
@@ -53,7 +53,7 @@ def run(args: argparse.Namespace) -> int:
     inputs = read_inputs(args.inputs, args.validation, args.topic)
     if len(inputs.models) != 1 or not inputs.measurements:
         raise InputError("diagnose takes one model and at least one recording")
-    refuse_other_units(inputs)
+    refuse_contradictions(inputs)
     with Progress("diagnose", 1.0) as bar:
         found = diagnose(inputs.measurements, inputs.models[0].structure, inputs.validation, bar.reach)
     if found.verdict == "adequate":

@@ -54,6 +54,7 @@ def run(args: argparse.Namespace) -> int:
     from robot_ident.model.model_file import write_model
     from robot_ident.model.structure import Structure
     from robot_ident.provenance import provenance
+    from robot_ident.recording.checks import refuse_same_rows
     from robot_ident.recording.copies import refuse_copies
     from robot_ident.recording.process import process
     from robot_ident.robot import load_robot
@@ -68,6 +69,7 @@ def run(args: argparse.Namespace) -> int:
     whole = load_robot(args.robot)
     refuse_twice(args.bags)
     recordings = [read_for(bag, whole, topic=args.topic) for bag in args.bags]
+    refuse_same_rows(recordings)
     robot, recordings, held = held_in_recordings(args, whole, recordings)
     recordings, processing = at_its_speed(args, recordings, processing_of(args, robot, played=whole))
     structure = Structure.build(robot, args.effect)

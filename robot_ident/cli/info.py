@@ -10,6 +10,7 @@ from robot_ident.errors import InputError
 
 if TYPE_CHECKING:
     from robot_ident.estimation.declared import Declared
+    from robot_ident.recording.measurement import Measurement
     from robot_ident.recording.recording import Recording
     from robot_ident.recording.summary import Summary
     from robot_ident.robot import Robot
@@ -26,6 +27,7 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
 def run(args: argparse.Namespace) -> int:
     """Describe a bag: its topics, and the joint states in it."""
     from robot_ident.bags import describe, read_for, read_recording
+    from robot_ident.recording.checks import check_samples
     from robot_ident.recording.effort import at_the_joints
     from robot_ident.recording.plausibility import check_plausible
     from robot_ident.recording.resolution import coarse_notes
@@ -41,6 +43,7 @@ def run(args: argparse.Namespace) -> int:
         recording = read_for(args.bag, robot, topic=args.topic) if robot else read_recording(args.bag, topic=args.topic)
         if robot is not None:
             recording = recording.with_joints(robot.joints)
+            check_samples(recording)
             check_plausible(at_the_joints(recording, robot), robot)
         summary = summarise(recording)
         if robot is not None:
@@ -99,25 +102,40 @@ def _share(declared: Declared) -> tuple[float | str, float | str]:
 
 def _judged(recording: Recording, robot: Robot) -> tuple[list[Declared], list[str]]:
     """Return by joint how effort and rigid model go together, and what else there is to say of it."""
-    from robot_ident.estimation.declaration import judge_declaration
+    from robot_ident.estimation.declaration import judge_measured
+    from robot_ident.estimation.effort_checks import (
+        exchanged_efforts,
+        foreign_effort,
+        other_gravity,
+        undecided_directions,
+    )
+    from robot_ident.recording.measurement import Processing
     from robot_ident.recording.plausibility import silent_efforts
+    from robot_ident.recording.process import process
 
     if silent_efforts(recording):
         return [], ["effort is not held against the URDF: some of it was never measured"]
     if recording.conditions.estimated:
         return [], ["effort is not held against the URDF: its payload is unknown; a recording without one tells"]
-    return judge_declaration(recording, robot), _coupling(recording, robot)
+    measured = process(recording, robot, Processing(periodic=False))
+    declared = judge_measured(measured, robot)
+    gravity = other_gravity([measured], robot)
+    told = [
+        foreign_effort([measured], robot),
+        exchanged_efforts([measured], robot),
+        gravity and gravity.in_words,
+        undecided_directions(measured, robot),
+    ]
+    return declared, [*(line for line in told if line), *_coupling(measured, robot)]
 
 
-def _coupling(recording: Recording, robot: Robot) -> list[str]:
+def _coupling(measured: Measurement, robot: Robot) -> list[str]:
     """Return what contradicts a declared coupling, whose joints seem to have wrong signs and gains."""
     if robot.effort.coupling is None:
         return []
     from robot_ident.estimation.coupling import coupling_contradiction
-    from robot_ident.recording.measurement import Processing
-    from robot_ident.recording.process import process
 
-    found = coupling_contradiction([process(recording, robot, Processing(periodic=False))], robot)
+    found = coupling_contradiction([measured], robot)
     return [] if found is None else [f"{found.in_words}; change it to '{found.change}'"]
 
 

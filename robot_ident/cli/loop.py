@@ -42,8 +42,11 @@ class Inputs:
 
 def read_inputs(words: Sequence[str], validation: Sequence[str], topic: str | None) -> Inputs:
     """Read models and recordings from one list; recordings are processed as the first model says."""
+    from robot_ident.bags import read_for
+    from robot_ident.estimation.for_model import measured_for
     from robot_ident.files import refuse_twice
     from robot_ident.model.model_file import is_model, read_model
+    from robot_ident.recording.checks import refuse_same_rows
     from robot_ident.recording.copies import refuse_copies
 
     paths = tuple(word for word in words if is_model(word))
@@ -54,8 +57,10 @@ def read_inputs(words: Sequence[str], validation: Sequence[str], topic: str | No
     refuse_twice(validation)
     _refuse_fitted(bags, validation)
     models = tuple(read_model(path) for path in paths)
-    measured = tuple(_measured(models[0], bag, topic) for bag in bags)
-    unseen = validated_for(models[0], validation, topic)
+    recordings = [read_for(bag, models[0].robot, topic=topic) for bag in (*bags, *validation)]
+    refuse_same_rows(recordings)
+    every = [measured_for(models[0], recording) for recording in recordings]
+    measured, unseen = tuple(every[: len(bags)]), tuple(every[len(bags) :])
     refuse_copies([*measured, *unseen])
     for bag, measurement in zip(validation, unseen, strict=True):
         _refuse_stranger(models[0], bag, measurement)
@@ -78,16 +83,25 @@ def with_model(inputs: Inputs, model: Model, validation: Sequence[str], topic: s
     return replace(given, measurements=measured, validation=validated_for(model, validation, topic))
 
 
-def refuse_other_units(inputs: Inputs) -> None:
-    """Raise InputError where efforts are a tenth or less of what the model makes of a motion, and a declaration that
-    they contradict tells why; a model that was identified as declared all the same stands.
+def refuse_contradictions(inputs: Inputs) -> None:
+    """Raise InputError where efforts are not made by the motion, or weight is that of another gravity; and where they
+    are a tenth or less of what the model makes of a motion, and a declaration that they contradict tells why. A model
+    that was identified as declared all the same stands.
     """
     from robot_ident.cli.declared import AS_DECLARED, contradictions
+    from robot_ident.estimation.effort_checks import foreign_effort, other_gravity
     from robot_ident.estimation.unusable import residual_on
 
     model = inputs.models[0]
     if any(note.endswith(AS_DECLARED) for note in model.notes):
         return
+    told = [*inputs.measurements, *inputs.validation]
+    foreign = foreign_effort(told, model.robot)
+    if foreign:
+        raise InputError(foreign)
+    gravity = other_gravity([one for one in told if not one.conditions.estimated], model.robot)
+    if gravity is not None:
+        raise InputError(f"{model.robot.source}: {gravity.in_words}; change it to '{gravity.change}' and identify anew")
     absurd = [
         measured
         for measured in inputs.measurements

@@ -9,6 +9,7 @@ chosen again in its light.
 from __future__ import annotations
 
 from collections.abc import Collection, Sequence
+from dataclasses import replace
 
 import numpy as np
 
@@ -40,6 +41,7 @@ from robot_ident.motion import Array
 from robot_ident.recording.copies import of_one_motion, refuse_copies
 from robot_ident.recording.measurement import Measurement
 from robot_ident.recording.silent import refuse_silent
+from robot_ident.recording.time_scale import scale_note
 
 SHARE = 0.35  # of a joint's excess that its members must explain on trajectories not seen
 STRICTER = 0.37  # more than that where what remains is seen beside the noise: a proxy leaves much, a cause little
@@ -64,8 +66,10 @@ def diagnose(
     refuse_copies([*measurements, *validation])
     refuse_silent(measurements, "; a model of the others alone: identify --joints {moving}")
     if not all(tells_noise(measured) for measured in measurements):
-        return diagnose_by_prediction(measurements, structure, validation, tell).seen_by(structure.robot)
-    notes = clock_notes(measurements, structure.robot)
+        predicted = diagnose_by_prediction(measurements, structure, validation, tell)
+        return replace(predicted, notes=(*predicted.notes, *scale_note(measurements))).seen_by(structure.robot)
+    clock = "; ".join(clock_notes(measurements, structure.robot))
+    notes = scale_note(measurements)
     trending = {effect.label for effect in structure.effects if effect.trends}
     measurements, structure, validation = without_trends(measurements, structure, validation)
     evidence = plain = gather(measurements, structure)
@@ -88,14 +92,14 @@ def diagnose(
     judged = measuring_fault(evidence, blind.folds, blind.scores, validation)
     if judged.fault is not None:
         fault = _fault_first(evidence, blind, judged.fault, validation, notes)
-        return with_doubt(fault, evidence).seen_by(structure.robot)
+        return replace(with_doubt(fault, evidence), clock=clock).seen_by(structure.robot)
     unseen = Unseen.of(validation, evidence)
     found = Search(evidence, blind if unseen is None else Stage.of(evidence, unseen)).run(tell)
     tell(0.8, "weighing what was found")
     notes += undecidable(evidence, blind.folds)
     found_all = judged.low_passes.beside(_conclude(evidence, found, validation, notes, trending))
     found_all = with_doubt(with_jitter(found_all, evidence), evidence)
-    return with_hidden_rest(found_all, plain).seen_by(structure.robot)
+    return replace(with_hidden_rest(found_all, plain), clock=clock).seen_by(structure.robot)
 
 
 def _fault_first(

@@ -121,6 +121,7 @@ class Diagnosis:
 
     hidden_from_sensor: by joint the effects that were no candidates, since effort is measured where they don't show.
     hidden_in_path: the joints whose remainder may all be of the part of the path that noise of the positions hides.
+    clock: what the recordings say against the clock of their stamps, empty where nothing.
     """
 
     verdict: Verdict
@@ -131,10 +132,15 @@ class Diagnosis:
     notes: tuple[str, ...] = ()
     hidden_from_sensor: Mapping[str, tuple[str, ...]] = field(default_factory=dict)
     hidden_in_path: tuple[str, ...] = ()
+    clock: str = ""
 
     @property
     def in_words(self) -> str:
-        """The verdict in one sentence."""
+        """The verdict in one sentence, after what is wrong with the time of the recordings."""
+        return f"{self.clock}; with this time, {self._verdict}" if self.clock else self._verdict
+
+    @property
+    def _verdict(self) -> str:
         if self.verdict == "adequate":
             more = (
                 f", and at {', '.join(self.hidden_in_path)} what noise hides of the path" if self.hidden_in_path else ""
@@ -194,6 +200,7 @@ class Diagnosis:
                 "depends_on": dict(self.unexplained.depends_on),
                 "where": self.unexplained.where,
             },
+            "clock": self.clock or None,
             "hidden_in_path": list(self.hidden_in_path),
             "hidden_from_sensor": {joint: list(names) for joint, names in self.hidden_from_sensor.items()},
             "notes": list(self.notes),

@@ -16,6 +16,8 @@ from robot_ident.estimation.declared import Declared
 _WEIGHT = 0.15  # by which shares of gravity may be off 1
 _ALIKE = 0.15  # by which the logarithms of the joints' shares of inertia may be off their middle
 _FAR = 1.4  # factor of inertia from which on it is the clock rather than the URDF: stamps 18 % off
+_CLOSELY = 0.05  # by which logarithms may be off their middle where three joints or more tell a smaller one
+_NEAR = 1.1  # that smaller factor: stamps 5 % off
 _LEAST = 0.7  # part of the effort that the URDF's torque must account for
 
 
@@ -29,11 +31,10 @@ def by_clock(judged: Sequence[Declared]) -> list[Declared]:
         return list(judged)
     sizes = np.log([d.inertia for d in told])
     middle = float(np.median(sizes))
-    if (
-        np.abs(np.array(weights) - 1.0).max() > _WEIGHT
-        or np.abs(sizes - middle).max() > _ALIKE
-        or abs(middle) < np.log(_FAR)
-    ):
+    apart = float(np.abs(sizes - middle).max())
+    closely = len(told) > 2 and apart < _CLOSELY and abs(middle) > np.log(_NEAR)
+    alike = apart < _ALIKE and abs(middle) > np.log(_FAR)
+    if np.abs(np.array(weights) - 1.0).max() > _WEIGHT or not (closely or alike):
         return list(judged)
     rate = float(np.exp(abs(middle) / 2.0))
     way = "fast" if middle > 0 else "slow"

@@ -34,8 +34,9 @@ class Contradiction:
     @property
     def in_words(self) -> str:
         """The contradiction in one line."""
-        found = ", ".join(f"{joint} {share:.3g}" for joint, share in self.share.items())
-        return f"{self.entry} is {self.now}, which the data contradict ({self.found}: {found})"
+        shares = ", ".join(f"{joint} {share:.3g}" for joint, share in self.share.items())
+        found = f"{self.found}: {shares}" if shares else self.found
+        return f"{self.entry} is {self.now}, which the data contradict ({found})"
 
 
 def contradiction(judged: Sequence[Declared], robot: Robot) -> Contradiction | None:

@@ -24,10 +24,12 @@ from robot_ident.estimation.solve import ESTIMATORS
 from robot_ident.model.model import Fit, Model, NoiseLevel
 from robot_ident.model.structure import Structure
 from robot_ident.motion import Array
+from robot_ident.recording.checks import refuse_same_rows
 from robot_ident.recording.copies import refuse_copies
 from robot_ident.recording.measurement import Measurement, Processing
 from robot_ident.recording.process import process
 from robot_ident.recording.recording import Recording
+from robot_ident.recording.time_scale import scale_note
 from robot_ident.robot.robot import Robot
 
 
@@ -47,6 +49,7 @@ def identify(
     """
     processing = processing or Processing()
     structure = Structure.build(robot, effects)
+    refuse_same_rows(recordings)
     measurements = [process(recording, robot, processing) for recording in recordings]
     refuse_copies(measurements)
     known, structure, gains = with_known_gains(recordings, measurements, structure, processing)
@@ -98,6 +101,7 @@ def estimate(
     days = by_day(measurements, found)
     notes += days.notes(structure.names)
     notes += identifiability(found, measurements).notes
+    notes += scale_note(measurements)
     consistent = None
     if physical:
         from robot_ident.estimation.physical import nearest_physical

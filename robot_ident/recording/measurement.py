@@ -56,6 +56,7 @@ class Measurement:
     stamps: what the stamps are worth, and sample_rate [Hz] of the recording. off_clock: how far the samples' instants
     scatter about their stamps, None where no periods tell. conditions: what the recording's sidecar states; start_ns:
     absolute stamp of its first sample, 0 where not known. clipped: of which joints' efforts something was cut off.
+    time_scale: what, beside the stamps, tells how fast they run: `received`, `period`, or nothing.
     """
 
     source: str
@@ -89,6 +90,7 @@ class Measurement:
     conditions: Conditions = Conditions()
     start_ns: int = 0
     clipped: tuple[str, ...] = ()
+    time_scale: str = ""
 
     def facts(self) -> dict[str, Any]:
         """Return how the recording was taken: its rate and clock, what of it repeats, and by joint the lowest and
@@ -103,6 +105,7 @@ class Measurement:
             "taken_as": kind,
             "period": None if self.base_frequency is None else 1.0 / self.base_frequency,
             "repeats": self.periods,
+            "time_scale": self.time_scale or None,
             "reach": {
                 name: [float(self.motion.q[:, k].min()), float(self.motion.q[:, k].max()), float(top[k])]
                 for k, name in enumerate(self.joints)

@@ -7,6 +7,7 @@ from dataclasses import replace
 from robot_ident.errors import InputError
 from robot_ident.motion import Array
 from robot_ident.recording.arm_alone import arm_alone
+from robot_ident.recording.checks import check_samples
 from robot_ident.recording.clipped import find_clipped, without_clipped
 from robot_ident.recording.clock import Clock, even_positions, read_clock, roughness
 from robot_ident.recording.continuous import low_passed
@@ -21,6 +22,7 @@ from robot_ident.recording.rate import rate_note
 from robot_ident.recording.recording import Recording
 from robot_ident.recording.repeats import better, disturbed, doubtful
 from robot_ident.recording.resolution import coarse_notes
+from robot_ident.recording.time_scale import pace_notes, time_scale
 from robot_ident.robot.robot import Robot
 
 
@@ -36,6 +38,7 @@ def process(
     recording = recording.with_joints(robot.joints)
     if not motion_only:
         check_efforts(recording)
+    check_samples(recording, motion_only=motion_only)
     published = recording
     recording = at_the_joints(recording, robot)
     check_plausible(recording, robot)
@@ -54,8 +57,15 @@ def process(
     slow = rate_note(q, clock.dt, robot.joints)
     coarse = coarse_notes(recording.q, robot.drives.encoder_step, robot.joints)
     said = [*recording.notes, *clock.notes, *(line for line in (slow, *coarse, note) if line), *made.notes]
+    scale = time_scale(recording, processing.base_frequency)
+    said += pace_notes(recording)
     made = replace(
-        made, stamps=clock.stamps, sample_rate=1.0 / clock.dt, start_ns=recording.start_ns, notes=tuple(said)
+        made,
+        stamps=clock.stamps,
+        sample_rate=1.0 / clock.dt,
+        start_ns=recording.start_ns,
+        notes=tuple(said),
+        time_scale=scale,
     )
     return arm_alone(made, recording.conditions, robot)
 

@@ -23,7 +23,8 @@ class Recording:
     names: the n joints. t [N] s, strictly increasing, t[0] arbitrary. q [N, n] rad or m. tau [N, n] Nm or N. dq [N,
     n] rad/s as the robot reported it, or None. source: the file, for messages. notes: one line for each thing that
     was repaired or lost while reading. start_ns: the absolute stamp of t = 0 in ns since the clock's epoch, 0 where
-    it is not known. conditions: what its sidecar states.
+    it is not known. conditions: what its sidecar states. pace: how fast the receive times ran beside the stamps, 1 for
+    stamps of real time; None where there are none of their own.
     """
 
     names: tuple[str, ...]
@@ -35,6 +36,7 @@ class Recording:
     notes: tuple[str, ...] = ()
     start_ns: int = 0
     conditions: Conditions = Conditions()
+    pace: float | None = None
 
     def __post_init__(self) -> None:
         """Freeze the arrays; InputError on shapes that disagree, NaN samples or time that stands still."""

@@ -18,7 +18,7 @@ from robot_ident.robot.geometry import CLEARANCE, Geometry
 from robot_ident.robot.packages import find_resource
 from robot_ident.robot.rigid_body import RigidBody
 from robot_ident.robot.robot import AntiAlias, Definition, Drives, Limits, Noise, Robot, Spring
-from robot_ident.robot.urdf import ENDLESS, check_serial, lock, parse_urdf, refuse_mimics
+from robot_ident.robot.urdf import ENDLESS, check_serial, lock, parse_urdf, refuse_millimetres, refuse_mimics
 from robot_ident.share import config_file
 
 Positive = Annotated[float, Field(gt=0)]
@@ -233,6 +233,7 @@ def _build(file: RobotFile, text: str, path: Path, definition: Definition | None
     moving = tuple(file.joints) or tuple(name for name in list(model.names)[1:] if name not in file.locked)
     model = lock(model, moving, file.locked, path)
     check_serial(model, urdf)
+    refuse_millimetres(model, urdf)
     refuse_mimics(text, moving, urdf)
     joints = tuple(list(model.names)[1:])
     if not joints:

@@ -10,10 +10,15 @@ from pathlib import Path
 from typing import Any
 from xml.etree import ElementTree
 
+import numpy as np
+
 from robot_ident.errors import InputError, did_you_mean
 
 ENDLESS = 1e9  # rad, the limit that stands for none
 _NO_DIRECTION = 1e-6  # length of an axis
+_LONGEST = 20.0  # m; no arm has a link as long
+_LONG = 5.0  # m; few arms have, and then their other links are not much shorter
+_BEYOND = 20.0  # times the middle one of a robot's lengths
 _NUMBERS = {
     "origin": {"xyz": 3, "rpy": 3},
     "axis": {"xyz": 3},
@@ -54,6 +59,30 @@ def _check_numbers(tree: ElementTree.Element, path: Path) -> None:
         moves = joint.get("type") in ("revolute", "continuous", "prismatic", "planar")
         if moves and max(abs(float(word)) for word in told.split()) < _NO_DIRECTION:
             raise InputError(f"{path}: joint {joint.get('name', '')!r}: the axis {told!r} has no direction")
+
+
+def refuse_millimetres(model: Any, path: Path) -> None:
+    """Raise InputError where a length of a Pinocchio model is that of no arm, or far beyond its others."""
+    named = list(model.names)
+    lengths = {}
+    for k in range(1, len(named)):
+        inertia = model.inertias[k]
+        gyration = (
+            (max(np.linalg.eigvalsh(inertia.inertia).max(), 0.0) / inertia.mass) ** 0.5 if inertia.mass > 0 else 0.0
+        )
+        lengths[f"{named[k]} lies"] = (
+            float(np.linalg.norm(model.jointPlacements[k].translation)),
+            "from the joint before",
+        )
+        lengths[f"the centre of mass behind {named[k]} lies"] = (float(np.linalg.norm(inertia.lever)), "from it")
+        lengths[f"the inertia behind {named[k]} is that of its mass"] = (gyration, "from its centre")
+    sizes = [size for size, _ in lengths.values() if size > 0.0]
+    usual = float(np.median(sizes)) if sizes else 0.0
+    for what, (size, whence) in lengths.items():
+        if size > _LONGEST or size > _LONG and size > _BEYOND * usual:
+            raise InputError(
+                f"{path}: {what} {size:.4g} m {whence}: a length in millimetres? URDF has metres, kg and kg m^2"
+            )
 
 
 def _are_numbers(text: str, count: int) -> bool:

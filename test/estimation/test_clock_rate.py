@@ -32,6 +32,18 @@ def test_the_clock_is_named_and_how_far_it_is_off(arm: Any, recording: Any, fact
     np.testing.assert_allclose([one.inertia for one in found], factor**2, rtol=0.1)
 
 
+@pytest.mark.parametrize(("factor", "way"), [(1.1, "fast"), (0.9, "slow")])
+def test_a_clock_a_tenth_off_shows_where_the_urdf_is_right(arm: Any, recording: Any, factor: float, way: str) -> None:
+    found = judge_declaration(stretched(recording, factor), arm.robot)
+    assert {one.verdict for one in found} == {"clock"} and way in found[0].hint
+    motion = arm.series.motion(recording.t - recording.t[0])
+    at_rest = replace(motion, dq=0.0 * motion.dq, ddq=0.0 * motion.ddq)
+    inertial = arm.robot.rigid.inverse_dynamics(motion) - arm.robot.rigid.inverse_dynamics(at_rest)
+    wrong = 0.2 * inertial * [1.0, 0.0, 0.0]
+    other = judge_declaration(stretched(replace(recording, tau=recording.tau + wrong), factor), arm.robot)
+    assert "clock" not in {one.verdict for one in other}, "a URDF that is wrong on one joint may be so on the others"
+
+
 def test_a_gain_is_no_clock(arm: Any, recording: Any) -> None:
     """Weight is off as well."""
     found = judge_declaration(replace(recording, tau=recording.tau * 2.25), arm.robot)
@@ -46,4 +58,4 @@ def test_heavier_rotors_are_no_clock(arm: Any, recording: Any) -> None:
 
 
 def test_a_clock_a_little_off_stays_unsaid(arm: Any, recording: Any) -> None:
-    assert {one.verdict for one in judge_declaration(stretched(recording, 1.05), arm.robot)} == {"consistent"}
+    assert {one.verdict for one in judge_declaration(stretched(recording, 1.03), arm.robot)} == {"consistent"}

@@ -37,6 +37,13 @@ def test_another_path_is_no_override(arm: Any) -> None:
     assert speed_scale(other.record(1, periods=3), lambda t: arm.series.motion(t).q, 0.1) is None
 
 
+def test_another_path_of_the_same_period_is_refused(arm: Any) -> None:
+    a, b = 0.25 * np.random.default_rng(7).normal(size=(2, 3, 5))
+    other = replace(arm, series=FourierSeries(0.1, arm.series.q0, a, b))
+    with pytest.raises(InputError, match="not the motion of the trajectory, though it has its period"):
+        speed_scale(other.record(1, periods=3), lambda t: arm.series.motion(t).q, 0.1)
+
+
 def test_without_the_path_it_is_refused_with_the_way_out(arm: Any) -> None:
     with pytest.raises(InputError, match=r"at 87 % of its speed.*--base-frequency 0\.087"):
         process(slowed(arm, 0.87).record(1, periods=3), arm.robot, Processing(base_frequency=0.1, periodic=True))

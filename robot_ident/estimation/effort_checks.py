@@ -1,0 +1,329 @@
+"""Is the effort that of this arm in this motion? Noise, absolute values, another joint's effort, another gravity.
+
+Each joint's effort is held against what its motion can make of it,
+
+    tau_j = s_j I_j(q, dq, ddq) + G_j(q) + b dq_j + c sign(dq_j) + o + r ddq_j,
+
+I_j the URDF's inertial torque and G_j that of its weight: `gravity` tries every direction of G, the others every sign
+of tau and every joint's right-hand side.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass, replace
+
+import numpy as np
+
+from robot_ident.estimation.contradiction import Contradiction
+from robot_ident.estimation.declaration import clustered
+from robot_ident.motion import Array
+from robot_ident.recording.measurement import Measurement
+from robot_ident.robot.robot import Robot
+
+_ROWS = 4000  # that are looked at, at most
+_MOVES = 0.02  # rad or m
+_NOTHING = 0.05  # of an effort's power that its motion must explain
+_SEEN = 4.0  # standard deviations from which on weight, inertia or friction is seen in an effort
+_BLOCK = 0.5  # s within which residuals depend on each other
+_NEGATIVE = 0.02  # of the largest effort, by which a filtered absolute value may fall below zero
+_TURNED = 0.1  # share of the samples whose sign is lost
+_FITS = 0.8  # of an effort that must be explained before anything is said about what it is
+_BETTER = 0.3  # of the power left over before, that may be left over by a better reading
+_FOLLOWS = 0.9  # of an effort that another joint's motion must explain
+_MUCH_LESS = 0.25  # of what its own motion leaves over, that it may leave
+_LEAST_INERTIA = 0.3  # share of the URDF's inertial torque: below it, effort is no torque or has another sign
+_AS_WELL = 1.15  # times what is left over where each joint may have a share of the declared weight
+_ALSO = 0.1  # of the effort that weight may make: URDFs' masses are not all wrong by one factor
+_ALIKE = 0.003  # of an effort, by which two readings of it may differ and say nothing
+_FACTOR = 3.0  # by which masses of a URDF may be wrong, or a payload adds to them that nobody stated
+_TILT = 0.5  # rad by which a base may stand tilted
+_SURE = 6.0  # standard deviations
+
+
+class _Rows:
+    """The rows of a measurement that count: effort and what the motion can make of it, after the low pass."""
+
+    def __init__(self, measured: Measurement, robot: Robot) -> None:
+        """Compute the URDF's torques at `_ROWS` rows at most, linear between."""
+        motion = measured.motion
+        every = slice(None, None, max(1, motion.samples // _ROWS))
+        thin, still = motion[every], np.zeros_like(motion.q[every])
+        nothing = robot.rigid.inverse_dynamics(replace(thin, dq=still, ddq=still, gravity=(0.0, 0.0, 0.0)))
+        axes: list[tuple[float, float, float]] = [(1.0, 0.0, 0.0), (0.0, 1.0, 0.0), (0.0, 0.0, 1.0)]
+        at_rest = [replace(thin, dq=still, ddq=still, gravity=axis) for axis in axes]
+        weight = [robot.rigid.inverse_dynamics(one) - nothing for one in at_rest]
+        self.robot = robot
+        self.gravity = np.array(motion.gravity or robot.rigid.model.gravity.linear, dtype=float)
+        inertial = robot.rigid.inverse_dynamics(thin) - sum(g * w for g, w in zip(self.gravity, weight, strict=True))
+        at = np.arange(motion.samples)
+
+        def passed(torque: Array) -> Array:
+            if len(torque) != motion.samples:
+                torque = np.column_stack([np.interp(at, at[every], column) for column in torque.T])
+            return measured.passed(torque)
+
+        self.weight = np.stack([passed(one) for one in weight], axis=2)  # [N, n, 3] Nm per m/s^2
+        self.tau = passed(measured.torque)
+        parts = (inertial, motion.dq, np.sign(motion.dq), motion.ddq, np.ones_like(motion.q))
+        self.drive = np.stack([passed(one) for one in parts], axis=2)  # [N, n, 5]
+        self.used = measured.used[measured.rows]
+        self.block = max(1, round(_BLOCK / (measured.dt * measured.decimate)))
+        reach = np.ptp(motion.q, axis=0)
+        self.moving = [
+            j for j in range(robot.n) if reach[j] > _MOVES and self.used[:, j].sum() > 5 * self.drive.shape[2]
+        ]
+
+    def of(self, joint: int, effort: int | None = None) -> tuple[Array, Array]:
+        """Return the columns of a joint [K, 6], its weight first and its offset last, and an effort [K]: its own, or
+        that of another joint.
+        """
+        effort = joint if effort is None else effort
+        used = self.used[:, effort]
+        weight = self.weight[used, joint] @ self.gravity
+        return np.column_stack([weight, self.drive[used, joint]]), self.tau[used, effort]
+
+
+def foreign_effort(measurements: Sequence[Measurement], robot: Robot) -> str:
+    """Return which joints' efforts are none of this motion, in a sentence that says what they look like; or nothing."""
+    for measured in measurements:
+        rows = _Rows(measured, robot)
+        told = [*_noise(rows), *_absolute(rows)]
+        if told:
+            return f"{measured.source}: {'; '.join(told)}"
+    return ""
+
+
+def exchanged_efforts(measurements: Sequence[Measurement], robot: Robot) -> str:
+    """Return which joint's effort follows another joint's motion rather than its own, in a sentence; or nothing."""
+    for measured in measurements:
+        rows = _Rows(measured, robot)
+        told = _exchanged(rows) if robot.effort.coupling is None else []
+        if told:
+            return f"{measured.source}: {'; '.join(told)}"
+    return ""
+
+
+def undecided_directions(measured: Measurement, robot: Robot) -> str:
+    """Return which joints may turn the other way round, position and effort both, in a sentence; or nothing.
+
+    A mirrored arm obeys the same equations: where turning a joint round explains the efforts of all as well, no data
+    tell which way it turns.
+    """
+    if robot.effort.coupling is not None:
+        return ""
+    rows, alike = _Rows(measured, robot), []
+    left = sum(1.0 - _explained(*rows.of(joint), rows.block)[0] for joint in rows.moving)
+    for joint in rows.moving:
+        turn, motion = np.where(np.arange(robot.n) == joint, -1.0, 1.0), measured.motion
+        turned = replace(motion, q=motion.q * turn, dq=motion.dq * turn, ddq=motion.ddq * turn)
+        other = _Rows(replace(measured, motion=turned, torque=measured.torque * turn), robot)
+        if sum(1.0 - _explained(*other.of(k), other.block)[0] for k in other.moving) < _AS_WELL * left + _ALIKE:
+            alike.append(robot.joints[joint])
+    if not alike:
+        return ""
+    return (
+        f"these data can't tell which way {', '.join(alike)} turn{'s' * (len(alike) == 1)}: position and effort turned"
+        " round together fit as well; compare a motion of the robot with the URDF's axis"
+    )
+
+
+def other_gravity(measurements: Sequence[Measurement], robot: Robot) -> Contradiction | None:
+    """Return what the efforts say of gravity where that is far from what the robot YAML declares, or None.
+
+    g [3] m/s^2 is fitted to all joints at once, tau_j = s_j I_j + sum_k g_k G_jk + ..., and taken over the middle of
+    s_j. Only what two joints or more tell counts, and only where one gravity explains their efforts as well as a share
+    of the declared weight by joint does: a counterbalance on one of them is no other gravity.
+    """
+    for measured in measurements:
+        if any(robot.effort.of(joint).gravity == "removed" for joint in robot.joints):
+            return None
+        found = _gravity(_Rows(measured, robot))
+        if found is not None:
+            return found
+    return None
+
+
+def _noise(rows: _Rows) -> list[str]:
+    """Say of which joints the effort holds nothing of the motion."""
+    nothing = []
+    for joint in rows.moving:
+        explained, seen = _explained(*rows.of(joint), rows.block)
+        if explained < _NOTHING and seen < _SEEN:
+            nothing.append(f"{rows.robot.joints[joint]} ({100 * max(explained, 0.0):.1f} %)")
+    if not nothing:
+        return []
+    return [
+        f"the effort of {', '.join(nothing)} is not made by the motion (noise, or that of another run): weight, inertia"
+        " and friction explain no more of it than chance does; record motion and effort together"
+    ]
+
+
+def _explained(columns: Array, tau: Array, block: int) -> tuple[float, float]:
+    """Return the share of an effort's power about its mean that columns explain, the last one its offset, and by how
+    many standard deviations the surest of them is seen.
+    """
+    size = np.linalg.norm(columns, axis=0)
+    scaled = columns[:, size > 1e-9 * size.max()] / size[size > 1e-9 * size.max()]
+    solved, *_ = np.linalg.lstsq(scaled, tau, rcond=1e-9)
+    left = tau - scaled @ solved
+    power = float(np.sum((tau - tau.mean()) ** 2))
+    spread = np.sqrt(np.maximum(np.diag(clustered(scaled, left, block)), 1e-300))
+    return 1.0 - float(left @ left) / power if power > 0 else 0.0, float(np.abs(solved[:-1] / spread[:-1]).max())
+
+
+def _absolute(rows: _Rows) -> list[str]:
+    """Say of which joints the effort has lost its sign."""
+    lost = []
+    for joint in rows.moving:
+        columns, tau = rows.of(joint)
+        sign = np.sign(tau.mean()) or 1.0
+        if (sign * tau).min() < -_NEGATIVE * np.abs(tau).max():
+            continue
+        before = _left(columns, tau)
+        turn = np.sign(columns[:, 0] + columns[:, 1])
+        for _ in range(20):
+            solved, *_ = np.linalg.lstsq(columns, np.abs(tau) * turn, rcond=1e-9)
+            turn = np.sign(columns @ solved)
+        after, power = _left(columns, np.abs(tau) * turn), float(np.sum(tau**2))
+        turned = min(np.mean(turn > 0), np.mean(turn < 0))
+        if turned > _TURNED and after < _BETTER * before and after < (1.0 - _FITS) * power:
+            lost.append(rows.robot.joints[joint])
+    if not lost:
+        return []
+    return [
+        f"the effort of {', '.join(lost)} never changes its sign and fits the motion far better where it does: the"
+        " driver reports absolute values; record effort with its sign"
+    ]
+
+
+def _left(columns: Array, tau: Array) -> float:
+    solved, *_ = np.linalg.lstsq(columns, tau, rcond=1e-9)
+    return float(np.sum((tau - columns @ solved) ** 2))
+
+
+def _exchanged(rows: _Rows) -> list[str]:
+    """Say which joints' efforts follow each other's motion."""
+    share = {
+        joint: {other: _explained(*rows.of(other, joint), rows.block)[0] for other in rows.moving}
+        for joint in rows.moving
+    }
+    follows = {joint: max(found, key=lambda other: found[other]) for joint, found in share.items()}
+    names, told = rows.robot.joints, []
+    for joint, other in follows.items():
+        own, best = share[joint][joint], share[joint][other]
+        if follows[other] != other and best > _FOLLOWS and 1.0 - best < _MUCH_LESS * (1.0 - own):
+            told.append(
+                f"the effort of {names[joint]} follows the motion of {names[other]}, which explains {100 * best:.1f} %"
+                f" of it, rather than its own ({100 * max(own, 0.0):.1f} %)"
+            )
+    return [*told, "exchange the names of these efforts"] if len(told) > 1 else []
+
+
+@dataclass(frozen=True)
+class _Loaded:
+    """A joint that weight loads: weight [K, 3] per m/s^2 and effort [K] beside what its drive can make, over the
+    residual's standard deviation. inertia: its share of the URDF's inertial torque, nan where it isn't seen. sound:
+    whether its inertia, or else its friction, has the sign that it must have.
+    """
+
+    weight: Array
+    tau: Array
+    inertia: float
+    sound: bool
+
+    def left(self, gravity: Array) -> float:
+        """Return what a gravity [3] m/s^2 leaves of the effort."""
+        return float(np.sum((self.tau - self.weight @ gravity) ** 2))
+
+    def left_by_share(self, gravity: Array) -> float:
+        """Return what the best share of a gravity leaves of the effort."""
+        own = self.weight @ gravity
+        return self.left(gravity * float(own @ self.tau) / max(float(own @ own), 1e-300))
+
+
+def _gravity(rows: _Rows) -> Contradiction | None:
+    loaded = [one for joint in rows.moving if (one := _loaded(rows, joint)) is not None]
+    if len(loaded) < 2 or not all(one.sound for one in loaded):
+        return None
+    weight, tau = np.vstack([one.weight for one in loaded]), np.concatenate([one.tau for one in loaded])
+    inverse = np.linalg.pinv(weight.T @ weight)
+    found = inverse @ weight.T @ tau
+    scores = [
+        piece.sum(axis=0)
+        for one in loaded
+        for piece in np.array_split(
+            one.weight * (one.tau - one.weight @ found)[:, None], len(one.tau) // rows.block + 2
+        )
+    ]
+    covariance = inverse @ (np.array(scores).T @ np.array(scores)) @ inverse
+    for one in loaded:
+        most = _AS_WELL * one.left_by_share(rows.gravity) + _ALSO * float(one.tau @ one.tau)
+        if one.left(found) > most:
+            return None
+    seen = [one.inertia for one in loaded if np.isfinite(one.inertia)]
+    scale = float(np.median(seen)) if seen else 1.0
+    near = _near(rows.gravity)
+    # a gain of the effort enlarges weight and inertia alike, a wrong inertia of the URDF the one alone
+    for size in (1.0, scale):
+        apart = found / size - near
+        far = np.einsum("ki,ij,kj->k", apart, np.linalg.pinv(covariance / size**2), apart).min() > _SURE**2
+        if _is_near(found / size, rows.gravity) or not far:
+            return None
+    found = min((found, found / scale), key=lambda gravity: abs(np.log(np.linalg.norm(gravity) / 9.81)))
+    now, best = (f"[{', '.join(f'{value:.3g}' for value in g)}]" for g in (rows.gravity, _plain(found)))
+    told = f"[{', '.join(f'{value:.2g}' for value in found)}]"
+    return Contradiction("gravity", now, f"gravity: {best}", {}, f"weight is that of {told} m/s^2")
+
+
+def _loaded(rows: _Rows, joint: int) -> _Loaded | None:
+    """Return a joint on which weight shows; None where it doesn't, or where effort is no torque."""
+    if rows.robot.in_ampere(joint):
+        return None
+    used = rows.used[:, joint]
+    drive, weight, tau = rows.drive[used, joint], rows.weight[used, joint], rows.tau[used, joint]
+    q, _ = np.linalg.qr(drive / np.maximum(np.linalg.norm(drive, axis=0), 1e-12))
+    apart, beside = weight - q @ (q.T @ weight), tau - q @ (q.T @ tau)
+    columns = np.column_stack([weight, drive])
+    solved, *_ = np.linalg.lstsq(columns, tau, rcond=1e-9)
+    left = tau - columns @ solved
+    spread = np.linalg.pinv(clustered(apart, left, rows.block))
+    if solved[:3] @ spread @ solved[:3] < _SEEN**2 or float(left @ left) > (1.0 - _FITS) * float(tau @ tau):
+        return None
+    noise = float(np.sqrt(np.mean(left**2))) or 1.0
+    size = np.maximum(np.linalg.norm(columns, axis=0), 1e-12)
+    std = float(np.sqrt(max(clustered(columns / size, left, rows.block)[3, 3], 0.0))) / float(size[3])
+    seen = abs(solved[3]) > _SEEN * std
+    braking = float(drive[:, 1] @ (drive[:, 1:3] @ solved[4:6])) > 0.0
+    sound = solved[3] > _LEAST_INERTIA if seen else braking
+    return _Loaded(apart / noise, beside / noise, float(solved[3]) if seen else float("nan"), bool(sound))
+
+
+def _is_near(found: Array, declared: Array) -> bool:
+    """Return whether a gravity may be a declared one: masses of URDFs are wrong by a third, and bases stand tilted."""
+    size, other = float(np.linalg.norm(found)), float(np.linalg.norm(declared))
+    if not other:
+        return size < _FACTOR
+    return float(found @ declared) > np.cos(_TILT) * size * other and 1.0 / _FACTOR < size / other < _FACTOR
+
+
+def _near(declared: Array) -> Array:
+    """Return gravities [K, 3] at the bounds of `_is_near` and within."""
+    size = float(np.linalg.norm(declared))
+    if not size:
+        return np.zeros((1, 3))
+    down = declared / size
+    side = np.cross(down, (1.0, 0.0, 0.0) if abs(down[0]) < 0.9 else (0.0, 1.0, 0.0))
+    side = side / np.linalg.norm(side)
+    across = [np.cos(turn) * side + np.sin(turn) * np.cross(down, side) for turn in np.arange(12) * np.pi / 6.0]
+    directions = [down, *(np.cos(tilt) * down + np.sin(tilt) * one for tilt in (_TILT / 2, _TILT) for one in across)]
+    return size * np.array([factor * one for factor in np.geomspace(1.0 / _FACTOR, _FACTOR, 15) for one in directions])
+
+
+def _plain(gravity: Array) -> Array:
+    """Return Earth's gravity along the axis of the base that is nearest, where one is near."""
+    size = float(np.linalg.norm(gravity))
+    axis = int(np.argmax(np.abs(gravity)))
+    if abs(gravity[axis]) < np.cos(np.deg2rad(25.0)) * size or not 1.0 / _FACTOR < size / 9.81 < _FACTOR:
+        return gravity
+    return np.where(np.arange(3) == axis, np.sign(gravity[axis]) * 9.81, 0.0)

@@ -1,0 +1,115 @@
+"""Does a recording hold what was measured: samples of its own, of one robot, an effort of its own for each joint?"""
+
+from __future__ import annotations
+
+from collections.abc import Mapping, Sequence
+from itertools import combinations
+
+import numpy as np
+
+from robot_ident.errors import InputError
+from robot_ident.motion import Array, Mask
+from robot_ident.recording.recording import Recording
+
+_MOVES = 1e-3  # rad or m, from which on a joint has moved
+_STEPS = 20  # of an encoder; within fewer a joint at rest may flicker
+_STRAIGHT = 1e-6  # of a signal's range: no sensor measures three samples so exactly on one line
+_MOSTLY = 0.5  # of the samples
+_REGULAR = 0.9  # of the distances between the samples that were measured: alike, but for one sample
+_LEAP = 0.01  # of the range of motion: a leap that no sample rate worth having leaves between two samples
+_BACK = 0.1  # of a leap: what the sample after it is away from the one before it
+_LEAPS = 0.05  # share of samples that leap and come back
+_SAME_ROWS = 0.3  # share of the rows of a recording that stand in another one to the last digit
+
+
+def check_samples(recording: Recording, *, motion_only: bool = False) -> None:
+    """Raise InputError where samples are interpolated, come from two robots, or two joints share one effort.
+
+    motion_only: efforts aren't used and may be anything.
+    """
+    _refuse_two_robots(recording)
+    _refuse_interpolated(recording, {"positions": recording.q, **({} if motion_only else {"efforts": recording.tau})})
+    if motion_only:
+        return
+    for one, other in combinations(range(len(recording.names)), 2):
+        first, second = recording.tau[:, one], recording.tau[:, other]
+        if np.ptp(first) > 0.0 and (np.array_equal(first, second) or np.array_equal(first, -second)):
+            raise InputError(
+                f"{recording.source}: the effort of {recording.names[other]} is that of {recording.names[one]} in every"
+                " sample; one of them was never measured: name the joints of the efforts anew, or record again"
+            )
+
+
+def _refuse_two_robots(recording: Recording) -> None:
+    """Raise InputError where positions leap to and fro: two publishers on one topic, each with its own robot."""
+    moves = np.ptp(recording.q, axis=0) > _MOVES
+    q = recording.q[:, moves & np.array([len(np.unique(column)) > _STEPS for column in recording.q.T])]
+    if len(q) < 20 or not q.shape[1]:
+        return
+    q = q / np.ptp(q, axis=0)
+    leap = np.linalg.norm(q[1:-1] - q[:-2], axis=1)
+    back = np.linalg.norm(q[2:] - q[:-2], axis=1)
+    usual = float(np.median(np.minimum(leap, back)))
+    leaps = (leap > _LEAP) & (back < _BACK * leap) & (leap > usual / _BACK)
+    if leaps.mean() > _LEAPS:
+        raise InputError(
+            f"{recording.source}: positions leap to and fro in {int(leaps.sum())} of {len(q)} samples: two publishers"
+            " report joints of the same names on this topic; record each on a topic of its own, or stop one of them"
+        )
+
+
+def _refuse_interpolated(recording: Recording, signals: Mapping[str, Array]) -> None:
+    """Raise InputError where samples lie on straight lines between every so many of them."""
+    for what, signal in signals.items():
+        bends = _bends(recording.t, signal)
+        if bends is None:
+            continue
+        rate = (recording.samples - 1) / recording.duration
+        raise InputError(
+            f"{recording.source}: the {what} lie on straight lines between {int(bends.sum())} of"
+            f" {recording.samples} samples: they were interpolated from about {bends.sum() / recording.duration:.3g} Hz"
+            f" to {rate:.3g} Hz, and their accelerations are not the robot's; give the samples as they were measured"
+        )
+
+
+def _bends(t: Array, signal: Array) -> Mask | None:
+    """Return at which samples [N] a signal [N, n] bends, where most others lie between them on straight lines; None
+    where it is no such signal.
+    """
+    reach = np.ptp(signal, axis=0)
+    signal = signal[:, reach > _MOVES] / reach[reach > _MOVES]
+    if len(t) < 50 or not signal.shape[1]:
+        return None
+    slope = np.diff(signal, axis=0) / np.diff(t)[:, None]
+    bend = np.abs(np.diff(slope, axis=0)) * np.minimum(np.diff(t)[1:], np.diff(t)[:-1])[:, None]
+    straight = np.all(bend < _STRAIGHT, axis=1)
+    moving = np.all(np.abs(np.diff(signal, axis=0))[1:] > 10.0 * _STRAIGHT, axis=1)
+    if straight[moving].sum() <= _MOSTLY * len(straight):
+        return None
+    apart = np.diff(np.flatnonzero(~straight))
+    apart = apart[apart > 1]  # a measured sample between two of the grid bends at both
+    if len(apart) < 10 or np.mean(np.abs(apart - np.median(apart)) <= 1.0) < _REGULAR:
+        return None
+    return np.concatenate([[False], ~straight & np.concatenate([[True], straight[:-1]]), [False]])
+
+
+def refuse_same_rows(recordings: Sequence[Recording]) -> None:
+    """Raise InputError where one recording holds rows of another to the last digit: every second of them, say."""
+    for one, other in combinations(recordings, 2):
+        if one.names != other.names:
+            continue
+        shorter, longer = sorted((other, one), key=lambda recording: recording.samples)
+        rows = _moving_rows(shorter)
+        if len(rows) and np.isin(rows, _moving_rows(longer)).mean() > _SAME_ROWS:
+            raise InputError(
+                f"{shorter.source} holds the samples of {longer.source} to the last digit: a copy of it, or a part of"
+                " one; give every one once, since the noise of both would be counted as independent"
+            )
+
+
+def _moving_rows(recording: Recording) -> Array:
+    """Return the rows of positions and efforts as single values, those that equal their predecessor left out."""
+    rows = np.ascontiguousarray(np.hstack([recording.q, recording.tau]))
+    fresh = np.concatenate([[True], np.any(np.diff(rows, axis=0) != 0.0, axis=1)])
+    values: Array = rows[fresh].view([("", rows.dtype)] * rows.shape[1]).reshape(-1)
+    return values

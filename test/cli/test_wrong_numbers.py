@@ -1,0 +1,127 @@
+"""Input that would give a wrong number is refused or named first, by `identify`, `diagnose` and `info` alike."""
+
+from __future__ import annotations
+
+import shutil
+from collections.abc import Callable
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import pytest
+
+Run = Callable[..., Any]
+Arrays = dict[str, Any]
+
+
+@pytest.fixture
+def golden(checkout: Path) -> Path:
+    return checkout / "test/golden/inputs"
+
+
+@pytest.fixture
+def base(golden: Path) -> Arrays:
+    return dict(np.load(golden / "kuka_1.npz"))
+
+
+def noise(arrays: Arrays) -> Arrays:
+    random = np.random.default_rng(1)
+    return {**arrays, "tau": random.normal(size=arrays["tau"].shape) * arrays["tau"].std(axis=0)}
+
+
+def absolute(arrays: Arrays) -> Arrays:
+    return {**arrays, "tau": np.abs(arrays["tau"])}
+
+
+def twice(arrays: Arrays) -> Arrays:
+    return {**arrays, "tau": arrays["tau"][:, [0, 2, 2]]}
+
+
+def six_columns(arrays: Arrays) -> Arrays:
+    twofold = {key: np.hstack([arrays[key], arrays[key][:, ::-1]]) for key in ("q", "tau")}
+    return {"t": arrays["t"], **twofold}
+
+
+def interpolated(arrays: Arrays) -> Arrays:
+    t = np.arange(arrays["t"][0], arrays["t"][-1], 1 / 1500)
+    finer = {key: np.column_stack([np.interp(t, arrays["t"], x) for x in arrays[key].T]) for key in ("q", "tau")}
+    return {"t": t, "names": arrays["names"], **finer}
+
+
+SPOILED = {
+    noise: "not made by the motion",
+    absolute: "absolute values",
+    twice: "the effort of joint_3 is that of joint_2",
+    six_columns: "6 columns and no names",
+    interpolated: "interpolated from about 100 Hz",
+}
+
+
+@pytest.mark.parametrize("spoil", list(SPOILED), ids=lambda spoil: spoil.__name__)
+def test_recordings(run: Run, golden: Path, base: Arrays, tmp_path: Path, spoil: Callable[[Arrays], Arrays]) -> None:
+    words = SPOILED[spoil]
+    good, bad, model = golden / "kuka_1.npz", tmp_path / "bad.npz", tmp_path / "model.yaml"
+    np.savez(bad, **spoil(base))
+    refused = run("identify", bad, "-o", model)
+    assert refused.code == 2 and words in refused.err.splitlines()[-1] and not model.exists()
+    assert run("identify", good, "-o", model).code == 0
+    refused = run("diagnose", model, bad)
+    assert refused.code == 2 and words in refused.err.splitlines()[-1] and refused.out == ""
+    told = run("info", bad, "--robot", "kuka_ir361")
+    assert words in told.err
+
+
+def test_every_second_row_beside_the_recording(run: Run, golden: Path, base: Arrays, tmp_path: Path) -> None:
+    half = {key: x if key == "names" else x[::2] for key, x in base.items()}
+    np.savez(tmp_path / "half.npz", **half)
+    refused = run("identify", golden / "kuka_1.npz", tmp_path / "half.npz")
+    assert refused.code == 2 and "holds the samples of" in refused.err
+
+
+def test_the_trajectory_of_another_motion(run: Run, golden: Path) -> None:
+    refused = run("identify", golden / "kuka_1.npz", "--trajectory", golden / "excitation_2.yaml")
+    assert refused.code == 2 and "not the motion of the trajectory" in refused.err
+    assert run("identify", golden / "kuka_1.npz", "--trajectory", golden / "excitation_1.yaml").code == 0
+
+
+@pytest.mark.parametrize("gravity", ["[0, 0, 9.81]", "[0, 0, -1.62]"])
+def test_another_gravity(run: Run, golden: Path, checkout: Path, tmp_path: Path, gravity: str) -> None:
+    robots = checkout / "config/robots"
+    shutil.copy(robots / "kuka_ir361.urdf", tmp_path)
+    text = (robots / "kuka_ir361.yaml").read_text()
+    (tmp_path / "robot.yaml").write_text(text.replace("[0, 0, -9.81]", gravity))
+    bag, robot, model = golden / "kuka_1.npz", tmp_path / "robot.yaml", tmp_path / "model.yaml"
+    refused = run("identify", bag, "--robot", robot)
+    assert refused.code == 2 and "change it to 'gravity: [0, 0, -9.81]'" in refused.err
+    assert f"robot.yaml:{text[: text.index('gravity:')].count(chr(10)) + 1}:" in refused.err
+    assert "weight is that of" in run("info", bag, "--robot", robot).err
+    assert run("identify", bag, "--robot", robot, "--as-declared", "-o", model).code == 0
+    kept = model.read_text()
+    model.write_text(kept.replace("; taken as declared", ""))
+    refused = run("diagnose", model, bag)
+    assert refused.code == 2 and "gravity" in refused.err
+
+
+@pytest.mark.parametrize(
+    ("length", "words"),
+    [('xyz="0.480 0 0"', "joint_3 lies 480 m"), ('xyz="-0.2431 -0.0222 0.0227"', "the centre of mass behind joint_2")],
+)
+def test_a_length_in_millimetres(
+    run: Run, golden: Path, checkout: Path, tmp_path: Path, length: str, words: str
+) -> None:
+    robots = checkout / "config/robots"
+    shutil.copy(robots / "kuka_ir361.yaml", tmp_path / "robot.yaml")
+    text = (robots / "kuka_ir361.urdf").read_text()
+    longer = " ".join(f"{1000 * float(word):g}" for word in length[5:-1].split())
+    (tmp_path / "kuka_ir361.urdf").write_text(text.replace(length, f'xyz="{longer}"'))
+    refused = run("identify", golden / "kuka_1.npz", "--robot", tmp_path / "robot.yaml")
+    assert refused.code == 2 and words in refused.err and "millimetres" in refused.err
+
+
+def test_a_clock_that_runs_a_tenth_slow(run: Run, arm: Any, tmp_path: Path) -> None:
+    recording, slow, model = arm.record(1, periods=4, lead=0.0), tmp_path / "slow.npz", tmp_path / "model.yaml"
+    np.savez(slow, t=0.9 * recording.t, q=recording.q, tau=recording.tau, names=np.array(recording.names))
+    told = run("identify", slow, "-o", model)
+    assert told.code == 0 and "clock runs 1.1" in told.err.splitlines()[0]
+    assert "clock runs 1.1" in run("diagnose", model, slow).out.splitlines()[0]
+    assert any("time scale not verified" in line for line in told.err.splitlines())

@@ -1,0 +1,93 @@
+"""Efforts that the motion didn't make are told from those that it did, and a wrong gravity from wrong masses."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+from typing import Any
+
+import numpy as np
+import pytest
+
+from robot_ident.estimation.effort_checks import (
+    exchanged_efforts,
+    foreign_effort,
+    other_gravity,
+    undecided_directions,
+)
+from robot_ident.recording.measurement import Processing
+from robot_ident.recording.process import process
+
+
+@pytest.fixture(scope="module")
+def recording(arm: Any) -> Any:
+    return arm.record(1, periods=4, lead=0.0)
+
+
+@pytest.fixture(params=[None, False], ids=["periods", "one pass"])
+def measured(request: pytest.FixtureRequest, arm: Any) -> Any:
+    def give(recording: Any, robot: Any = None) -> list[Any]:
+        return [process(recording, robot or arm.robot, Processing(periodic=request.param))]
+
+    return give
+
+
+def under(robot: Any, gravity: list[float]) -> Any:
+    """Return a robot whose YAML declares another gravity."""
+    model = robot.rigid.model.copy()
+    model.gravity.linear = np.array(gravity)
+    return replace(robot, rigid=type(robot.rigid)(model))
+
+
+def test_the_robot_itself(arm: Any, recording: Any, measured: Any) -> None:
+    there = measured(recording)
+    assert foreign_effort(there, arm.robot) == "" and exchanged_efforts(there, arm.robot) == ""
+    assert other_gravity(there, arm.robot) is None
+
+
+@pytest.mark.parametrize("share", [1.0, 0.01])
+def test_noise(arm: Any, recording: Any, measured: Any, share: float) -> None:
+    noise = np.random.default_rng(3).normal(size=recording.tau.shape) * recording.tau.std(axis=0) * share
+    told = foreign_effort(measured(replace(recording, tau=noise)), arm.robot)
+    assert all(joint in told for joint in arm.robot.joints) and "not made by the motion" in told
+    one = np.array(recording.tau)
+    one[:, 1] = noise[:, 1]
+    told = foreign_effort(measured(replace(recording, tau=one)), arm.robot)
+    assert [joint in told for joint in arm.robot.joints] == [False, True, False]
+
+
+def test_absolute_values(arm: Any, recording: Any, measured: Any) -> None:
+    told = foreign_effort(measured(replace(recording, tau=np.abs(recording.tau))), arm.robot)
+    assert "absolute values" in told
+    lifted = recording.tau + 1.2 * np.abs(recording.tau).max(axis=0)
+    assert foreign_effort(measured(replace(recording, tau=lifted)), arm.robot) == "", "an offset is none"
+
+
+def test_exchanged(arm: Any, recording: Any, measured: Any) -> None:
+    told = exchanged_efforts(measured(replace(recording, tau=recording.tau[:, [0, 2, 1]])), arm.robot)
+    assert "joint_2 follows the motion of joint_3" in told and "joint_3 follows the motion of joint_2" in told
+    assert "joint_1" not in told
+
+
+@pytest.mark.parametrize("gravity", [[0.0, 0.0, 9.81], [0.0, 0.0, -1.62], [9.81, 0.0, 0.0], [0.0, 0.0, 0.0]])
+def test_another_gravity(arm: Any, recording: Any, measured: Any, gravity: list[float]) -> None:
+    robot = under(arm.robot, gravity)
+    found = other_gravity(measured(recording, robot), robot)
+    assert found is not None and found.change == "gravity: [0, 0, -9.81]"
+
+
+def test_what_is_no_other_gravity(arm: Any, recording: Any, measured: Any) -> None:
+    """A sign, a gain, a tilted base, masses wrong by a third, one joint whose weight is balanced."""
+    for tau in (-recording.tau, 3.0 * recording.tau, recording.tau * [1.0, 1.3, 0.7]):
+        assert other_gravity(measured(replace(recording, tau=tau)), arm.robot) is None
+    for gravity in ([0.0, 2.0, -9.6], [0.0, 0.0, -7.0], [0.0, 0.0, -13.0]):
+        robot = under(arm.robot, gravity)
+        assert other_gravity(measured(recording, robot), robot) is None, gravity
+
+
+def test_a_mirrored_arm_is_not_decidable(arm: Any, recording: Any, measured: Any) -> None:
+    """Axis 1 stands upright; axes 2 and 3 carry weight that tells."""
+    told = undecided_directions(measured(recording)[0], arm.robot)
+    assert "joint_1" in told and "joint_3" not in told
+    turn = [-1.0, 1.0, 1.0]
+    mirrored = replace(recording, q=recording.q * turn, tau=recording.tau * turn, dq=None)
+    assert "joint_1" in undecided_directions(measured(mirrored)[0], arm.robot)
