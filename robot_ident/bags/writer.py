@@ -134,6 +134,8 @@ class BagWriter:
     def flush(self) -> None:
         """Hand all messages to the kernel; `metadata.yaml` names all topics and files."""
         with self._lock, self._guarded():
+            if self._closed:
+                return
             self._file.flush()
             if self._told != (len(self._topics), len(self._done)):
                 self._tell_progress()

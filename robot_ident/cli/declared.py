@@ -33,21 +33,22 @@ def contradictions(
     from robot_ident.estimation.contradiction import contradiction
     from robot_ident.estimation.coupling import coupling_contradiction
     from robot_ident.estimation.declaration import clock_notes, judge_all
-    from robot_ident.estimation.effort_checks import exchanged_efforts, foreign_effort, other_gravity
+    from robot_ident.estimation.effort_checks import EffortChecks
     from robot_ident.recording.arm_alone import with_payload
     from robot_ident.recording.conditions import sidecar
 
     measurements = [m for m in measurements if not m.conditions.estimated]
     if not measurements:
         return []
-    foreign = foreign_effort(measurements, robot) or exchanged_efforts(measurements, robot)
+    checks = EffortChecks(measurements, robot)
+    foreign = checks.foreign() or checks.exchanged()
     if foreign and as_declared:
         return [f"{foreign}{AS_DECLARED}"]
     if foreign:
         raise InputError(f"{foreign}{otherwise}")
     found = (
         coupling_contradiction(measurements, robot)
-        or other_gravity(measurements, robot)
+        or checks.gravity()
         or contradiction(judge_all(measurements, robot), robot)
     )
     if found is None:

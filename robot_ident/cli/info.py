@@ -103,12 +103,7 @@ def _share(declared: Declared) -> tuple[float | str, float | str]:
 def _judged(recording: Recording, robot: Robot) -> tuple[list[Declared], list[str]]:
     """Return by joint how effort and rigid model go together, and what else there is to say of it."""
     from robot_ident.estimation.declaration import judge_measured
-    from robot_ident.estimation.effort_checks import (
-        exchanged_efforts,
-        foreign_effort,
-        other_gravity,
-        undecided_directions,
-    )
+    from robot_ident.estimation.effort_checks import EffortChecks, undecided_directions
     from robot_ident.recording.measurement import Processing
     from robot_ident.recording.plausibility import silent_efforts
     from robot_ident.recording.process import process
@@ -119,10 +114,11 @@ def _judged(recording: Recording, robot: Robot) -> tuple[list[Declared], list[st
         return [], ["effort is not held against the URDF: its payload is unknown; a recording without one tells"]
     measured = process(recording, robot, Processing(periodic=False))
     declared = judge_measured(measured, robot)
-    gravity = other_gravity([measured], robot)
+    checks = EffortChecks([measured], robot)
+    gravity = checks.gravity()
     told = [
-        foreign_effort([measured], robot),
-        exchanged_efforts([measured], robot),
+        checks.foreign(),
+        checks.exchanged(),
         gravity and gravity.in_words,
         undecided_directions(measured, robot),
     ]

@@ -46,8 +46,7 @@ def read_inputs(words: Sequence[str], validation: Sequence[str], topic: str | No
     from robot_ident.estimation.for_model import measured_for
     from robot_ident.files import refuse_twice
     from robot_ident.model.model_file import is_model, read_model
-    from robot_ident.recording.checks import refuse_same_rows
-    from robot_ident.recording.copies import refuse_copies
+    from robot_ident.recording.copies import refuse_copies, refuse_same_rows
 
     paths = tuple(word for word in words if is_model(word))
     bags = tuple(word for word in words if word not in paths)
@@ -89,17 +88,16 @@ def refuse_contradictions(inputs: Inputs) -> None:
     that was identified as declared all the same stands.
     """
     from robot_ident.cli.declared import AS_DECLARED, contradictions
-    from robot_ident.estimation.effort_checks import foreign_effort, other_gravity
+    from robot_ident.estimation.effort_checks import EffortChecks
     from robot_ident.estimation.unusable import residual_on
 
     model = inputs.models[0]
     if any(note.endswith(AS_DECLARED) for note in model.notes):
         return
-    told = [*inputs.measurements, *inputs.validation]
-    foreign = foreign_effort(told, model.robot)
+    checks = EffortChecks([*inputs.measurements, *inputs.validation], model.robot)
+    foreign, gravity = checks.foreign(), checks.gravity()
     if foreign:
         raise InputError(foreign)
-    gravity = other_gravity([one for one in told if not one.conditions.estimated], model.robot)
     if gravity is not None:
         raise InputError(f"{model.robot.source}: {gravity.in_words}; change it to '{gravity.change}' and identify anew")
     absurd = [

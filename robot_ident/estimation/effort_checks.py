@@ -4,13 +4,13 @@ Each joint's effort is held against what its motion can make of it,
 
     tau_j = s_j I_j(q, dq, ddq) + G_j(q) + b dq_j + c sign(dq_j) + o + r ddq_j,
 
-I_j the URDF's inertial torque and G_j that of its weight: `gravity` tries every direction of G, the others every sign
-of tau and every joint's right-hand side.
+I_j the URDF's inertial torque and G_j that of its weight: `gravity` tries every gravity in G, `foreign` every sign of
+tau, `exchanged` every joint's right-hand side.
 """
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass, replace
 
 import numpy as np
@@ -37,6 +37,7 @@ _AS_WELL = 1.15  # times what is left over where each joint may have a share of 
 _ALSO = 0.1  # of the effort that weight may make: URDFs' masses are not all wrong by one factor
 _ALIKE = 0.003  # of an effort, by which two readings of it may differ and say nothing
 _FACTOR = 3.0  # by which masses of a URDF may be wrong, or a payload adds to them that nobody stated
+_LITTLE = 3.0  # m/s^2 that an arm without weight may seem to feel
 _TILT = 0.5  # rad by which a base may stand tilted
 _SURE = 6.0  # standard deviations
 
@@ -84,24 +85,43 @@ class _Rows:
         return np.column_stack([weight, self.drive[used, joint]]), self.tau[used, effort]
 
 
-def foreign_effort(measurements: Sequence[Measurement], robot: Robot) -> str:
-    """Return which joints' efforts are none of this motion, in a sentence that says what they look like; or nothing."""
-    for measured in measurements:
-        rows = _Rows(measured, robot)
-        told = [*_noise(rows), *_absolute(rows)]
-        if told:
-            return f"{measured.source}: {'; '.join(told)}"
-    return ""
+class EffortChecks:
+    """What efforts of some recordings are, each held against what its motion can make of it."""
 
+    def __init__(self, measurements: Sequence[Measurement], robot: Robot) -> None:
+        """Compute the torques of the URDF along the motions."""
+        self._robot = robot
+        self._measured = [(measured, _Rows(measured, robot)) for measured in measurements]
 
-def exchanged_efforts(measurements: Sequence[Measurement], robot: Robot) -> str:
-    """Return which joint's effort follows another joint's motion rather than its own, in a sentence; or nothing."""
-    for measured in measurements:
-        rows = _Rows(measured, robot)
-        told = _exchanged(rows) if robot.effort.coupling is None else []
-        if told:
-            return f"{measured.source}: {'; '.join(told)}"
-    return ""
+    def foreign(self) -> str:
+        """Return which joints' efforts are none of this motion, in a sentence that says what they look like; or
+        nothing.
+        """
+        return self._first(lambda rows: [*_noise(rows), *_absolute(rows)])
+
+    def exchanged(self) -> str:
+        """Return which joints' efforts follow each other's motion, in a sentence; or nothing."""
+        return "" if self._robot.effort.coupling is not None else self._first(_exchanged)
+
+    def _first(self, look: Callable[[_Rows], list[str]]) -> str:
+        """Return what a look at the recordings says of the first one of which it says something."""
+        for measured, rows in self._measured:
+            told = look(rows)
+            if told:
+                return f"{measured.source}: {'; '.join(told)}"
+        return ""
+
+    def gravity(self) -> Contradiction | None:
+        """Return what the efforts say of gravity where that is far from what the robot YAML declares, or None.
+
+        g [3] m/s^2 is fitted to all joints at once, tau_j = s_j I_j + sum_k g_k G_jk + ... Only what two joints or
+        more tell counts, and only where one gravity explains their efforts as well as a share of the declared weight
+        by joint does: a counterbalance on one of them is no other gravity. An unknown payload tells nothing.
+        """
+        if any(self._robot.effort.of(joint).gravity == "removed" for joint in self._robot.joints):
+            return None
+        told = (_gravity(rows) for measured, rows in self._measured if not measured.conditions.estimated)
+        return next((found for found in told if found is not None), None)
 
 
 def undecided_directions(measured: Measurement, robot: Robot) -> str:
@@ -126,22 +146,6 @@ def undecided_directions(measured: Measurement, robot: Robot) -> str:
         f"these data can't tell which way {', '.join(alike)} turn{'s' * (len(alike) == 1)}: position and effort turned"
         " round together fit as well; compare a motion of the robot with the URDF's axis"
     )
-
-
-def other_gravity(measurements: Sequence[Measurement], robot: Robot) -> Contradiction | None:
-    """Return what the efforts say of gravity where that is far from what the robot YAML declares, or None.
-
-    g [3] m/s^2 is fitted to all joints at once, tau_j = s_j I_j + sum_k g_k G_jk + ..., and taken over the middle of
-    s_j. Only what two joints or more tell counts, and only where one gravity explains their efforts as well as a share
-    of the declared weight by joint does: a counterbalance on one of them is no other gravity.
-    """
-    for measured in measurements:
-        if any(robot.effort.of(joint).gravity == "removed" for joint in robot.joints):
-            return None
-        found = _gravity(_Rows(measured, robot))
-        if found is not None:
-            return found
-    return None
 
 
 def _noise(rows: _Rows) -> list[str]:
@@ -300,10 +304,10 @@ def _loaded(rows: _Rows, joint: int) -> _Loaded | None:
 
 
 def _is_near(found: Array, declared: Array) -> bool:
-    """Return whether a gravity may be a declared one: masses of URDFs are wrong by a third, and bases stand tilted."""
+    """Return whether a gravity may be a declared one: masses of URDFs are wrong, payloads unstated, bases tilted."""
     size, other = float(np.linalg.norm(found)), float(np.linalg.norm(declared))
     if not other:
-        return size < _FACTOR
+        return size < _LITTLE
     return float(found @ declared) > np.cos(_TILT) * size * other and 1.0 / _FACTOR < size / other < _FACTOR
 
 

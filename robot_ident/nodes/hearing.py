@@ -14,6 +14,7 @@ from rclpy.callback_groups import CallbackGroup
 from rclpy.event_handler import QoSRequestedIncompatibleQoSInfo, SubscriptionEventCallbacks
 from rclpy.exceptions import InvalidHandle
 from rclpy.qos import DurabilityPolicy, QoSPolicyKind, QoSProfile, ReliabilityPolicy, qos_policy_name_from_kind
+from rclpy.qos_overriding_options import QoSOverridingOptions
 from rclpy.subscription import Subscription
 
 from robot_ident.nodes.common import BaseNode, overridable
@@ -43,7 +44,7 @@ class Hearing:
         """
         self._node, self._kind, self._topic, self._take, self._raw = node, kind, topic, take, raw
         self._group = _Unwoken() if take is None else None
-        self._subscription = self._subscribe(profile)
+        self._subscription = self._subscribe(profile, overridable())
         self.topic_name: str = self._subscription.topic_name
 
     @property
@@ -51,7 +52,7 @@ class Hearing:
         """What is asked for now."""
         return self._subscription.qos_profile
 
-    def _subscribe(self, profile: QoSProfile) -> Subscription:
+    def _subscribe(self, profile: QoSProfile, options: QoSOverridingOptions | None = None) -> Subscription:
         return self._node.create_subscription(
             self._kind,
             self._topic,
@@ -59,7 +60,7 @@ class Hearing:
             profile,
             callback_group=self._group,
             event_callbacks=SubscriptionEventCallbacks(incompatible_qos=self._adapt),
-            qos_overriding_options=overridable() if not hasattr(self, "topic_name") else None,
+            qos_overriding_options=options,
             raw=self._raw,
         )
 

@@ -226,11 +226,13 @@ class Recorder(BaseNode):
             bag, self._bag = self._bag, None
             if bag is None:
                 return ""
-            for stream in self._streams.values():
-                if not stream.listed:
-                    self._list(bag, stream)
             bag.custom_data |= {f"robot_ident{name}": stream.summary() for name, stream in self._streams.items()}
-            bag.close()
+            try:
+                for stream in self._streams.values():
+                    if not stream.listed:
+                        self._list(bag, stream)
+            finally:
+                bag.close()
         counts = ", ".join(f"{stream.stamps.received} of {name}" for name, stream in self._streams.items())
         return f"{bag.path}: {bag.messages} messages ({counts})"
 

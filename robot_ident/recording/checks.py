@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Mapping
 from itertools import combinations
 
 import numpy as np
@@ -19,7 +19,6 @@ _REGULAR = 0.9  # of the distances between the samples that were measured: alike
 _LEAP = 0.01  # of the range of motion: a leap that no sample rate worth having leaves between two samples
 _BACK = 0.1  # of a leap: what the sample after it is away from the one before it
 _LEAPS = 0.05  # share of samples that leap and come back
-_SAME_ROWS = 0.3  # share of the rows of a recording that stand in another one to the last digit
 
 
 def check_samples(recording: Recording, *, motion_only: bool = False) -> None:
@@ -91,25 +90,3 @@ def _bends(t: Array, signal: Array) -> Mask | None:
     if len(apart) < 10 or np.mean(np.abs(apart - np.median(apart)) <= 1.0) < _REGULAR:
         return None
     return np.concatenate([[False], ~straight & np.concatenate([[True], straight[:-1]]), [False]])
-
-
-def refuse_same_rows(recordings: Sequence[Recording]) -> None:
-    """Raise InputError where one recording holds rows of another to the last digit: every second of them, say."""
-    for one, other in combinations(recordings, 2):
-        if one.names != other.names:
-            continue
-        shorter, longer = sorted((other, one), key=lambda recording: recording.samples)
-        rows = _moving_rows(shorter)
-        if len(rows) and np.isin(rows, _moving_rows(longer)).mean() > _SAME_ROWS:
-            raise InputError(
-                f"{shorter.source} holds the samples of {longer.source} to the last digit: a copy of it, or a part of"
-                " one; give every one once, since the noise of both would be counted as independent"
-            )
-
-
-def _moving_rows(recording: Recording) -> Array:
-    """Return the rows of positions and efforts as single values, those that equal their predecessor left out."""
-    rows = np.ascontiguousarray(np.hstack([recording.q, recording.tau]))
-    fresh = np.concatenate([[True], np.any(np.diff(rows, axis=0) != 0.0, axis=1)])
-    values: Array = rows[fresh].view([("", rows.dtype)] * rows.shape[1]).reshape(-1)
-    return values

@@ -10,8 +10,10 @@ import numpy as np
 from robot_ident.errors import InputError
 from robot_ident.motion import Array
 from robot_ident.recording.measurement import Measurement
+from robot_ident.recording.recording import Recording
 
 _ONE_NOISE = 0.25  # of the variance by which two measurements differ: two of one noise differ by less
+_SAME_ROWS = 0.3  # share of the rows of a recording that stand in another one to the last digit
 _ALIKE = 0.05  # of a motion's rms, by which repetitions of it may differ
 
 
@@ -43,6 +45,28 @@ def _of_one_noise(one: Measurement, other: Measurement) -> bool:
     lines = (np.fft.rfft(a, axis=0) * np.fft.rfft(b, axis=0).conj()).sum(axis=1)
     apart = np.sum(a**2) + np.sum(b**2) - 2.0 * np.fft.irfft(lines, len(a)).max()
     return bool(apart < _ONE_NOISE * a.size)
+
+
+def refuse_same_rows(recordings: Sequence[Recording]) -> None:
+    """Raise InputError where one recording holds rows of another to the last digit: every second of them, say."""
+    for one, other in combinations(recordings, 2):
+        if one.names != other.names:
+            continue
+        shorter, longer = sorted((other, one), key=lambda recording: recording.samples)
+        rows = _moving_rows(shorter)
+        if len(rows) and np.isin(rows, _moving_rows(longer)).mean() > _SAME_ROWS:
+            raise InputError(
+                f"{shorter.source} holds the samples of {longer.source} to the last digit: a copy of it, or a part of"
+                " one; give every one once, since the noise of both would be counted as independent"
+            )
+
+
+def _moving_rows(recording: Recording) -> Array:
+    """Return the rows of positions and efforts as single values, those that equal their predecessor left out."""
+    rows = np.ascontiguousarray(np.hstack([recording.q, recording.tau]))
+    fresh = np.concatenate([[True], np.any(np.diff(rows, axis=0) != 0.0, axis=1)])
+    values: Array = rows[fresh].view([("", rows.dtype)] * rows.shape[1]).reshape(-1)
+    return values
 
 
 def of_one_motion(measurements: Sequence[Measurement]) -> bool:

@@ -33,10 +33,11 @@ def pace_notes(recording: Recording) -> list[str]:
 
 def scale_note(measurements: Sequence[Measurement]) -> list[str]:
     """Return a line that names the recordings whose time scale nothing verifies."""
-    untold = [measured.source for measured in measurements if not measured.time_scale]
-    if not untold:
+    unverified = [measured.source for measured in measurements if not measured.time_scale]
+    if not unverified:
         return []
     return [
-        f"time scale not verified ({', '.join(untold)}): nothing beside the stamps tells how fast they run, and inertia"
-        " goes with the square of it; --trajectory EXCITATION tells, or a bag with the times at which messages came"
+        f"time scale not verified ({', '.join(unverified)}): nothing beside the stamps tells how fast they run, and"
+        " inertia goes with the square of it; --trajectory EXCITATION tells, or a bag with the times at which messages"
+        " came"
     ]

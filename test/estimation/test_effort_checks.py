@@ -8,12 +8,7 @@ from typing import Any
 import numpy as np
 import pytest
 
-from robot_ident.estimation.effort_checks import (
-    exchanged_efforts,
-    foreign_effort,
-    other_gravity,
-    undecided_directions,
-)
+from robot_ident.estimation.effort_checks import EffortChecks, undecided_directions
 from robot_ident.recording.measurement import Processing
 from robot_ident.recording.process import process
 
@@ -40,30 +35,30 @@ def under(robot: Any, gravity: list[float]) -> Any:
 
 def test_the_robot_itself(arm: Any, recording: Any, measured: Any) -> None:
     there = measured(recording)
-    assert foreign_effort(there, arm.robot) == "" and exchanged_efforts(there, arm.robot) == ""
-    assert other_gravity(there, arm.robot) is None
+    assert EffortChecks(there, arm.robot).foreign() == "" and EffortChecks(there, arm.robot).exchanged() == ""
+    assert EffortChecks(there, arm.robot).gravity() is None
 
 
 @pytest.mark.parametrize("share", [1.0, 0.01])
 def test_noise(arm: Any, recording: Any, measured: Any, share: float) -> None:
     noise = np.random.default_rng(3).normal(size=recording.tau.shape) * recording.tau.std(axis=0) * share
-    told = foreign_effort(measured(replace(recording, tau=noise)), arm.robot)
+    told = EffortChecks(measured(replace(recording, tau=noise)), arm.robot).foreign()
     assert all(joint in told for joint in arm.robot.joints) and "not made by the motion" in told
     one = np.array(recording.tau)
     one[:, 1] = noise[:, 1]
-    told = foreign_effort(measured(replace(recording, tau=one)), arm.robot)
+    told = EffortChecks(measured(replace(recording, tau=one)), arm.robot).foreign()
     assert [joint in told for joint in arm.robot.joints] == [False, True, False]
 
 
 def test_absolute_values(arm: Any, recording: Any, measured: Any) -> None:
-    told = foreign_effort(measured(replace(recording, tau=np.abs(recording.tau))), arm.robot)
+    told = EffortChecks(measured(replace(recording, tau=np.abs(recording.tau))), arm.robot).foreign()
     assert "absolute values" in told
     lifted = recording.tau + 1.2 * np.abs(recording.tau).max(axis=0)
-    assert foreign_effort(measured(replace(recording, tau=lifted)), arm.robot) == "", "an offset is none"
+    assert EffortChecks(measured(replace(recording, tau=lifted)), arm.robot).foreign() == "", "an offset is none"
 
 
 def test_exchanged(arm: Any, recording: Any, measured: Any) -> None:
-    told = exchanged_efforts(measured(replace(recording, tau=recording.tau[:, [0, 2, 1]])), arm.robot)
+    told = EffortChecks(measured(replace(recording, tau=recording.tau[:, [0, 2, 1]])), arm.robot).exchanged()
     assert "joint_2 follows the motion of joint_3" in told and "joint_3 follows the motion of joint_2" in told
     assert "joint_1" not in told
 
@@ -71,17 +66,17 @@ def test_exchanged(arm: Any, recording: Any, measured: Any) -> None:
 @pytest.mark.parametrize("gravity", [[0.0, 0.0, 9.81], [0.0, 0.0, -1.62], [9.81, 0.0, 0.0], [0.0, 0.0, 0.0]])
 def test_another_gravity(arm: Any, recording: Any, measured: Any, gravity: list[float]) -> None:
     robot = under(arm.robot, gravity)
-    found = other_gravity(measured(recording, robot), robot)
+    found = EffortChecks(measured(recording, robot), robot).gravity()
     assert found is not None and found.change == "gravity: [0, 0, -9.81]"
 
 
 def test_what_is_no_other_gravity(arm: Any, recording: Any, measured: Any) -> None:
     """A sign, a gain, a tilted base, masses wrong by a third, one joint whose weight is balanced."""
     for tau in (-recording.tau, 3.0 * recording.tau, recording.tau * [1.0, 1.3, 0.7]):
-        assert other_gravity(measured(replace(recording, tau=tau)), arm.robot) is None
+        assert EffortChecks(measured(replace(recording, tau=tau)), arm.robot).gravity() is None
     for gravity in ([0.0, 2.0, -9.6], [0.0, 0.0, -7.0], [0.0, 0.0, -13.0]):
         robot = under(arm.robot, gravity)
-        assert other_gravity(measured(recording, robot), robot) is None, gravity
+        assert EffortChecks(measured(recording, robot), robot).gravity() is None, gravity
 
 
 def test_a_mirrored_arm_is_not_decidable(arm: Any, recording: Any, measured: Any) -> None:
