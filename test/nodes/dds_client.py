@@ -42,7 +42,10 @@ class JointState(IdlStruct, typename="sensor_msgs::msg::dds_::JointState_"):
 
 
 def main(goal: float, seconds: float) -> None:
-    """Read for so long; command joint 1 to go to `goal` [rad] meanwhile, the others to stay."""
+    """Command joint 1 to go to `goal` [rad] within `seconds`, the others to stay; read until it has come to rest there.
+
+    A robot whose process stood still meanwhile comes later: half a minute is waited for it.
+    """
     participant = DomainParticipant(int(os.environ["ROS_DOMAIN_ID"]))
     qos = Qos(Policy.Reliability.Reliable(duration(seconds=1)), Policy.History.KeepLast(1000))
     reader = DataReader(participant, Topic(participant, "rt/joint_states", JointState, qos=qos), qos=qos)
@@ -50,7 +53,13 @@ def main(goal: float, seconds: float) -> None:
     stamps: list[int] = []
     first = last = None
     begun, sent = time.monotonic(), 0
-    while time.monotonic() - begun < (seconds if first else 30.0):
+
+    def waiting() -> bool:
+        passed = time.monotonic() - begun
+        there = last is not None and abs(last.position[0] - goal) < 1e-3 and abs(last.velocity[0]) < 1e-3
+        return passed < seconds or (not there and passed < seconds + 30.0)
+
+    while waiting():
         for sample in reader.take(N=1000):
             if isinstance(sample, InvalidSample):
                 continue

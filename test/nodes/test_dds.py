@@ -42,7 +42,7 @@ def test_a_client_that_is_not_ros(start: Callable[..., Any], foreign_python: Pat
         env={**environment, "CYCLONEDDS_URI": LOOPBACK},
         capture_output=True,
         text=True,
-        timeout=60,
+        timeout=120,
         check=False,
     )
     assert done.returncode == 0, done.stderr
