@@ -41,7 +41,7 @@ from robot_ident.motion import Array
 from robot_ident.recording.copies import of_one_motion, refuse_copies
 from robot_ident.recording.measurement import Measurement
 from robot_ident.recording.silent import refuse_silent
-from robot_ident.recording.time_scale import scale_note
+from robot_ident.recording.time_scale import time_scale_notes
 
 SHARE = 0.35  # of a joint's excess that its members must explain on trajectories not seen
 STRICTER = 0.37  # more than that where what remains is seen beside the noise: a proxy leaves much, a cause little
@@ -67,9 +67,9 @@ def diagnose(
     refuse_silent(measurements, "; a model of the others alone: identify --joints {moving}")
     if not all(tells_noise(measured) for measured in measurements):
         predicted = diagnose_by_prediction(measurements, structure, validation, tell)
-        return replace(predicted, notes=(*predicted.notes, *scale_note(measurements))).seen_by(structure.robot)
+        return replace(predicted, notes=(*predicted.notes, *time_scale_notes(measurements))).seen_by(structure.robot)
     clock = "; ".join(clock_notes(measurements, structure.robot))
-    notes = scale_note(measurements)
+    notes = time_scale_notes(measurements)
     trending = {effect.label for effect in structure.effects if effect.trends}
     measurements, structure, validation = without_trends(measurements, structure, validation)
     evidence = plain = gather(measurements, structure)

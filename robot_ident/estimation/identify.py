@@ -28,7 +28,7 @@ from robot_ident.recording.copies import refuse_copies, refuse_same_rows
 from robot_ident.recording.measurement import Measurement, Processing
 from robot_ident.recording.process import process
 from robot_ident.recording.recording import Recording
-from robot_ident.recording.time_scale import scale_note
+from robot_ident.recording.time_scale import time_scale_notes
 from robot_ident.robot.robot import Robot
 
 
@@ -100,7 +100,7 @@ def estimate(
     days = by_day(measurements, found)
     notes += days.notes(structure.names)
     notes += identifiability(found, measurements).notes
-    notes += scale_note(measurements)
+    notes += time_scale_notes(measurements)
     consistent = None
     if physical:
         from robot_ident.estimation.physical import nearest_physical

@@ -118,7 +118,7 @@ class RecordingFile(Closed):
     taken_as: Literal["periods", "cycles", "one_pass"]
     period: Positive | None
     repeats: int = Field(ge=1)
-    time_scale: Literal["period", "received"] | None = None
+    time_scale: Literal["period", "received", "apart"] | None = None
     reach: dict[str, tuple[float, float, NotNegative]]
 
 

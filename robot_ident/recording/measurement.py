@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from dataclasses import dataclass
-from typing import Any
+from typing import Any, Literal
 
 import numpy as np
 
@@ -15,6 +15,11 @@ from robot_ident.recording.direction import direction_known
 from robot_ident.recording.low_pass import LowPass, PeriodicLowPass, SoftPeriodicLowPass
 from robot_ident.recording.noise import NoiseSpectrum
 from robot_ident.recording.off_clock import OffClock
+
+TimeScale = Literal["", "period", "received", "apart"]
+"""`period`: that of the motion is declared; `received`: the times at which messages came say the same, `apart`: they
+say something else; empty: nothing tells.
+"""
 
 
 @dataclass(frozen=True)
@@ -56,7 +61,7 @@ class Measurement:
     stamps: what the stamps are worth, and sample_rate [Hz] of the recording. off_clock: how far the samples' instants
     scatter about their stamps, None where no periods tell. conditions: what the recording's sidecar states; start_ns:
     absolute stamp of its first sample, 0 where not known. clipped: of which joints' efforts something was cut off.
-    time_scale: what, beside the stamps, tells how fast they run: `received`, `period`, or nothing.
+    time_scale: what, beside the stamps, tells how fast they run.
     """
 
     source: str
@@ -90,7 +95,7 @@ class Measurement:
     conditions: Conditions = Conditions()
     start_ns: int = 0
     clipped: tuple[str, ...] = ()
-    time_scale: str = ""
+    time_scale: TimeScale = ""
 
     def facts(self) -> dict[str, Any]:
         """Return how the recording was taken: its rate and clock, what of it repeats, and by joint the lowest and

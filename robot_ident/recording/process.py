@@ -22,7 +22,7 @@ from robot_ident.recording.rate import rate_note
 from robot_ident.recording.recording import Recording
 from robot_ident.recording.repeats import better, disturbed, doubtful
 from robot_ident.recording.resolution import coarse_notes
-from robot_ident.recording.time_scale import pace_notes, time_scale
+from robot_ident.recording.time_scale import time_scale
 from robot_ident.robot.robot import Robot
 
 
@@ -57,15 +57,13 @@ def process(
     slow = rate_note(q, clock.dt, robot.joints)
     coarse = coarse_notes(recording.q, robot.drives.encoder_step, robot.joints)
     said = [*recording.notes, *clock.notes, *(line for line in (slow, *coarse, note) if line), *made.notes]
-    scale = time_scale(recording, processing.base_frequency)
-    said += pace_notes(recording)
     made = replace(
         made,
         stamps=clock.stamps,
         sample_rate=1.0 / clock.dt,
         start_ns=recording.start_ns,
         notes=tuple(said),
-        time_scale=scale,
+        time_scale=time_scale(recording, processing.base_frequency),
     )
     return arm_alone(made, recording.conditions, robot)
 
