@@ -13,6 +13,7 @@ import yaml
 from pydantic import AfterValidator, BaseModel, ConfigDict, ValidationError
 
 from robot_ident.errors import InputError, did_you_mean
+from robot_ident.files import read_text
 
 ALTERNATIVE = "|"
 """How the tag of one of several types of a field begins, which is no part of the field's name."""
@@ -92,11 +93,7 @@ def read_yaml(path: Path | str) -> dict[str, Any]:
     """Read a YAML mapping; InputError names the file and the line when it is none."""
     path = Path(path)
     try:
-        data = load_yaml(path.read_text(encoding="utf-8"))
-    except FileNotFoundError as error:
-        raise InputError(f"{path}: no such file") from error
-    except (OSError, UnicodeDecodeError) as error:
-        raise InputError(f"{path}: can't be read as text ({error})") from error
+        data = load_yaml(read_text(path))
     except NotYaml as error:
         raise InputError(f"{path}: {error}") from error
     if not isinstance(data, dict):
@@ -120,8 +117,8 @@ def line_of(path: Path | str, entry: str) -> int | None:
     None where none is, or the file can't be read.
     """
     try:
-        node: Any = yaml.compose(Path(path).read_text(encoding="utf-8"), Loader=yaml.SafeLoader)
-    except (OSError, UnicodeDecodeError, yaml.YAMLError):
+        node: Any = yaml.compose(read_text(path), Loader=yaml.SafeLoader)
+    except (InputError, yaml.YAMLError):
         return None
     line = None
     for word in entry.split("."):

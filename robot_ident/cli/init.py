@@ -10,6 +10,7 @@ from typing import TYPE_CHECKING
 
 from robot_ident.cli.output import add_json, add_output, print_json, say, tell
 from robot_ident.errors import InputError, did_you_mean
+from robot_ident.files import read_text
 
 _NO_INERTIA = 1e-9  # of the moments about the joint: what rounding leaves of zero
 
@@ -87,12 +88,7 @@ def run(args: argparse.Namespace) -> int:
 def _urdf(args: argparse.Namespace) -> tuple[str, str]:
     """Return the URDF and where it is from."""
     if args.urdf:
-        try:
-            return Path(args.urdf).read_text(encoding="utf-8"), args.urdf
-        except FileNotFoundError as error:
-            raise InputError(f"--urdf {args.urdf}: no such file") from error
-        except (OSError, UnicodeDecodeError) as error:
-            raise InputError(f"--urdf {args.urdf}: can't be read as text ({error})") from error
+        return read_text(args.urdf), args.urdf
     if not args.bag:
         raise InputError("--urdf or --bag is needed: a URDF, or a recording with /robot_description in it")
     from robot_ident.bags import read_robot_description

@@ -15,7 +15,7 @@ from types import FrameType
 from robot_ident import __version__
 from robot_ident.cli.effects_from import add_effects_from, register_effects
 from robot_ident.cli.output import Parser, flush, refuse_own_input, tell
-from robot_ident.errors import InputError, RobotIdentError
+from robot_ident.errors import InputError, RobotIdentError, one_line
 from robot_ident.parallel import on_cluster
 
 # verb: what it does, in the order in which they are used
@@ -93,6 +93,9 @@ def _run(words: list[str], verb: str | None, came: list[int]) -> int:
     except KeyboardInterrupt:
         return _stopped(verb)
     except Exception as error:
+        if isinstance(error, OSError) and error.filename is not None and not came:  # a name that no file can have
+            tell(f"robot_ident {verb}: {one_line(error.filename)}: {error.strerror or error}; give another name")
+            return InputError.exit_code
         if came:
             return _stopped(verb)  # what compiled code, or an import, made of the interrupt
         if isinstance(error, ImportError) and "libgomp" in str(error):

@@ -14,6 +14,7 @@ from contextlib import contextmanager
 from typing import Any, NoReturn, TextIO
 
 from robot_ident.errors import InputError
+from robot_ident.files import is_special
 
 _RULE = re.compile(r"-+(  -+)*")  # the line below a table's header
 _OUTPUTS = ("output", "page", "mcap")  # options that name a file to write
@@ -29,6 +30,25 @@ class Parser(argparse.ArgumentParser):
         """Print the line and exit with 2."""
         tell(f"{self.prog}: {message}")
         sys.exit(2)
+
+    def parse_known_args(self, args: Any = None, namespace: Any = None) -> Any:
+        """Parse as ever, and refuse words that no option can mean: an empty one, and the name of a device or a pipe."""
+        found, rest = super().parse_known_args(args, namespace)
+        for action in self._actions:
+            for word in _words(getattr(found, action.dest, None)):
+                name = "/".join(action.option_strings) or str(action.metavar or action.dest)
+                if not word.strip():
+                    self.error(f"argument {name}: the word given is empty; give a name or a value, or leave it out")
+                if is_special(word):
+                    self.error(f"argument {name}: {word} is a device, a pipe or a socket; give a file or a folder")
+        return found, rest
+
+
+def _words(value: Any) -> Iterator[str]:
+    """Yield the words of an option's value."""
+    for word in value if isinstance(value, list) else [value]:
+        if isinstance(word, str):
+            yield word
 
 
 def within(lower: float, upper: float, kind: type[float] | type[int] = float) -> Callable[[str], float]:

@@ -14,6 +14,7 @@ from robot_ident.effects.check import problems
 from robot_ident.effects.effect import Effect
 from robot_ident.effects.own import line_in, origin
 from robot_ident.errors import InputError
+from robot_ident.files import read_bytes
 
 
 def load_effects(path: Path | str, source: bytes | None = None) -> dict[str, type[Effect]]:
@@ -24,7 +25,7 @@ def load_effects(path: Path | str, source: bytes | None = None) -> dict[str, typ
     one with something missing or with a name that is taken.
     """
     path = Path(path)
-    module = _run(path, _read(path) if source is None else source)
+    module = _run(path, read_bytes(path) if source is None else source)
     found: dict[str, type[Effect]] = {}
     for kind in vars(module).values():
         if not (isinstance(kind, type) and issubclass(kind, Effect) and kind.__module__ == module.__name__):
@@ -49,15 +50,6 @@ def load_effects(path: Path | str, source: bytes | None = None) -> dict[str, typ
         if unknown:
             raise InputError(f"{path}: class {kind.__name__}: confused_with names an unknown effect {unknown[0]!r}")
     return found
-
-
-def _read(path: Path) -> bytes:
-    try:
-        return path.read_bytes()
-    except FileNotFoundError as error:
-        raise InputError(f"{path}: no such file") from error
-    except OSError as error:
-        raise InputError(f"{path}: can't be read ({error.strerror})") from error
 
 
 def _run(path: Path, source: bytes) -> ModuleType:

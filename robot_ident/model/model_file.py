@@ -8,7 +8,7 @@ import numpy as np
 
 from robot_ident.configuration import read, to_yaml
 from robot_ident.errors import InputError
-from robot_ident.files import write_text
+from robot_ident.files import is_special, write_text
 from robot_ident.model.model import Fit, Model, NoiseLevel
 from robot_ident.model.model_file_checks import check_covariance, check_joints, check_parameters
 from robot_ident.model.model_schema import ModelFile
@@ -24,6 +24,8 @@ _HEAD = 4_000_000  # characters in which a model says what it is
 
 def is_model(path: Path | str) -> bool:
     """Tell a model from a recording by its content."""
+    if is_special(path):
+        return False
     try:
         with open(path, encoding="utf-8") as file:
             head = "\n" + file.read(_HEAD)

@@ -12,6 +12,7 @@ from xml.etree import ElementTree
 import numpy as np
 
 from robot_ident.errors import InputError, did_you_mean
+from robot_ident.files import read_text
 from robot_ident.motion import Array
 from robot_ident.robot.meshes import mesh_shapes
 from robot_ident.robot.packages import find_resource
@@ -213,8 +214,8 @@ def _extent(shape: Any) -> tuple[Array, float]:
 def _disabled_pairs(path: Path) -> Iterator[frozenset[str]]:
     """Yield the pairs of links that an SRDF lets touch (`disable_collisions`)."""
     try:
-        tree = ElementTree.parse(path)
-    except (OSError, ElementTree.ParseError) as error:
+        tree = ElementTree.fromstring(read_text(path))
+    except ElementTree.ParseError as error:
         raise InputError(f"{path}: can't be read as an SRDF ({error})") from error
     for entry in tree.iter("disable_collisions"):
         yield frozenset((entry.get("link1", ""), entry.get("link2", "")))

@@ -11,6 +11,7 @@ from pydantic import Field, ValidationInfo, field_validator
 
 from robot_ident.configuration import Closed, parse, read_yaml, schema
 from robot_ident.errors import InputError, did_you_mean
+from robot_ident.files import read_text
 from robot_ident.motion import Array, frozen_array
 from robot_ident.robot import workspace
 from robot_ident.robot.effort_file import EffortField, EffortFile, EffortsField, EffortsFile, efforts_of
@@ -177,7 +178,7 @@ def load_robot(name: str | Path = "kuka_ir361") -> Robot:
     """
     path = Path(name)
     if path.suffix == ".urdf":
-        text = _read_text(path)
+        text = read_text(path)
         file = RobotFile(schema="robot_ident/robot/1", name=path.stem, urdf=path.name)
         return _build(
             file, text, path, Definition({"schema": "robot_ident/robot/1", "name": path.stem, "urdf": path.name}, text)
@@ -192,7 +193,7 @@ def load_robot(name: str | Path = "kuka_ir361") -> Robot:
         path = config_file("robots", f"{name}.yaml")
     data = read_yaml(path)
     file = parse(RobotFile, data, path)
-    text = _read_text(_located(file.urdf, path))
+    text = read_text(_located(file.urdf, path))
     return _build(file, text, path, None if builtin else Definition(data, text))
 
 
@@ -215,16 +216,7 @@ def definition_of(robot: Robot) -> Definition:
         return robot.definition
     path = Path(robot.source)
     data = read_yaml(path)
-    return Definition(data, _read_text(_located(parse(RobotFile, data, path).urdf, path)))
-
-
-def _read_text(path: Path) -> str:
-    try:
-        return path.read_text(encoding="utf-8")
-    except FileNotFoundError as error:
-        raise InputError(f"{path}: no such file") from error
-    except (OSError, UnicodeDecodeError) as error:
-        raise InputError(f"{path}: can't be read as text ({error})") from error
+    return Definition(data, read_text(_located(parse(RobotFile, data, path).urdf, path)))
 
 
 def _build(file: RobotFile, text: str, path: Path, definition: Definition | None) -> Robot:

@@ -9,6 +9,7 @@ from pathlib import Path
 from typing import Any
 
 from robot_ident.errors import InputError
+from robot_ident.files import read_text
 
 SCHEMA = "robot_ident/sealed/1"
 NOTE = "what was hidden in the simulated robot; to open it: robot_ident trial --open FILE"
@@ -32,10 +33,8 @@ def open_sealed(path: Path | str) -> dict[str, Any]:
     """Return the answer of a sealed file, or of a bag beside which one lies; InputError where it can't be read."""
     path = sealed_path(path) if sealed_path(path).is_file() else Path(path)
     try:
-        data = json.loads(path.read_text(encoding="utf-8"))
-    except FileNotFoundError as error:
-        raise InputError(f"{path}: no such file") from error
-    except (OSError, ValueError, RecursionError) as error:
+        data = json.loads(read_text(path))
+    except (ValueError, RecursionError) as error:
         raise InputError(f"{path}: can't be read as a sealed file ({error})") from error
     schema = data.get("schema") if isinstance(data, dict) else None
     if schema != SCHEMA:
