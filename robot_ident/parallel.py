@@ -1,19 +1,24 @@
-"""Runs independent cases in parallel: in processes of this machine, or on a Dask cluster."""
+"""Runs independent cases in parallel: in processes of this machine, or on a Dask cluster.
+
+A process of this machine ends with the one that started it, whatever ends that.
+"""
 
 from __future__ import annotations
 
+import ctypes
 import importlib
 import os
 import pickle
 import signal
 import socket
+import sys
 import threading
 import time
 import warnings
 from collections.abc import Callable, Generator, Iterator, Sequence
 from contextlib import closing, contextmanager
 from contextvars import ContextVar
-from typing import Any, TypeVar
+from typing import Any, NoReturn, TypeVar
 
 from robot_ident.errors import InputError
 
@@ -21,10 +26,36 @@ Case = TypeVar("Case")
 Result = TypeVar("Result")
 Preparation = tuple[Callable[..., object], tuple[Any, ...]]
 
+came: list[int] = []
+"""The signals that have come to end what this process does, in their order."""
+
+_WATCH = 0.5  # s between two looks at the process that started this one
+_PR_SET_PDEATHSIG = 1  # of linux/prctl.h
 _CONNECT = 10.0  # s to wait for a scheduler, and then for a worker
 _preparations: list[Preparation] = []
 _prepared: set[bytes] = set()
 _cluster: ContextVar[Any] = ContextVar("cluster", default=None)
+
+
+class Interrupt(KeyboardInterrupt):
+    """Another type than Python's own, which ends `python -m` by the signal, caught or not, where it meets `exec`."""
+
+
+def end_by(number: int) -> NoReturn:
+    """Raise what ends the work of this process when a signal comes: an interrupt for Ctrl-C, else SystemExit."""
+    raise Interrupt if number == signal.SIGINT else SystemExit(128 + number)
+
+
+@contextmanager
+def nothing_swallowed() -> Iterator[Callable[[], bool]]:
+    """Raise at the end what a signal has raised inside and compiled code that calls Python has swallowed.
+
+    Gives a function that tells whether a signal has come since.
+    """
+    before = len(came)
+    yield lambda: len(came) > before
+    if len(came) > before:
+        end_by(came[-1])
 
 
 def available_workers() -> int:
@@ -39,6 +70,37 @@ def prepare(function: Callable[..., object], *arguments: Any) -> None:
     """Have every worker call function(*arguments) before its first case, as this process has done for itself."""
     if (function, arguments) not in _preparations:
         _preparations.append((function, arguments))
+
+
+PARENT = "ROBOT_IDENT_PARENT"
+"""Variable of the environment: the process with which a node ends that was started by one of our commands."""
+
+
+def end_with(parent: int, by_kernel: bool, number: int = signal.SIGKILL) -> None:
+    """Have a signal sent to this process when `parent`, which started it, ends, whatever ends that.
+
+    by_kernel: Linux does it at once; for a process that a thread started which lives as long as `parent`, since Linux
+    means the thread. Else a thread of this process looks twice a second.
+    """
+    tied = by_kernel and sys.platform == "linux" and _ask_kernel(number)
+    if os.getppid() != parent:  # which had ended before
+        os.kill(os.getpid(), number)
+    if not tied:
+        threading.Thread(target=_watch, args=(parent, number), name="parent", daemon=True).start()
+
+
+def _ask_kernel(number: int) -> bool:
+    try:
+        return int(ctypes.CDLL(None).prctl(_PR_SET_PDEATHSIG, int(number), 0, 0, 0)) == 0
+    except (OSError, AttributeError):  # a C library without it
+        return False
+
+
+def _watch(parent: int, number: int) -> None:
+    """End this process once its parent has ended and another has taken its place."""
+    while os.getppid() == parent:
+        time.sleep(_WATCH)
+    os.kill(os.getpid(), number)
 
 
 @contextmanager
@@ -110,6 +172,18 @@ def _dask_backend(client: Any) -> Any:
     return Backend(client=client)
 
 
+def _local_backend() -> Any:
+    """Return joblib's way to processes of this machine, each of which ends with this one."""
+    backends: Any = importlib.import_module("joblib._parallel_backends")
+    ties = (os.getpid(), threading.current_thread() is threading.main_thread())
+
+    class Backend(backends.LokyBackend):  # type: ignore[misc]
+        def configure(self, *arguments: Any, **options: Any) -> int:
+            return int(super().configure(*arguments, initializer=end_with, initargs=ties, **options))
+
+    return Backend(inner_max_num_threads=1)
+
+
 def completed(
     function: Callable[[Case], Result], cases: Sequence[Case], workers: int | None = None
 ) -> Generator[tuple[int, Result], None, None]:
@@ -129,11 +203,10 @@ def completed(
         return
     from joblib import Parallel, delayed, parallel_config
 
-    here = {"backend": "loky", "inner_max_num_threads": 1}
     preparations = pickle.dumps(tuple(_preparations))
     # bytes, lest the cluster keep a part of the work on one worker alone and lose it with that
     work = (delayed(_run)(preparations, i, pickle.dumps((function, case))) for i, case in enumerate(cases))
-    with parallel_config(**(here if client is None else {"backend": _dask_backend(client)})):
+    with parallel_config(backend=_local_backend() if client is None else _dask_backend(client)):
         size = {"n_jobs": workers, "max_nbytes": None} if client is None else {"n_jobs": -1}
         pool = Parallel(return_as="generator_unordered", batch_size=1, pre_dispatch="2 * n_jobs", **size)
         with warnings.catch_warnings():

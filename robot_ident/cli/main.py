@@ -16,7 +16,7 @@ from robot_ident import __version__
 from robot_ident.cli.effects_from import add_effects_from, register_effects
 from robot_ident.cli.output import Parser, flush, refuse_own_input, tell
 from robot_ident.errors import InputError, RobotIdentError, one_line
-from robot_ident.parallel import on_cluster
+from robot_ident.parallel import came, end_by, on_cluster
 
 # verb: what it does, in the order in which they are used
 VERBS: dict[str, str] = {
@@ -71,16 +71,16 @@ def main(argv: Sequence[str] | None = None) -> int:
         if getattr(sys, stream) is None:  # closed by who started us: what is printed goes nowhere
             setattr(sys, stream, os.fdopen(os.open(os.devnull, os.O_WRONLY), "w"))
     verb = next((word for word in words if not word.startswith("-")), None)
-    with _interrupts() as came:
-        return _run(words, verb, came)
+    with _interrupts():
+        return _run(words, verb)
 
 
-def _run(words: list[str], verb: str | None, came: list[int]) -> int:
+def _run(words: list[str], verb: str | None) -> int:
     try:
         args = build_parser(verb if verb in VERBS else "").parse_args(words)
         refuse_own_input(args)
         register_effects(getattr(args, "effects_from", []))
-        with _released_on_sigterm(), on_cluster(getattr(args, "cluster", None)):
+        with on_cluster(getattr(args, "cluster", None)):
             code = int(importlib.import_module(f"robot_ident.cli.{args.verb}").run(args) or 0)
             flush()
             return code
@@ -106,51 +106,36 @@ def _run(words: list[str], verb: str | None, came: list[int]) -> int:
 
 def _stopped(verb: str | None) -> int:
     tell(f"robot_ident {verb}: stopped; nothing was written")
-    return 130
+    return 128 + (came[0] if came else signal.SIGINT)
 
 
-class _Interrupt(KeyboardInterrupt):
-    """Another type than Python's own, which ends `python -m` by the signal, caught or not, where it meets `exec`."""
+_ENDING = (signal.SIGINT, signal.SIGTERM, signal.SIGHUP)
+"""What ends a verb like any error: what it holds (nodes, workers, half written files) is released. The first of them
+is Ctrl-C, after which a verb may keep what it has so far; the others wait for nothing.
+"""
 
 
 @contextmanager
-def _interrupts() -> Iterator[list[int]]:
-    """Give the list of the interrupts that have come."""
-    came: list[int] = []
+def _interrupts() -> Iterator[None]:
+    """Let signals end the verb."""
+    came.clear()
 
     def interrupt(number: int, frame: FrameType | None) -> None:
         came.append(number)
-        raise _Interrupt
-
-    if threading.current_thread() is not threading.main_thread():
-        yield came
-        return
-    former = signal.getsignal(signal.SIGINT)
-    if former is not signal.default_int_handler:  # a shell that has us ignore it, or a program that we are part of
-        yield came
-        return
-    signal.signal(signal.SIGINT, interrupt)
-    try:
-        yield came
-    finally:
-        signal.signal(signal.SIGINT, former)
-
-
-@contextmanager
-def _released_on_sigterm() -> Iterator[None]:
-    """Let SIGTERM end a verb like any error: what it holds (nodes, workers, half written files) is released."""
-
-    def end(number: int, frame: FrameType | None) -> None:
-        raise SystemExit(128 + number)
+        end_by(number)
 
     if threading.current_thread() is not threading.main_thread():
         yield
         return
-    former = signal.signal(signal.SIGTERM, end)
+    usual = (signal.default_int_handler, signal.SIG_DFL)  # else a shell has us ignore it, or a program of which we are
+    former = {number: handler for number in _ENDING if (handler := signal.getsignal(number)) in usual}
+    for number in former:
+        signal.signal(number, interrupt)
     try:
         yield
     finally:
-        signal.signal(signal.SIGTERM, former)
+        for number, handler in former.items():
+            signal.signal(number, handler)
 
 
 def entry() -> None:

@@ -16,6 +16,7 @@ from pathlib import Path
 from typing import Any, TextIO
 
 from robot_ident.errors import RobotIdentError
+from robot_ident.parallel import PARENT
 
 _END = 60.0  # s that a node has to end after SIGINT, on a machine that hardly lets it run
 _DOMAINS = 100
@@ -39,6 +40,7 @@ class NodeProcess:
             "ROS_AUTOMATIC_DISCOVERY_RANGE": "LOCALHOST",
             "ROS_LOG_DIR": str(folder / "ros"),
             "OMP_NUM_THREADS": "1",
+            PARENT: str(os.getpid()),
         }
         with self.log.open("wb") as log:
             self._process = subprocess.Popen(

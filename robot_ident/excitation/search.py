@@ -13,6 +13,7 @@ import numpy as np
 from robot_ident.excitation.problem import Problem
 from robot_ident.excitation.program import Program
 from robot_ident.motion import Array
+from robot_ident.parallel import nothing_swallowed
 
 _STEPS: dict[str, dict[str, str]] = {  # how IPOPT steps, by what was measured to lead furthest in a given time
     "d-optimal": {"mehrotra_algorithm": "yes"},
@@ -123,9 +124,9 @@ def refine(problem: Problem, start: Array, recorder: Recorder) -> Array:
 class _Watch(ca.Callback):  # type: ignore[misc]
     """Shows every iterate of the optimiser to a recorder and stops it at the deadline."""
 
-    def __init__(self, recorder: Recorder, variables: int, rows: int) -> None:
+    def __init__(self, recorder: Recorder, variables: int, rows: int, ended: Callable[[], bool]) -> None:
         ca.Callback.__init__(self)
-        self._recorder, self._variables, self._rows = recorder, variables, rows
+        self._recorder, self._variables, self._rows, self._ended = recorder, variables, rows, ended
         self.construct("watch", {})
 
     def get_n_in(self) -> int:
@@ -148,7 +149,7 @@ class _Watch(ca.Callback):  # type: ignore[misc]
         """Look at an iterate; a return value of 1 stops the optimiser."""
         x, f = np.array(arguments[0]).ravel(), float(arguments[1])
         self._recorder.offer(x, f)
-        return [int(self._recorder.expired())]
+        return [int(self._recorder.expired() or self._ended())]
 
 
 def minimise(
@@ -165,7 +166,17 @@ def minimise(
     The Hessian is approximated with limited memory: the searches that this allows in a given time lead further than the
     fewer with exact second derivatives. clearance [m] is kept from rules beyond what the grid asks for.
     """
-    watch = _Watch(recorder, program.x.shape[0], program.rows.shape[0])
+    with nothing_swallowed() as ended:
+        watch = _Watch(recorder, program.x.shape[0], program.rows.shape[0], ended)
+        x = _solved(program, start, watch, iterations, tolerance, clearance)
+    recorder.conclude(x)
+    return x
+
+
+def _solved(
+    program: Program, start: Array, watch: _Watch, iterations: int, tolerance: float, clearance: float
+) -> Array:
+    """Return the variables at which IPOPT ends, whose iterates are watched."""
     derivatives: dict[str, Any] = {} if program.jacobian is None else {"jac_g": program.jacobian}
     options = {
         "print_time": False,
@@ -189,9 +200,7 @@ def minimise(
     solver = ca.nlpsol("search", "ipopt", {"x": program.x, "f": program.cost, "g": program.rows}, options)
     lower, upper = program.bounds(clearance)
     solution = solver(x0=start, lbg=lower, ubg=upper)
-    x = np.array(solution["x"]).ravel()
-    recorder.conclude(x)
-    return x
+    return np.array(solution["x"]).ravel()
 
 
 def random_start(

@@ -35,6 +35,7 @@ from rclpy.utilities import remove_ros_args
 from robot_ident.bags import Qos
 from robot_ident.errors import InputError, RobotIdentError
 from robot_ident.nodes.parameters import Parameter, Value, declare, usage
+from robot_ident.parallel import PARENT, end_with
 from robot_ident.playing.ticker import follow_at, follow_no_more
 
 OK, WARN, ERROR = DiagnosticStatus.OK, DiagnosticStatus.WARN, DiagnosticStatus.ERROR
@@ -321,6 +322,8 @@ def _asks_for_usage(make: type[BaseNode], argv: list[str]) -> bool:
 
 def _live(make: type[BaseNode], argv: list[str], signals: Signals) -> None:
     """From init to shutdown; whatever the node holds is released on every way out."""
+    if (parent := os.environ.pop(PARENT, "")).isdigit():
+        end_with(int(parent), by_kernel=True, number=signal.SIGINT)
     _log_directory()
     with _ros_refusals():
         rclpy.init(args=argv, signal_handler_options=SignalHandlerOptions.NO)

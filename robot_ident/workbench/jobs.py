@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import multiprocessing
+import os
 import signal
 import threading
 import time
@@ -15,6 +16,7 @@ from pathlib import Path
 from typing import Any, Literal
 
 from robot_ident.errors import InputError, RobotIdentError
+from robot_ident.parallel import end_with
 from robot_ident.workbench.session import Session
 
 State = Literal["idle", "running", "done", "failed", "cancelled"]
@@ -89,7 +91,7 @@ class Jobs:
     def _launch(self) -> None:
         context = multiprocessing.get_context("spawn")
         self._pipe, theirs = context.Pipe()
-        self._process = context.Process(target=_serve, args=(theirs, str(self._folder)), daemon=True)
+        self._process = context.Process(target=_serve, args=(theirs, str(self._folder), os.getpid()), daemon=True)
         self._process.start()
         theirs.close()
 
@@ -123,8 +125,9 @@ class Jobs:
             self._job = replace(self._job, state="failed", words=rest[0], trace=rest[1])
 
 
-def _serve(pipe: Connection, folder: str) -> None:
-    """Do tasks until the other end of the pipe is closed."""
+def _serve(pipe: Connection, folder: str, server: int) -> None:
+    """Do tasks until the other end of the pipe is closed, or the server ends."""
+    end_with(server, by_kernel=False)
     signal.signal(signal.SIGINT, signal.SIG_IGN)  # Ctrl-C in the terminal is the server's to handle
     from robot_ident.workbench import work
 
