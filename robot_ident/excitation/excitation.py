@@ -20,6 +20,7 @@ from robot_ident.robot.robot import Robot
 
 SCHEMA = "robot_ident/excitation/1"
 _MOST_SAMPLES = 1e7  # a period
+_MOST_HARMONICS = 1000  # whose certificate takes 400 MB and minutes; memory grows with their square
 Positive = Annotated[float, Field(gt=0)]
 
 
@@ -176,6 +177,8 @@ def check_sampling(base_frequency: float, sample_rate: float, harmonics: int) ->
     for name, value in (("base_frequency", base_frequency), ("sample_rate", sample_rate)):
         if not 0.0 < value < float("inf"):
             raise InputError(f"{name} = {value:g}: must be above 0 and finite")
+    if harmonics > _MOST_HARMONICS:
+        raise InputError(f"{harmonics} harmonics are too many (at most {_MOST_HARMONICS}); raise the base frequency")
     samples = sample_rate / base_frequency
     if samples > _MOST_SAMPLES:
         raise InputError(f"a period of {samples:.3g} samples is too long (at most {_MOST_SAMPLES:.0e})")

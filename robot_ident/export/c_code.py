@@ -13,7 +13,7 @@ from typing import Any
 import numpy as np
 
 from robot_ident.effects.own import is_own
-from robot_ident.errors import InputError
+from robot_ident.errors import InputError, one_line
 from robot_ident.export.exported import Exported
 from robot_ident.model.expressions import columns_function
 from robot_ident.model.model import Model
@@ -35,6 +35,12 @@ _SHAPES = re.compile(r"^(?:static const casadi_int casadi_s\d+\[|#define casadi_
 
 _BODY = re.compile(r"^static int casadi_f\d+\([^\n]*\) \{\n", re.MULTILINE)
 """The head of a function that has all the arguments of its kind and may need only some."""
+
+_TAKEN = re.compile(
+    "assert|complex|ctype|errno|fenv|float|inttypes|iso646|limits|locale|math|setjmp|signal|stdalign|stdarg|stdatomic|stdbool"
+    "|stddef|stdint|stdio|stdlib|stdnoreturn|string|tgmath|threads|time|uchar|wchar|wctype"
+)
+"""The headers of the C library."""
 
 
 def to_c(model: Model, smoothing: float) -> Exported:
@@ -136,7 +142,8 @@ def _header(model: Model, name: str, smoothing: float) -> str:
         for word, (inputs, text) in _FUNCTIONS.items()
     )
     return (
-        f"/* {model.robot.name}, identified by robot_ident ({model.estimator}). Joints, in this order: {units}.\n"
+        f"/* {_comment(model.robot.name)}, identified by robot_ident ({model.estimator})."
+        f" Joints, in this order: {_comment(units)}.\n"
         "   q [rad or m], dq, ddq [the same per s, per s^2]."
         f" Dry friction is smoothed below {smoothing:g} rad/s (m/s).\n"
         "   Needs no library but the C mathematics, allocates nothing, keeps no state. */\n"
@@ -146,6 +153,15 @@ def _header(model: Model, name: str, smoothing: float) -> str:
 
 
 def _identifier(text: str) -> str:
-    """Return a robot's name as a name in C."""
-    word = "".join(c if c.isascii() and c.isalnum() else "_" for c in text.lower())
-    return word if word and not word[0].isdigit() else f"robot_{word}"
+    """Return a robot's name as a name in C, of functions and of files: C reserves names that begin with an underscore,
+    and C++ those with two in a row; a file that is named as one of the C library would be taken for it.
+    """
+    word = re.sub("[^a-z0-9]+", "_", text.lower()).strip("_")
+    if not word:
+        return "robot"
+    return f"robot_{word}" if word[0].isdigit() or _TAKEN.fullmatch(word) else word
+
+
+def _comment(text: str) -> str:
+    """Return a text that a comment may hold, which nothing in it ends or begins anew."""
+    return one_line(text).replace("*/", "* /").replace("/*", "/ *")

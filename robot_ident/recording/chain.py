@@ -84,10 +84,11 @@ class Chain:
         return "torque channel: " + ", ".join(parts) if parts else ""
 
 
-def chain_of(robot: Robot, anti_alias: tuple[float, float] | None, source: str, rate: float) -> Chain:
+def chain_of(robot: Robot, anti_alias: tuple[float, float] | None, source: str, rate: float, lowest: float) -> Chain:
     """Return the chain that a robot declares; `anti_alias` (order, Hz) replaces its filters, order 0 takes them away.
 
-    Raises InputError where the cutoff is not below half of the sample rate.
+    Raises InputError where a cutoff is not below half of the sample rate, and where a filter passes less than half of
+    the `lowest` frequency [Hz] that the recording holds.
     """
     kinds = robot.anti_alias or (None,) * robot.n
     if anti_alias is not None:
@@ -98,7 +99,13 @@ def chain_of(robot: Robot, anti_alias: tuple[float, float] | None, source: str, 
             f"{source}: the anti-alias filter's cutoff of {kind.cutoff:g} Hz is not below half the sample rate,"
             f" {0.5 * rate:g} Hz; give the filter that was in the chain (--anti-alias ORDER:HZ, or none)"
         )
-    return Chain(kinds, np.broadcast_to(np.asarray(robot.torque_delay, dtype=float), (robot.n,)))
+    chain = Chain(kinds, np.broadcast_to(np.asarray(robot.torque_delay, dtype=float), (robot.n,)))
+    if chain.bandwidth < lowest:
+        raise InputError(
+            f"{source}: the anti-alias filter passes less than half above {chain.bandwidth:.3g} Hz, and the motion"
+            f" begins at {lowest:.3g} Hz; give the filter that was in the chain (--anti-alias ORDER:HZ, or none)"
+        )
+    return chain
 
 
 def _bandwidth(kind: AntiAlias) -> float:

@@ -26,7 +26,7 @@ def low_passed(recording: Recording, clock: Clock, robot: Robot, processing: Pro
     nyquist = 0.5 / clock.dt
     cutoff = processing.low_pass or min(DEFAULT_LOW_PASS, 0.4 * nyquist)
     wide = processing.derivative_bandwidth or min(4.0 * cutoff, 0.8 * nyquist)
-    chain = chain_of(robot, processing.anti_alias, recording.source, 1.0 / clock.dt)
+    chain = chain_of(robot, processing.anti_alias, recording.source, 1.0 / clock.dt, 1.0 / (len(q) * clock.dt))
     if not chain.trivial:
         chain.check_low_pass(cutoff, recording.source)
         tau = chain.undone(tau, 1.0 / clock.dt)

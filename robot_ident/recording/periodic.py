@@ -48,7 +48,7 @@ def of_mean(
 ) -> Measurement:
     """Return the measurement of a mean period of so many samples (a part of one counts) at a sample rate [Hz]."""
     frequency = rate / period
-    chain = chain_of(robot, processing.anti_alias, recording.source, rate)
+    chain = chain_of(robot, processing.anti_alias, recording.source, rate, frequency)
     rounding = _rounding(_quantum(recording.tau), mean.tau_variance) * len(mean.q) / round(period)
     mean, noise = _undone(mean, chain, frequency, round(period))
     least = (_SILENT * np.sqrt(np.mean(mean.tau**2, axis=0))) ** 2

@@ -31,6 +31,14 @@ def written(folder: Path, text: str) -> Path:
     return path
 
 
+def test_harmonics_beyond_any_memory_are_refused(tmp_path: Path) -> None:
+    many = [[0.0] * 1001] * 2
+    text = TEXT.replace("harmonics: 2", "harmonics: 1001").replace("base_frequency: 0.1", "base_frequency: 0.01")
+    text = text.replace("[[0.1, 0.2], [0.3, 0.4]]", str(many)).replace("[[1, 2], [3, 4]]", str(many))
+    with pytest.raises(InputError, match="1001 harmonics are too many"):
+        Excitation.read(written(tmp_path, text))
+
+
 def test_reading_gives_the_numbers_that_were_written(
     tmp_path: Path, random_excitation: Callable[..., Excitation]
 ) -> None:

@@ -138,6 +138,29 @@ def test_a_torque_that_is_no_number_at_rest_is_refused(arm: Any, make: Make, tmp
         to_c(replace(model, values=np.ones(len(model.values))), 0.01)
 
 
+NAMES = {
+    "my__arm": "my_arm",
+    "ur-5": "ur_5",
+    "_Arm_": "arm",
+    "7": "robot_7",
+    "int": "int",
+    "while": "while",
+    "math": "robot_math",
+    "float": "robot_float",
+    "Größe 2": "gr_e_2",
+    "腕": "robot",
+    "a */ b /* c": "a_b_c",
+    "two\nlines \\": "two_lines",
+}
+
+
+@pytest.mark.parametrize(("name", "in_c"), NAMES.items())
+def test_any_name_of_a_robot_compiles(name: str, in_c: str, gantry: Robot, make: Make, tmp_path: Path) -> None:
+    model = make(replace(gantry, name=name))
+    assert sorted(to_c(model, 0.01).files) == [f"{in_c}.c", f"{in_c}.h"]
+    np.testing.assert_allclose(run(model, fast(2), tmp_path)[0], model.predict(fast(2)), atol=1e-9)
+
+
 def test_prismatic_joints_and_odd_names(gantry: Robot, make: Make, tmp_path: Path) -> None:
     model = make(replace(gantry, name="7 axis-gantry"))
     assert sorted(to_c(model, 0.01).files) == ["robot_7_axis_gantry.c", "robot_7_axis_gantry.h"]

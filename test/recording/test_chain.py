@@ -123,6 +123,14 @@ def test_delay_between_channels_is_undone(arm: Any) -> None:
     assert np.abs((forgotten.values - arm.structure.true_values()) / forgotten.std).max() > 10
 
 
+@pytest.mark.parametrize("order", [1, 8, 12])
+@pytest.mark.parametrize("periodic", [True, False])
+def test_a_filter_that_leaves_nothing_of_the_motion_is_refused(arm: Any, order: int, periodic: bool) -> None:
+    processing = Processing(anti_alias=(order, 1e-9), periodic=periodic)
+    with pytest.raises(InputError, match="passes less than half above .*, and the motion begins at"):
+        process(arm.record(0, periods=2), arm.robot, processing)
+
+
 def test_a_filter_that_the_sampling_could_not_follow_is_refused(arm: Any) -> None:
     with pytest.raises(InputError, match="cutoff of 90 Hz is not below half the sample rate, 75 Hz"):
         process(arm.record(0, periods=2), arm.robot, Processing(anti_alias=(8, 90.0)))

@@ -115,6 +115,18 @@ def test_missing_and_broken_meshes_are_named(tmp_path: Path) -> None:
         _ = broken.geometry.shapes
 
 
+@pytest.mark.parametrize("odd", [np.nan, np.inf, 1e30])
+def test_a_mesh_with_corners_that_are_no_places_is_named(odd: float, tmp_path: Path) -> None:
+    triangles = box_triangles((0.0, 0.0, 0.0), (1.0, 0.2, 0.3))
+    triangles[3, 1, 2] = odd
+    record = np.zeros(len(triangles), dtype=[("normal", "<f4", 3), ("corners", "<f4", (3, 3)), ("more", "<u2")])
+    record["corners"] = triangles
+    (tmp_path / "hand.stl").write_bytes(bytes(80) + np.uint32(len(record)).tobytes() + record.tobytes())
+    robot = load_robot(arm(tmp_path, '<mesh filename="hand.stl"/>'))
+    with pytest.raises(InputError, match=r"hand\.stl: a mesh "):
+        _ = robot.geometry.shapes
+
+
 def test_pairs_that_may_touch(tmp_path: Path) -> None:
     sphere = '<sphere radius="0.05"/>'
     assert len(load_robot(arm(tmp_path, sphere)).geometry.shapes.pairs) == 1
