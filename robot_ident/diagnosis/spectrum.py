@@ -73,7 +73,8 @@ class Whitening:
         rest = (periods[:, :, joint] - np.nanmean(periods[:, :, joint], axis=0)).T
         present = np.isfinite(rest)
         squares = np.sum(np.abs(self.lines(np.where(present, rest, 0.0), 0.0)) ** 2, axis=1)
-        mean = float(np.sum(squares) / np.sum(self.count))
+        counted = float(np.sum(self.count))
+        mean = float(np.sum(squares)) / counted if counted > 0.0 else 0.0
         return np.asarray(squares / mean) if mean > 0.0 and present.any() else None
 
     @property

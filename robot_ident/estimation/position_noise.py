@@ -65,7 +65,8 @@ def position_notes(measurements: Sequence[Measurement], found: Solution, estimat
     for measured in measurements:
         if acceleration_noise(measured).max() < _ACCELERATION:
             continue
-        share = torque_of_position_noise(measured, found.structure, values) / measured.averaged_variance
+        added, known = torque_of_position_noise(measured, found.structure, values), measured.averaged_variance
+        share = np.divide(added, known, out=np.zeros_like(added), where=known > 0)  # of none nothing is a share
         worst = int(np.argmax(share))
         if share[worst] > _TORQUE:
             out.append(

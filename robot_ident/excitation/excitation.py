@@ -20,6 +20,7 @@ from robot_ident.robot.robot import Robot
 
 SCHEMA = "robot_ident/excitation/1"
 _MOST_SAMPLES = 1e7  # a period
+_FREQUENCIES = (1e-6, 1e6)  # Hz; periods of weeks, and samples of microseconds
 _MOST_HARMONICS = 1000  # whose certificate takes 400 MB and minutes; memory grows with their square
 Positive = Annotated[float, Field(gt=0)]
 
@@ -177,6 +178,8 @@ def check_sampling(base_frequency: float, sample_rate: float, harmonics: int) ->
     for name, value in (("base_frequency", base_frequency), ("sample_rate", sample_rate)):
         if not 0.0 < value < float("inf"):
             raise InputError(f"{name} = {value:g}: must be above 0 and finite")
+        if not _FREQUENCIES[0] <= value <= _FREQUENCIES[1]:
+            raise InputError(f"{name} = {value:g} Hz: must be from {_FREQUENCIES[0]:g} to {_FREQUENCIES[1]:g} Hz")
     if harmonics > _MOST_HARMONICS:
         raise InputError(f"{harmonics} harmonics are too many (at most {_MOST_HARMONICS}); raise the base frequency")
     samples = sample_rate / base_frequency

@@ -23,6 +23,10 @@ _NUMBERS = {
     "origin": {"xyz": 3, "rpy": 3},
     "axis": {"xyz": 3},
     "mass": {"value": 1},
+    "mesh": {"scale": 3},
+    "box": {"size": 3},
+    "sphere": {"radius": 1},
+    "cylinder": {"radius": 1, "length": 1},
     "inertia": {key: 1 for key in ("ixx", "iyy", "izz", "ixy", "ixz", "iyz")},
 }
 _NEVER_NEGATIVE = ("value", "ixx", "iyy", "izz")  # of a link's mass and inertia
