@@ -5,7 +5,7 @@ from __future__ import annotations
 import os
 import shutil
 import sys
-from collections.abc import Iterator
+from collections.abc import Callable, Iterator
 from dataclasses import dataclass
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
@@ -188,3 +188,19 @@ def browser(chromium: str) -> Iterator[Any]:
         browser = playwright.chromium.launch(executable_path=chromium, args=["--no-sandbox", "--disable-dev-shm-usage"])
         yield browser
         browser.close()
+
+
+@pytest.fixture
+def press_all() -> Callable[[Any], list[str]]:
+    """Return a function that presses every button above a page's figures, and returns their titles."""
+
+    def press(page: Any) -> list[str]:
+        buttons = page.locator(".modebar-btn")
+        titles = [str(one.get_attribute("data-title")) for one in buttons.all()]
+        for one in buttons.all():
+            one.dispatch_event("click")
+        page.wait_for_timeout(300)  # what a click opens or asks for
+        assert len(page.context.pages) == 1, "a button has opened another page"
+        return titles
+
+    return press

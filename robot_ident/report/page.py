@@ -8,12 +8,13 @@ from pathlib import Path
 from typing import Any
 
 from robot_ident import __version__
+from robot_ident.figures.private import private
 from robot_ident.figures.theme import FONT, recoloured
 from robot_ident.files import write_text
 from robot_ident.report.section import Plot, Section, Table
 
 _TEMPLATES = Path(__file__).parent / "templates"
-_CONFIG = {"responsive": True, "displaylogo": False, "modeBarButtonsToRemove": ["select2d", "lasso2d"]}
+_CONFIG = private("select2d", "lasso2d", responsive=True)
 
 
 def render_page(title: str, sections: Sequence[Section], *, subtitle: str = "") -> str:

@@ -6,14 +6,12 @@ from typing import Any
 
 from dash import dcc, html
 
+from robot_ident.figures.private import private
 from robot_ident.workbench.panels.action import action
 
 UNDO, REDO = ({"do": deed, "label": "", "at": ""} for deed in ("undo", "redo"))
 
-GRAPH: Any = {
-    "displaylogo": False,
-    "modeBarButtonsToRemove": ["lasso2d", "autoScale2d", "toImage"],
-}
+GRAPH: Any = private("lasso2d", "autoScale2d", "toImage")
 
 
 def shell() -> html.Div:

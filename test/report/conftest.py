@@ -41,10 +41,10 @@ def opened(browser: Any) -> Iterator[Callable[..., Any]]:
     def open_page(path: Path, width: int = 1400, shade: str = "light") -> Any:
         context = browser.new_context(viewport={"width": width, "height": 900}, color_scheme=shade, offline=True)
         contexts.append(context)
+        context.on("request", note_request)  # of the pages that it opens as well
         page = context.new_page()
         page.on("console", lambda message: problems.append(message.text) if message.type == "error" else None)
         page.on("pageerror", lambda error: problems.append(str(error)))
-        page.on("request", note_request)
         page.goto(path.as_uri(), timeout=90_000)  # a loaded machine is slow to start a tab
         until(page, DRAWN)
         return page

@@ -89,6 +89,14 @@ def test_zoom_and_legend_work(opened: Open, wait: Wait, design_page: Path) -> No
     wait(page, "document.querySelector('.plot').data[0].visible === 'legendonly'")
 
 
+def test_no_button_sends_a_figure_away(opened: Open, press_all: Callable[[Any], list[str]], design_page: Path) -> None:
+    page = opened(design_page)
+    titles = press_all(page)
+    assert "Reset axes" in titles
+    assert not [title for title in titles if re.search("share|send|cloud|studio|upload|plotly", title, re.IGNORECASE)]
+    assert page.locator(".plotly-cloud-dialog-box, a[href*=plotly]").count() == 0
+
+
 def test_text_of_users_stays_text(opened: Open, tmp_path: Path) -> None:
     write_page(tmp_path / "evil.html", EVIL, [Evil(), Provenance({EVIL: EVIL})], subtitle=EVIL)
     page = opened(tmp_path / "evil.html")
