@@ -3,7 +3,9 @@
 from __future__ import annotations
 
 import argparse
+import shlex
 import sys
+from contextlib import ExitStack
 from pathlib import Path
 
 from robot_ident.cli.output import say, within
@@ -29,13 +31,14 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
         metavar="DIR",
         help="where sessions are kept, and gone on with (default %(default)s)",
     )
-    parser.add_argument("--no-browser", action="store_true", help="only print the address")
+    parser.add_argument("--no-browser", action="store_true", help="only print the address, with its token")
 
 
 def run(args: argparse.Namespace) -> int:
     """Serve the loop of compare, see, learn, add and watch to a browser on this machine."""
     from robot_ident.errors import InputError
     from robot_ident.model.model_file import is_model
+    from robot_ident.workbench.browse import browsed
     from robot_ident.workbench.desk import Desk
     from robot_ident.workbench.paths import Allowed
     from robot_ident.workbench.server import serve
@@ -56,19 +59,20 @@ def run(args: argparse.Namespace) -> int:
     session = desk.open(args.bag, args.validation, args.model) if args.bag else None
     page = session.name if session else ""
 
-    def ready(address: str) -> None:
-        if session:
-            desk.jobs(session)  # begins to read while the browser starts
-        say(f"robot_ident workbench: {address}{page}")
-        say(f"steps are kept in {args.folder}; end with Ctrl-C")
-        sys.stdout.flush()
-        if not args.no_browser:
-            import webbrowser
+    with ExitStack() as ending:
 
-            webbrowser.open(address + page)
+        def ready(address: str) -> None:
+            if session:
+                desk.jobs(session)  # begins to read while the browser starts
+            say(f"robot_ident workbench: {address}")
+            say(f"steps are kept in {args.folder}; end with Ctrl-C")
+            sys.stdout.flush()
+            if not args.no_browser:
+                ending.enter_context(browsed(address, folder))
 
-    try:
-        serve(desk, args.port, ready)
-    except KeyboardInterrupt:
-        say(f"ended; go on with: robot_ident workbench --folder {args.folder}")
+        try:
+            serve(desk, args.port, page, ready)
+        except KeyboardInterrupt:
+            own = [word for path in args.effects_from for word in ("--effects-from", path)]
+            say(f"ended; go on with: {shlex.join(['robot_ident', 'workbench', *own, '--folder', args.folder])}")
     return 0

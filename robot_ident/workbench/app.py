@@ -12,8 +12,8 @@ from robot_ident.workbench.guard import guard
 from robot_ident.workbench.layout import shell
 
 
-def make_app(desk: Desk, port: int) -> Dash:
-    """Return the application of a desk, for a server at a port of this machine."""
+def make_app(desk: Desk, port: int, token: str) -> Dash:
+    """Return the application of a desk, for a server at a port of this machine; it answers those who have the token."""
     app = Dash(
         "robot_ident.workbench",
         title="robot_ident workbench",
@@ -23,7 +23,7 @@ def make_app(desk: Desk, port: int) -> Dash:
         suppress_callback_exceptions=True,
         compress=False,
     )
-    guard(app.server, port)
+    guard(app.server, port, token)
     app.layout = shell()
     client.register(app)
     for part in (navigation, opening, proposing, brushing, deeds, panels, pictures):

@@ -14,6 +14,7 @@ from robot_ident.model.model_file import read_model
 from robot_ident.recording.process import process
 from robot_ident.robot import load_robot
 from robot_ident.workbench.jobs import Jobs
+from robot_ident.workbench.made import Made
 from robot_ident.workbench.paths import BUILT_IN, Allowed
 from robot_ident.workbench.roles import Seen
 from robot_ident.workbench.session import Choice, Session, begin, sessions_in
@@ -35,6 +36,7 @@ class Desk:
     ) -> None:
         self.folder, self.allowed = folder, allowed
         self.robot, self.topic, self.effects_from = robot, topic, effects_from
+        self.made = Made()
         self._jobs: dict[str, Jobs] = {}
         self._lock, self._reading = threading.Lock(), threading.Lock()
         self._seen: dict[tuple[str, str | None, str | None, int], Seen] = {}
@@ -45,17 +47,22 @@ class Desk:
         return sessions_in(self.folder) if self.folder.is_dir() else []
 
     def session(self, name: str) -> Session:
-        """Return a session by its name; InputError where there is none."""
+        """Return a session by its name; InputError where there is none, or one that would run or write what nobody
+        named on the command line.
+        """
         if not _NAME.fullmatch(name) or not (self.folder / name / "session.yaml").is_file():
             raise InputError(f"{name[:40]}: there is no such session")
-        return Session.open(self.folder / name)
+        found = Session.open(self.folder / name)
+        found.refuse_links()
+        found.own_effects(self.effects_from)
+        return found
 
     def jobs(self, session: Session) -> Jobs:
         """Return the worker of a session; the first time, sweep up and compute what a broken-off program left open."""
         with self._lock:
             if session.name not in self._jobs:
                 session.sweep()
-                self._jobs[session.name] = Jobs(session.folder)
+                self._jobs[session.name] = Jobs(session.folder, self.effects_from, self.made.note)
                 if not session.steps:
                     self._jobs[session.name].start({"task": "open"})
             return self._jobs[session.name]

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import json
+from collections.abc import Sequence
 from dataclasses import replace
 from pathlib import Path
 from typing import Any
@@ -27,13 +28,16 @@ from robot_ident.workbench.session import Session
 class Inputs:
     """The inputs of one session; what was read is kept."""
 
-    def __init__(self, session: Session) -> None:
-        """Make the user's own effects known."""
+    def __init__(self, session: Session, effects_from: Sequence[str] = ()) -> None:
+        """Make the user's own effects known; effects_from: the files that the command line named.
+
+        InputError where the session asks for another one: what it holds may be anybody's.
+        """
         self.session = session
         self._read: list[tuple[Recording, str]] = []
         self._measured: dict[str, list[Source]] = {}
-        for path in session.choice.effects_from:
-            register(load_effects(self.path(path)))
+        for path in session.own_effects(effects_from):
+            register(load_effects(path))
 
     def provenance(self) -> dict[str, Any]:
         """Return where the first model comes from; recordings by the names they were given, as `identify` has them."""

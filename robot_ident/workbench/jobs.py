@@ -8,7 +8,7 @@ import signal
 import threading
 import time
 import traceback
-from collections.abc import Mapping
+from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, replace
 from multiprocessing.connection import Connection
 from multiprocessing.process import BaseProcess
@@ -17,6 +17,7 @@ from typing import Any, Literal
 
 from robot_ident.errors import InputError, RobotIdentError
 from robot_ident.parallel import end_with
+from robot_ident.workbench.made import Stamp
 from robot_ident.workbench.session import Session
 
 State = Literal["idle", "running", "done", "failed", "cancelled"]
@@ -45,8 +46,16 @@ class Job:
 class Jobs:
     """The worker of one session, started with the first task."""
 
-    def __init__(self, folder: Path) -> None:
-        self._folder = folder
+    def __init__(
+        self,
+        folder: Path,
+        effects_from: Sequence[str] = (),
+        wrote: Callable[[Path, Stamp | None], None] = lambda path, left: None,
+    ) -> None:
+        """Keep what a worker needs: effects_from: the Python files that the command line named; `wrote(path, stamp)`
+        is called for every file that a task has saved.
+        """
+        self._folder, self._effects_from, self._wrote = folder, tuple(effects_from), wrote
         self._lock = threading.Lock()
         self._job = Job()
         self._began = 0.0
@@ -91,7 +100,8 @@ class Jobs:
     def _launch(self) -> None:
         context = multiprocessing.get_context("spawn")
         self._pipe, theirs = context.Pipe()
-        self._process = context.Process(target=_serve, args=(theirs, str(self._folder), os.getpid()), daemon=True)
+        told = (theirs, str(self._folder), self._effects_from, os.getpid())
+        self._process = context.Process(target=_serve, args=told, daemon=True)
         self._process.start()
         theirs.close()
 
@@ -121,11 +131,13 @@ class Jobs:
             self._job = replace(self._job, share=rest[0], words=rest[1])
         elif kind == "done":
             self._job = replace(self._job, state="done", share=1.0, words=rest[0])
+            for path, left in rest[1].items():
+                self._wrote(Path(path), left)
         else:
             self._job = replace(self._job, state="failed", words=rest[0], trace=rest[1])
 
 
-def _serve(pipe: Connection, folder: str, server: int) -> None:
+def _serve(pipe: Connection, folder: str, effects_from: Sequence[str], server: int) -> None:
     """Do tasks until the other end of the pipe is closed, or the server ends."""
     end_with(server, by_kernel=False)
     signal.signal(signal.SIGINT, signal.SIG_IGN)  # Ctrl-C in the terminal is the server's to handle
@@ -138,8 +150,9 @@ def _serve(pipe: Connection, folder: str, server: int) -> None:
         except (EOFError, OSError):  # the server has ended, in good order or not
             return
         try:
-            kept = work.run(session, kept, task, lambda share, words: pipe.send(("progress", share, words)))
-            said: tuple[str, ...] = ("done", kept.said)
+            kept = kept or work.Work(session, effects_from)
+            work.run(session, kept, task, lambda share, words: pipe.send(("progress", share, words)))
+            said: tuple[Any, ...] = ("done", kept.said, kept.wrote)
         except RobotIdentError as error:
             said = ("failed", str(error), "")
         except Exception as error:  # noqa: BLE001  a bug must not end the session; it is shown with its traceback

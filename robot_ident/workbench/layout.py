@@ -141,6 +141,8 @@ def _right() -> list[Any]:
 
 
 def _save() -> list[Any]:
+    replaced = {"label": "replace what was saved here before", "value": "yes"}
+
     def line(what: str, text: str, name: str) -> html.Div:
         field = html.Label([f"{text[0].upper()}{text[1:]} as", dcc.Input(id={"name": what}, value=name, type="text")])
         return html.Div([field, action(f"Save the {text}", f"save {what}")], className="line")
@@ -149,7 +151,7 @@ def _save() -> list[Any]:
         line("model", "model", "model_workbench.yaml"),
         line("report", "report", "report.html"),
         line("commands", "command lines", "commands.sh"),
-        dcc.Checklist(id="replace", options=[{"label": "replace a file that is there", "value": "yes"}], value=[]),
+        dcc.Checklist(id="replace", options=[replaced], value=[]),
         html.Div(id="saved", role="status"),
         html.P("The same by commands:"),
         html.Pre(id="commands", tabIndex="0"),

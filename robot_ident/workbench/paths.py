@@ -11,7 +11,9 @@ from robot_ident.errors import InputError
 _DEEP = 3  # levels of folders that are searched
 _MOST = 200  # recordings or models listed
 _HEAD = 2000  # bytes of a YAML file in which it says what it is
-_SUFFIXES = (".mcap", ".db3", ".npz", ".csv")
+
+RECORDINGS = (".mcap", ".db3", ".npz", ".csv")
+"""Endings of the files that hold recordings."""
 
 BUILT_IN = ("kuka_ir361", "kuka_ir361_spring")
 """Robots that need no file."""
@@ -35,6 +37,13 @@ class Allowed:
             f"{name}: outside of {self.root}; start the workbench in another folder, or name the file when you start it"
         )
 
+    def below(self, name: str) -> Path:
+        """Return a path strictly below the root, links followed; InputError where it lies elsewhere, named or not."""
+        path = self.checked(name)
+        if self.root not in path.parents or path in self._named:
+            raise InputError(f"{name}: nothing is written there; name a file below {self.root}")
+        return path
+
     @property
     def outside(self) -> list[Path]:
         """The named paths that do not lie below the root."""
@@ -48,7 +57,7 @@ class Allowed:
 
 def recordings_below(root: Path) -> list[str]:
     """Return the recordings below a folder, relative to it, those of one folder together."""
-    found = (path for path in _walk(root, 0) if _is_recording(path))
+    found = (path for path in _walk(root, 0) if is_recording(path))
     return [str(path.relative_to(root)) for _, path in zip(range(_MOST), found, strict=False)]
 
 
@@ -86,11 +95,12 @@ def _walk(folder: Path, depth: int) -> Iterator[Path]:
             continue
         path = Path(entry.path)
         yield path
-        if entry.is_dir() and depth < _DEEP and not _is_recording(path) and not (path / "session.yaml").is_file():
+        if entry.is_dir() and depth < _DEEP and not is_recording(path) and not (path / "session.yaml").is_file():
             yield from _walk(path, depth + 1)
 
 
-def _is_recording(path: Path) -> bool:
+def is_recording(path: Path) -> bool:
+    """Return whether a folder or a file holds a recording, by its name and its files' names."""
     if path.is_dir():
         return (path / "metadata.yaml").is_file() or any(path.glob("*.mcap")) or any(path.glob("*.db3"))
-    return path.suffix.lower() in _SUFFIXES
+    return path.suffix.lower() in RECORDINGS

@@ -1,8 +1,9 @@
-"""Serves the workbench on this machine alone."""
+"""Serves the workbench on this machine alone, to whoever was told its token."""
 
 from __future__ import annotations
 
 import logging
+import secrets
 import socket
 from collections.abc import Callable
 
@@ -24,7 +25,7 @@ class _Quiet(WSGIRequestHandler):
         """Say nothing."""
 
 
-def bind(desk: Desk, port: int | None) -> BaseWSGIServer:
+def bind(desk: Desk, port: int | None, token: str) -> BaseWSGIServer:
     """Return a server of the desk's application, bound to a port of the loopback (None: the first free one from 8050).
 
     Raises InputError where the port is taken.
@@ -37,13 +38,14 @@ def bind(desk: Desk, port: int | None) -> BaseWSGIServer:
         raise InputError(f"--port {chosen}: {error.strerror}; give another one") from error
     chosen = listening.getsockname()[1]
     listening.close()
-    return make_server(HOST, chosen, make_app(desk, chosen).server, threaded=True, request_handler=_Quiet)
+    return make_server(HOST, chosen, make_app(desk, chosen, token).server, threaded=True, request_handler=_Quiet)
 
 
-def serve(desk: Desk, port: int | None, ready: Callable[[str], None]) -> None:
-    """Serve until interrupted; `ready(address)` is called once requests are answered."""
-    server = bind(desk, port)
-    ready(f"http://{HOST}:{server.server_port}/")
+def serve(desk: Desk, port: int | None, page: str, ready: Callable[[str], None]) -> None:
+    """Serve until interrupted; `ready(address)` is called, with the address of a page, once requests are answered."""
+    token = secrets.token_urlsafe()
+    server = bind(desk, port, token)
+    ready(f"http://{HOST}:{server.server_port}/{page}?token={token}")
     try:
         server.serve_forever()
     finally:

@@ -7,6 +7,7 @@ is looked at), and a folder for every step. A program that is killed loses nothi
 from __future__ import annotations
 
 import json
+import shlex
 import shutil
 from collections.abc import Sequence
 from dataclasses import dataclass
@@ -20,6 +21,7 @@ from pydantic import Field
 from robot_ident.configuration import Closed, read, schema, to_yaml
 from robot_ident.errors import InputError
 from robot_ident.files import write_text
+from robot_ident.report.words import joined
 
 _PREFIX = "step_"
 _SCHEMA = "robot_ident/workbench/1"
@@ -91,6 +93,32 @@ class Session:
     def open(cls, folder: Path) -> Session:
         """Open a session that was begun earlier."""
         return cls(folder, read(Choice, folder / "session.yaml"))
+
+    def own_effects(self, named: Sequence[str]) -> list[Path]:
+        """Return the Python files of effects that the session needs, links followed.
+
+        Raises InputError where one is not among those named on the command line: a session may come from anybody, and
+        these files are run.
+        """
+        files = [Path(self.choice.folder, path).resolve() for path in self.choice.effects_from]
+        known = {Path(path).resolve() for path in named}
+        if strange := [str(path) for path in files if path not in known]:
+            options = [word for path in map(str, files) for word in ("--effects-from", path)]
+            command = shlex.join(["robot_ident", "workbench", *options, "--folder", str(self.folder.parent)])
+            raise InputError(
+                f"{self.name} needs the effects of {joined(strange)}, which the command line did not name, so that"
+                f" nothing of them was run; read them, and if you trust them, start again by: {command}"
+            )
+        return files
+
+    def refuse_links(self) -> None:
+        """Raise InputError where a step is kept behind a link, which would lead what is written elsewhere."""
+        for path in (self.folder, *self.folder.iterdir()):
+            if path.is_symlink():
+                raise InputError(
+                    f"{self.name} holds the link {path.name}, behind which nothing is written; put what it leads to in"
+                    " its place"
+                )
 
     def sweep(self) -> None:
         """Remove what was being written when a program broke off; only while nothing computes for the session."""

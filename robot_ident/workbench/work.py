@@ -6,9 +6,10 @@ browser shows is what they print.
 
 from __future__ import annotations
 
-from collections.abc import Callable, Mapping
+from collections.abc import Callable, Mapping, Sequence
 from dataclasses import replace
 from itertools import count
+from pathlib import Path
 from typing import Any
 
 import numpy as np
@@ -36,18 +37,23 @@ from robot_ident.robot import Robot
 from robot_ident.workbench import documents
 from robot_ident.workbench.commands import model_name
 from robot_ident.workbench.inputs import Inputs
+from robot_ident.workbench.made import Stamp, stamp
 from robot_ident.workbench.preview import Forecast, Preview
 from robot_ident.workbench.series import Rows, lines_to_arrays, rows_to_arrays, write_arrays
 from robot_ident.workbench.session import Session, StepFile, now
 
 
 class Work:
-    """The tasks of one session; what was read once is kept. said: what the latest task has to say when it is done."""
+    """The tasks of one session; what was read once is kept. said: what the latest task has to say when it is done;
+    wrote: the files that it has saved, and how it left them.
+    """
 
-    def __init__(self, session: Session) -> None:
+    def __init__(self, session: Session, effects_from: Sequence[str] = ()) -> None:
+        """Make the user's own effects known; effects_from: the files of effects that the command line named."""
         self.session = session
-        self.inputs = Inputs(session)
+        self.inputs = Inputs(session, effects_from)
         self.said = ""
+        self.wrote: dict[str, Stamp | None] = {}
 
     def open(self, tell: Tell) -> None:
         """Read the recordings, identify the first model (or take the one that was brought), and compare it."""
@@ -104,8 +110,11 @@ class Work:
         self._write_step(new, StepFile(parent=number, added=label, made=now()), better, tell)
         self.session.go(new)
 
-    def report(self, tell: Tell, number: int, path: str, shown: str, force: bool) -> None:
-        """Write the report on all models from the first one to a step's, as the verb `report` does."""
+    def report(self, tell: Tell, number: int, path: str, shown: str, left: Stamp | None) -> None:
+        """Write the report on all models from the first one to a step's, as the verb `report` does.
+
+        left: of the file that it replaces; InputError where another one has come into its place.
+        """
         from robot_ident.report.findings import gather
         from robot_ident.report.report import write_report
 
@@ -121,7 +130,10 @@ class Work:
         own = self.session.choice.effects_from
         found = gather(list(zip(names, models, strict=True)), training, validation, effects_from=own, heard=heard)
         heard("drawing")
-        write_report(path, found, force=force)
+        if stamp(Path(path)) not in (left, None):
+            raise InputError(f"{shown} was changed by someone else meanwhile and was left as it is; give another name")
+        write_report(path, found, force=left is not None)
+        self.wrote[path] = stamp(Path(path))
         self.said = f"The report is written: {shown}"
 
     def _given(self, tell: Tell, number: int) -> tuple[list[Measurement], list[Measurement], Model]:
@@ -194,7 +206,7 @@ def run(session: Session, work: Work | None, task: Mapping[str, Any], tell: Tell
         "add": work.add,
         "report": work.report,
     }
-    name, work.said = str(task["task"]), ""
+    name, work.said, work.wrote = str(task["task"]), "", {}
     if name not in tasks:
         raise InputError(f"unknown task {name!r}")
     tasks[name](tell, **{key: value for key, value in task.items() if key != "task"})

@@ -13,6 +13,8 @@ from typing import Any
 
 import pytest
 
+from robot_ident.workbench.browse import browsed
+
 pytestmark = pytest.mark.filterwarnings("ignore::DeprecationWarning")
 PATIENCE = 120_000  # ms: other tests may have the machine to themselves
 
@@ -25,16 +27,18 @@ def visit(browser: Any) -> Iterator[Callable[..., Any]]:
     def go(address: str, width: int = 1400, shade: str = "light") -> Any:
         context = browser.new_context(viewport={"width": width, "height": 1000}, color_scheme=shade)
         contexts.append(context)
+        own = re.match(r"http://127\.0\.0\.1:\d+/", address)
+        assert own
+
+        def note(request: Any) -> None:
+            if not request.url.startswith((own[0], "data:", "blob:")):
+                problems.append(request.url)
+
+        context.on("request", note)  # of the pages that it opens as well
         page = context.new_page()
         page.set_default_timeout(PATIENCE)
         page.on("console", lambda message: problems.append(message.text) if message.type == "error" else None)
         page.on("pageerror", lambda error: problems.append(str(error)))
-
-        def note(request: Any) -> None:
-            if not request.url.startswith(("http://127.0.0.1:", "data:", "blob:")):
-                problems.append(request.url)
-
-        page.on("request", note)
         page.goto(address)
         return page
 
@@ -98,6 +102,9 @@ def test_a_person_finds_and_adds_what_is_missing(serve: Any, visit: Any, recordi
     # see: the worst joint is shown, with the command line's figures
     worst = page.locator("button.joint[aria-pressed=true]")
     worst.wait_for()
+    # the token has become a cookie that no script sees
+    assert page.url == re.sub(r"\?token=.*", "", first.address)
+    assert page.evaluate("document.cookie") == ""
     session = folder / "session_1"
     joints = {one["name"]: one for one in told(session, "step_0/comparison.json")["joints"]}
     name = max(joints, key=lambda one: joints[one]["lack_of_fit"]["statistic"])
@@ -140,10 +147,16 @@ def test_a_person_finds_and_adds_what_is_missing(serve: Any, visit: Any, recordi
     says(page, "#next", "is missing")
     page.get_by_role("button", name="Redo").click()
     says(page, "#next", "was added")
-    # save; a name that is taken or elsewhere is refused
+    # save; a name that is elsewhere, or that of a measurement, is refused beside the button
+    measured = sum(path.stat().st_size for path in (recordings / "run_1").iterdir())
+    page.get_by_label("replace what was saved here before").check()
+    page.get_by_label("Command lines as").fill("run_1")
+    page.get_by_role("button", name="Save the command lines").click()
+    says(page, "#saved .wrong", "run_1: is a folder")
+    assert sum(path.stat().st_size for path in (recordings / "run_1").iterdir()) == measured
     page.get_by_label("Model as").fill("../stolen.yaml")
     page.get_by_role("button", name="Save the model").last.click()
-    assert "outside" in says(page, "#said", "stolen")
+    assert "outside" in says(page, "#saved .wrong", "stolen")
     page.get_by_label("Model as").fill("found.yaml")
     page.get_by_role("button", name="Save the model").last.click()
     says(page, "#saved", "Saved: found.yaml")
@@ -159,7 +172,7 @@ def test_a_person_finds_and_adds_what_is_missing(serve: Any, visit: Any, recordi
 
 
 def test_a_stranger_chooses_recordings_on_a_narrow_dark_page(
-    serve: Any, visit: Any, recordings: Path, tmp_path: Path
+    serve: Any, visit: Any, press_all: Callable[[Any], list[str]], recordings: Path, tmp_path: Path
 ) -> None:
     served = serve(recordings, "--folder", tmp_path / "kept")
     page = visit(served.address, width=800, shade="dark")
@@ -176,6 +189,10 @@ def test_a_stranger_chooses_recordings_on_a_narrow_dark_page(
     page.get_by_role("button", name="Open them").click()
     page.locator("button.joint[aria-pressed=true]").wait_for()
     page.locator("#scatter .scatterlayer").first.wait_for()
+    # no button sends a figure away
+    titles = press_all(page)
+    assert "Reset axes" in titles
+    assert not [title for title in titles if re.search("share|send|cloud|studio|upload|plotly", title, re.IGNORECASE)]
     assert page.evaluate("document.documentElement.scrollWidth <= window.innerWidth")
     page.locator("#look").click()
     page.locator("html[data-look=light]").wait_for()
@@ -200,3 +217,26 @@ def test_a_stranger_chooses_recordings_on_a_narrow_dark_page(
                 other.connect((outside, served.port))
     finally:
         other.close()
+
+
+def test_the_page_that_opens_the_browser_is_for_one_pair_of_eyes(
+    serve: Any, browser: Any, recordings: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    served = serve(recordings, "--folder", tmp_path / "kept")
+    opened: list[str] = []
+    monkeypatch.setattr("webbrowser.open", opened.append)
+    with browsed(served.address, tmp_path):
+        (link,) = opened
+        assert served.address.partition("token=")[2] not in link, "every user of the machine sees a command line"
+        (file,) = tmp_path.glob("*.html")
+        assert file.as_uri() == link
+        assert file.stat().st_mode & 0o077 == 0
+        context = browser.new_context()
+        try:
+            page = context.new_page()
+            page.goto(link)
+            says(page, "h1", "robot_ident workbench")
+            page.wait_for_url(re.compile(r"^http://127\.0\.0\.1:\d+/$"))
+        finally:
+            context.close()
+    assert not file.exists()

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import html
 import json
 import shutil
 from dataclasses import replace
@@ -13,10 +14,12 @@ import pytest
 
 from robot_ident.bags import read_recording, write_recording
 from robot_ident.cli.main import main
+from robot_ident.configuration import to_yaml
 from robot_ident.errors import InputError
+from robot_ident.workbench.app import make_app
 from robot_ident.workbench.commands import script
 from robot_ident.workbench.desk import Desk
-from robot_ident.workbench.jobs import Job
+from robot_ident.workbench.jobs import Job, Jobs
 from robot_ident.workbench.panels.where import where
 from robot_ident.workbench.paths import Allowed
 from robot_ident.workbench.session import Choice, Session, begin
@@ -109,6 +112,45 @@ def test_the_command_lines_give_the_same_model(
     assert mine.provenance["added"] == [label]
     assert View(bench.session, 1).errors["validation"] == pytest.approx(added["validation_mse_after"])
     assert View(bench.session, 0).errors["validation"] == pytest.approx(added["validation_mse_before"])
+
+
+def test_a_foreign_session_runs_no_code_that_the_command_line_did_not_name(
+    copy: Session, recordings: Path, tmp_path: Path, settled: Any
+) -> None:
+    evil, ran = tmp_path / "evil.py", tmp_path / "ran"
+    evil.write_text(f"open({str(ran)!r}, 'a').close()\n")
+    file = copy.folder / "session.yaml"
+    for named in (str(evil), "evil.py", f"link/../{evil.name}"):
+        foreign = copy.choice.model_copy(update={"folder": str(tmp_path), "effects_from": [named]})
+        file.write_text(to_yaml(foreign.model_dump(by_alias=True)))
+        desk = Desk(tmp_path, Allowed(recordings), effects_from=[str(tmp_path / "other.py")])
+        with pytest.raises(InputError, match="--effects-from") as refused:
+            desk.session(copy.name)
+        command = f"robot_ident workbench --effects-from {evil} --folder {tmp_path}"
+        assert str(refused.value).endswith(command)
+        page = make_app(desk, 8050, "token").server.test_client(use_cookies=False)
+        known = {"Host": "127.0.0.1:8050", "Cookie": "robot_ident_workbench_8050=token"}
+        assert command in html.unescape(page.get(f"/_now/{copy.name}", headers=known).text)
+        jobs = Jobs(copy.folder)
+        jobs.start({"task": "open"})  # also where the file was changed after it had been looked at
+        failed = settled(jobs)
+        jobs.close()
+        assert (failed.state, failed.trace) == ("failed", "")
+        assert command in failed.words
+        assert not ran.exists()
+    desk = Desk(tmp_path, Allowed(recordings), effects_from=[str(evil)])
+    jobs = desk.jobs(desk.session(copy.name))
+    jobs.start({"task": "open"})
+    settled(jobs)
+    desk.close()
+    assert ran.exists(), "what the command line names is used"
+
+
+def test_a_foreign_session_leads_nothing_elsewhere(copy: Session, recordings: Path, tmp_path: Path) -> None:
+    (tmp_path / "elsewhere").mkdir()
+    (copy.folder / "step_7").symlink_to(tmp_path / "elsewhere")
+    with pytest.raises(InputError, match="holds the link step_7"):
+        Desk(tmp_path, Allowed(recordings)).session(copy.name)
 
 
 def test_undo_redo_and_alternatives(copy: Session) -> None:

@@ -62,13 +62,14 @@ window.dash_clientside = window.dash_clientside || {};
     let wait = IDLE;
     try {
       const answer = await fetch(`/_now/${name}`, { cache: "no-store" });
-      if (!answer.ok) throw new Error(answer.statusText);
+      if (!answer.ok) throw new Error(answer.status);
       const now = await answer.json();
       // a click that was answered meanwhile knows better
       if (known === before && session() === name) take(now);
       if (now.job.state === "running") wait = BUSY;
-    } catch {
-      window.dash_clientside.set_props("task", { data: { state: "silent" } });
+    } catch (error) {
+      const state = error.message === "403" ? "strange" : "silent";
+      window.dash_clientside.set_props("task", { data: { state } });
     }
     asking = false;
     return later(wait);
@@ -79,6 +80,8 @@ window.dash_clientside = window.dash_clientside || {};
   const told = (job) => {
     if (job.state === "silent")
       return "The workbench does not answer. Nothing is lost: start it again by robot_ident workbench, with the same --folder.";
+    if (job.state === "strange")
+      return "The workbench was started again, and answers to its new address alone. Nothing is lost: open the URL that it printed.";
     if (job.state === "running") return `${capital(job.words)}, ${Math.round(job.seconds)} s`;
     return job.words;
   };
@@ -110,7 +113,7 @@ window.dash_clientside = window.dash_clientside || {};
     job: (job) => {
       const now = job || { state: "idle", words: "", share: 0, trace: "" };
       const running = now.state === "running";
-      const wrong = now.state === "failed" || now.state === "silent";
+      const wrong = ["failed", "silent", "strange"].includes(now.state);
       return [
         !running,
         String(Math.round(100 * (now.share || 0))),

@@ -6,7 +6,7 @@ from collections.abc import Callable, Mapping
 from dataclasses import dataclass
 from typing import Any
 
-from dash import ALL, Dash, Input, Output, State
+from dash import ALL, Dash, Input, Output, State, html, no_update
 from dash.exceptions import PreventUpdate
 
 from robot_ident.errors import InputError
@@ -25,7 +25,7 @@ class Page:
     fields: Mapping[str, Any]
     overlays: list[str]
     said: str = ""
-    saved: str = ""
+    saved: str | html.Span = ""
 
 
 def register(app: Dash, desk: Desk) -> None:
@@ -61,13 +61,19 @@ def register(app: Dash, desk: Desk) -> None:
         fields = {one["name"]: value for one, value in zip(ids, names, strict=True)}
         fields |= {"other": other, "replace": bool(replace)}
         page = Page(str(cause["label"]), fields, overlays)
-        session = desk.session(stand["session"])
+        try:
+            session = desk.session(stand["session"])
+        except InputError as error:
+            return no_update, no_update, no_update, str(error), ""
         try:
             if cause["do"] in MOVES and desk.jobs(session).look().running:
                 raise InputError("something is being computed; wait for it, or cancel it")
             DEEDS[cause["do"]](desk, session, page)
         except InputError as error:
-            page.said = str(error)
+            if cause["do"].startswith("save "):  # of the buttons that stand beside the names
+                page.saved = html.Span(str(error), className="wrong")
+            else:
+                page.said = str(error)
         stand, job = now(desk, session)
         return stand, job, page.overlays, page.said, page.saved
 
