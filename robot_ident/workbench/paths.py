@@ -40,8 +40,10 @@ class Allowed:
     def below(self, name: str) -> Path:
         """Return a path strictly below the root, links followed; InputError where it lies elsewhere, named or not."""
         path = self.checked(name)
-        if self.root not in path.parents or path in self._named:
-            raise InputError(f"{name}: nothing is written there; name a file below {self.root}")
+        if path in self._named:
+            raise InputError(f"{name}: was named when the workbench was started, and is only read; give another name")
+        if self.root not in path.parents:
+            raise InputError(f"{name}: is no file below {self.root}; name one")
         return path
 
     @property

@@ -152,7 +152,7 @@ def test_a_person_finds_and_adds_what_is_missing(serve: Any, visit: Any, recordi
     page.get_by_label("replace what was saved here before").check()
     page.get_by_label("Command lines as").fill("run_1")
     page.get_by_role("button", name="Save the command lines").click()
-    says(page, "#saved .wrong", "run_1: is a folder")
+    says(page, "#saved .wrong", "run_1: was named when")
     assert sum(path.stat().st_size for path in (recordings / "run_1").iterdir()) == measured
     page.get_by_label("Model as").fill("../stolen.yaml")
     page.get_by_role("button", name="Save the model").last.click()

@@ -24,7 +24,7 @@ TAKEN = {
     "bag/metadata.yaml": "bag is a recording",
     "bag/new.yaml": "bag is a recording",
     "theirs.yaml": "not saved by this workbench",
-    "named.yaml": "nothing is written there",
+    "named.yaml": "only read",
     "kept/session_1/session.yaml": "sessions are kept there",
     "kept/session_1/step_0/model.yaml": "sessions are kept there",
     "old/session.yaml": "sessions are kept there",
