@@ -90,7 +90,9 @@ class Desk:
             topic=self.topic,
             effects_from=list(self.effects_from),
         )
-        return begin(self.folder, choice)
+        found = begin(self.folder, choice)
+        found.refuse_links()
+        return found
 
     def robot_file(self, robot: str | None) -> str:
         """Return the robot that a browser named, or the one of the command line: by its name, or as a path."""

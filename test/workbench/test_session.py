@@ -149,8 +149,11 @@ def test_a_foreign_session_runs_no_code_that_the_command_line_did_not_name(
 def test_a_foreign_session_leads_nothing_elsewhere(copy: Session, recordings: Path, tmp_path: Path) -> None:
     (tmp_path / "elsewhere").mkdir()
     (copy.folder / "step_7").symlink_to(tmp_path / "elsewhere")
+    desk = Desk(tmp_path, Allowed(recordings))
     with pytest.raises(InputError, match="holds the link step_7"):
-        Desk(tmp_path, Allowed(recordings)).session(copy.name)
+        desk.session(copy.name)
+    with pytest.raises(InputError, match="holds the link step_7"):
+        desk.open(copy.choice.recordings, copy.choice.validation)
 
 
 def test_undo_redo_and_alternatives(copy: Session) -> None:
