@@ -42,9 +42,9 @@ class Desk:
         self._seen: dict[tuple[str, str | None, str | None, int], Seen] = {}
 
     @property
-    def sessions(self) -> list[Session]:
-        """The sessions of the folder, the newest first."""
-        return sessions_in(self.folder) if self.folder.is_dir() else []
+    def sessions(self) -> tuple[list[Session], list[str]]:
+        """The sessions of the folder, the newest first, and what is wrong with those that can't be opened."""
+        return sessions_in(self.folder)
 
     def session(self, name: str) -> Session:
         """Return a session by its name; InputError where there is none, or one that would run or write what nobody

@@ -21,7 +21,9 @@ def chooser(desk: Desk) -> list[Any]:
     models = [*models_below(root), *(path for path in outside if is_model(path))]
     recordings = [*recordings_below(root), *(path for path in outside if path not in models)]
     out: list[Any] = []
-    if sessions := desk.sessions:
+    sessions, refused = desk.sessions
+    out += [html.P(f"A session can't be opened: {reason}", className="wrong") for reason in refused]
+    if sessions:
         out.append(html.Section([html.H2("Go on with"), html.Ul([_session(one) for one in sessions])]))
     if not recordings:
         words = (

@@ -234,17 +234,23 @@ def now() -> str:
     return datetime.now(timezone.utc).isoformat(timespec="seconds")
 
 
-def sessions_in(folder: Path) -> list[Session]:
-    """Return the sessions of a folder, the newest first."""
-    found = [Session.open(path.parent) for path in folder.glob("*/session.yaml")]
-    return sorted(found, key=lambda session: (session.choice.started, session.name), reverse=True)
+def sessions_in(folder: Path) -> tuple[list[Session], list[str]]:
+    """Return the sessions of a folder, the newest first, and what is wrong with those that can't be opened."""
+    found: list[Session] = []
+    refused: list[str] = []
+    for path in sorted(folder.glob("*/session.yaml")):
+        try:
+            found.append(Session.open(path.parent))
+        except InputError as error:
+            refused.append(str(error))
+    return sorted(found, key=lambda session: (session.choice.started, session.name), reverse=True), refused
 
 
 def begin(folder: Path, choice: Choice) -> Session:
     """Return the session on the same recordings and model that was begun before, or a new one."""
     choice = choice.model_copy(update={"stamps": _stamps(choice)})
     same = ("folder", "recordings", "validation", "model", "robot", "topic", "effects_from", "stamps")
-    for session in sessions_in(folder):
+    for session in sessions_in(folder)[0]:
         if all(getattr(session.choice, key) == getattr(choice, key) for key in same):
             return session
     taken: Sequence[str] = [path.name for path in folder.glob("session_*")] if folder.is_dir() else []

@@ -11,6 +11,7 @@ from typing import Any
 
 import numpy as np
 import pytest
+from plotly.utils import PlotlyJSONEncoder
 
 from robot_ident.bags import read_recording, write_recording
 from robot_ident.cli.main import main
@@ -20,6 +21,7 @@ from robot_ident.workbench.app import make_app
 from robot_ident.workbench.commands import script
 from robot_ident.workbench.desk import Desk
 from robot_ident.workbench.jobs import Job, Jobs
+from robot_ident.workbench.pages import chooser
 from robot_ident.workbench.panels.where import where
 from robot_ident.workbench.paths import Allowed
 from robot_ident.workbench.session import Choice, Session, begin
@@ -154,6 +156,18 @@ def test_a_foreign_session_leads_nothing_elsewhere(copy: Session, recordings: Pa
         desk.session(copy.name)
     with pytest.raises(InputError, match="holds the link step_7"):
         desk.open(copy.choice.recordings, copy.choice.validation)
+
+
+def test_an_unreadable_session_is_named_beside_the_others(copy: Session, recordings: Path) -> None:
+    broken = copy.folder.with_name("session_9")
+    broken.mkdir()
+    (broken / "session.yaml").write_bytes(b"\xff: [")
+    desk = Desk(copy.folder.parent, Allowed(recordings, []))
+    opened, refused = desk.sessions
+    assert [one.name for one in opened] == [copy.name]
+    assert len(refused) == 1 and "session_9" in refused[0]
+    words = json.dumps(chooser(desk), cls=PlotlyJSONEncoder)
+    assert "session_9" in words and copy.name in words
 
 
 def test_undo_redo_and_alternatives(copy: Session) -> None:
