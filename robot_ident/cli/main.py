@@ -14,6 +14,7 @@ from types import FrameType
 
 from robot_ident import __version__
 from robot_ident.cli.effects_from import add_effects_from, register_effects
+from robot_ident.cli.memory import bounded
 from robot_ident.cli.output import Parser, flush, refuse_own_input, tell
 from robot_ident.errors import InputError, RobotIdentError, one_line
 from robot_ident.parallel import came, end_by, on_cluster
@@ -80,7 +81,7 @@ def _run(words: list[str], verb: str | None) -> int:
         args = build_parser(verb if verb in VERBS else "").parse_args(words)
         refuse_own_input(args)
         register_effects(getattr(args, "effects_from", []))
-        with on_cluster(getattr(args, "cluster", None)):
+        with bounded(), on_cluster(getattr(args, "cluster", None)):
             code = int(importlib.import_module(f"robot_ident.cli.{args.verb}").run(args) or 0)
             flush()
             return code
@@ -92,6 +93,9 @@ def _run(words: list[str], verb: str | None) -> int:
         return 0
     except KeyboardInterrupt:
         return _stopped(verb)
+    except MemoryError:
+        tell(f"robot_ident {verb}: {_OUT_OF_MEMORY}")
+        return InputError.exit_code
     except Exception as error:
         if isinstance(error, OSError) and error.filename is not None and not came:  # a name that no file can have
             tell(f"robot_ident {verb}: {one_line(error.filename)}: {error.strerror or error}; give another name")
@@ -102,6 +106,12 @@ def _run(words: list[str], verb: str | None) -> int:
             tell(f"robot_ident {verb}: {error}; pinocchio needs it (Debian, Ubuntu: sudo apt-get install libgomp1)")
             return InputError.exit_code
         raise
+
+
+_OUT_OF_MEMORY = (
+    "this needs more memory than the machine has free; nothing was written. End other programs, or give fewer or"
+    " shorter recordings"
+)
 
 
 def _stopped(verb: str | None) -> int:
