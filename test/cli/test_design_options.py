@@ -90,7 +90,7 @@ def refuses_other_poses(run: Run, model: Path, file: Path, bag: Path, folder: Pa
     ("words", "told"),
     [
         (("--hold", "joint_1=0.4"), "--hold goes with --joints"),
-        (("--joints", ""), "--joints '': names no joint; robot kuka_ir361 has joint_1, joint_2, joint_3"),
+        (("--joints", ""), "argument --joints: the word given is empty; give a name or a value, or leave it out"),
         (("--joints", " ,"), "names no joint"),
         (("--joints", "joint_2", "--hold", "joint_2=0.4"), "--joints moves it"),
         (("--joints", "joint_2", "--hold", "joint_1"), "JOINT=ANGLE was expected"),
