@@ -17,6 +17,7 @@ MINUTES = {
     "robots": 20,
     "recorder": 4,
     "attack": 15,
+    "scale": 20,
     "faults": 10,
     "ends": 10,
     "soak": 60,

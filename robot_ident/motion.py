@@ -13,8 +13,11 @@ Mask = NDArray[np.bool_]
 
 
 def frozen_array(values: ArrayLike, *shape: int | None) -> Array:
-    """Return a read-only float array; ValueError when its shape differs from `shape` (None: any length)."""
-    array: Array = np.array(values, dtype=float)
+    """Return a read-only float array; ValueError when its shape differs from `shape` (None: any length).
+
+    One that is read-only and owns its numbers already is returned itself.
+    """
+    array: Array = values if isinstance(values, np.ndarray) and _is_fixed(values) else np.array(values, dtype=float)
     agrees = not shape or array.shape == shape  # the usual case first: in real time there are many of them
     if not agrees and (
         array.ndim != len(shape) or any(s not in (None, got) for s, got in zip(shape, array.shape, strict=True))
@@ -22,6 +25,10 @@ def frozen_array(values: ArrayLike, *shape: int | None) -> Array:
         raise ValueError(f"an array of shape {shape} was expected, got {array.shape}")
     array.setflags(write=False)
     return array
+
+
+def _is_fixed(array: NDArray[Any]) -> bool:
+    return array.dtype == np.float64 and array.flags.owndata and not array.flags.writeable
 
 
 @dataclass(frozen=True)

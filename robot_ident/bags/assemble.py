@@ -137,7 +137,7 @@ def _spread(samples: Samples, follows: NDArray[np.bool_]) -> Samples:
 
 
 def assemble(
-    pieces: Sequence[Piece],
+    pieces: list[Piece],
     joints: Sequence[str] | None,
     source: str,
     topic: str,
@@ -146,7 +146,8 @@ def assemble(
 ) -> Recording:
     """Return the recording of all messages that report position and effort of the joints.
 
-    joints: those wanted, in this order; None takes the set of joints that fills most of the topic. losses: what the bag
+    pieces: emptied, so that their memory is free while the arrays of the recording grow. joints: those wanted, in this
+    order; None takes the set of joints that fills most of the topic. losses: what the bag
     lacks, for the notes. listing: the bag's topics, for the line that says that this one has no efforts. InputError
     when a joint is missing, no message has efforts, or a message contradicts itself.
     """
@@ -161,29 +162,34 @@ def assemble(
     names = _choose_joints(with_efforts, joints, place)
     used = [_only(piece, names) for piece in with_efforts if set(names) <= set(piece.names)]
     notes = [*losses, *_left_out(pieces, used, names)]
-    samples, join_notes = _join(used)
+    del with_efforts
+    pieces.clear()
     pace = _pace(np.concatenate([piece.stamp for piece in used]), np.concatenate([piece.log for piece in used]))
+    samples, join_notes = _join(used)
     names, samples, silent_notes = _without_silent(names, samples, joints, place)
     samples, order_notes = in_order(samples, place)
     start = int(samples.stamp[0])
     t = (samples.stamp - start) / 1e9
     notes += join_notes + silent_notes + order_notes
+    for values in (t, samples.q, samples.tau, samples.dq):
+        if values is not None:
+            values.setflags(write=False)  # made here for this recording, which then needs no copy
     return Recording(names, t, samples.q, samples.tau, samples.dq, source, tuple(notes), start, pace=pace)
 
 
-def _join(used: Sequence[Piece]) -> tuple[Samples, list[str]]:
-    """Return the samples of all pieces in the order in which they were recorded, on one clock."""
+def _join(used: list[Piece]) -> tuple[Samples, list[str]]:
+    """Return the samples of all pieces in the order in which they were recorded, on one clock; `used` is emptied."""
     stamp, clock_notes = _one_clock(
         np.concatenate([piece.stamp for piece in used]), np.concatenate([piece.log for piece in used])
     )
     velocity, velocity_notes = _velocity(used)
-    samples = Samples(
-        stamp,
-        np.concatenate([piece.position for piece in used]),
-        np.concatenate([piece.effort for piece in used]),
-        velocity,
-    )
     index = np.concatenate([piece.index for piece in used])
+    positions, efforts = [piece.position for piece in used], [piece.effort for piece in used]
+    used.clear()
+    position = np.concatenate(positions)
+    positions.clear()
+    samples = Samples(stamp, position, np.concatenate(efforts), velocity)
+    efforts.clear()
     if np.any(np.diff(index) < 0):
         samples = samples[np.argsort(index)]
     return samples, clock_notes + velocity_notes

@@ -63,6 +63,8 @@ class Layout:
     def values(self, rows: Bytes, place: tuple[int, int]) -> Array:
         """Return one of the three sequences [k, length]."""
         first, length = place
+        if not length:
+            return np.zeros((len(rows), 0))  # a view of none would keep them all
         inside = np.ascontiguousarray(rows[:, first : first + 8 * length])
         return inside.view(f"{self.order}f8").astype(np.float64, copy=False).reshape(len(rows), length)
 

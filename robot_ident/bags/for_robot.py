@@ -20,6 +20,8 @@ from robot_ident.robot.effort import EffortSource
 def read_for(path: Path | str, robot: Robot, *, topic: str | None = None) -> Recording:
     """Return a recording whose effort is what the robot's YAML says it is: `effort.topic` and `effort.field`.
 
+    Velocities that messages of a bag report are left out: those of a model come from the positions.
+
     topic: of the joint states that hold the positions; None takes what the YAML or the bag says. Effort that comes by
     other messages is interpolated at the positions' stamps, linearly; samples without any beside them are left out.
     InputError in one line as of `read_recording`, and where a topic or field holds no effort of a joint.
@@ -34,7 +36,7 @@ def read_for(path: Path | str, robot: Robot, *, topic: str | None = None) -> Rec
         sources = {name: sources.get(name, EffortSource(states)) for name in robot.joints}
         states = None
     if not sources:
-        return read_recording(path, topic=states)
+        return read_recording(path, topic=states, velocities=False)
     recording = with_efforts(open_storage(path), str(path), states, sources, robot.joints)
     return replace(recording, conditions=read_conditions(path))
 

@@ -42,11 +42,12 @@ class Piece:
 class JointStateDecoder:
     """Decodes batch after batch; remembers the layouts that it met.
 
-    vectorised: False reads every message by itself. unreadable: how many messages were no JointState, with the reason
-    for the first.
+    vectorised: False reads every message by itself. velocities: False leaves them out, as if none were reported.
+    unreadable: how many messages were no JointState, with the reason for the first.
     """
 
     vectorised: bool = True
+    velocities: bool = True
     unreadable: int = 0
     reason: str = ""
     _seen: int = 0
@@ -90,7 +91,7 @@ class JointStateDecoder:
             if same.any():
                 rows = rest[same]
                 alike = bodies[rows] if len(rows) < len(bodies) else bodies
-                yield _piece(known[number], alike, index[rows], batch.log_time[rows])
+                yield self._piece(known[number], alike, index[rows], batch.log_time[rows])
                 rest = rest[~same]
         yield from self._one_by_one(bodies, rest, index, batch.log_time, size, code)
 
@@ -114,26 +115,25 @@ class JointStateDecoder:
             except NotCdr as error:
                 self._refuse(1, str(error))
                 continue
-            piece = _piece(layout, bodies[row : row + 1], index[row : row + 1], log[row : row + 1])
-            alike[layout.names, layout.position[1], layout.velocity[1], layout.effort[1]].append(piece)
+            piece = self._piece(layout, bodies[row : row + 1], index[row : row + 1], log[row : row + 1])
+            alike[layout.names, layout.position[1], piece.velocity.shape[1], layout.effort[1]].append(piece)
         for pieces in alike.values():
             yield _joined(pieces)
+
+    def _piece(self, layout: Layout, rows: Bytes, index: Integers, log: Integers) -> Piece:
+        return Piece(
+            layout.names,
+            index,
+            layout.stamps(rows),
+            log.copy(),  # a view would keep the batch's other columns
+            layout.values(rows, layout.position),
+            layout.values(rows, layout.velocity if self.velocities else (0, 0)),
+            layout.values(rows, layout.effort),
+        )
 
     def _refuse(self, messages: int, reason: str) -> None:
         self.unreadable += messages
         self.reason = self.reason or reason
-
-
-def _piece(layout: Layout, rows: Bytes, index: Integers, log: Integers) -> Piece:
-    return Piece(
-        layout.names,
-        index,
-        layout.stamps(rows),
-        log,
-        layout.values(rows, layout.position),
-        layout.values(rows, layout.velocity),
-        layout.values(rows, layout.effort),
-    )
 
 
 def _joined(pieces: list[Piece]) -> Piece:

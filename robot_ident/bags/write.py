@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import time
-from collections.abc import Sequence
+from collections.abc import Iterator, Sequence
 from dataclasses import dataclass
 from pathlib import Path
 
@@ -19,6 +19,7 @@ from robot_ident.files import whole
 from robot_ident.motion import Array
 from robot_ident.recording.recording import Recording
 
+_AT_ONCE = 65_536  # messages
 _LAST = 2**31 * 1_000_000_000  # ns; seconds are a signed number of 32 bits in builtin_interfaces/Time
 
 
@@ -32,6 +33,12 @@ class Series:
     position: Array | None = None
     velocity: Array | None = None
     effort: Array | None = None
+
+    def messages(self, rows: Integers) -> Iterator[bytes]:
+        """Yield some of the messages, serialised (CDR)."""
+        q, dq, tau = (None if field is None else field[rows] for field in (self.position, self.velocity, self.effort))
+        for row in cdr.serialise(self.names, self.stamps[rows], q, dq, tau):
+            yield row.tobytes()
 
 
 def write_recording(
@@ -79,11 +86,14 @@ def _write_bag(draft: Path, path: Path, series: Sequence[Series]) -> None:
     folder = draft.with_name(path.stem) if path.suffix == ".mcap" else draft
     topics = [Topic(one.topic, JOINT_STATE, qos=qos_text([Qos()])) for one in series]
     with BagWriter(folder, topics, shown_as=path) as bag:
-        rows = [cdr.serialise(one.names, one.stamps, one.position, one.velocity, one.effort) for one in series]
         stamps = np.concatenate([one.stamps for one in series])
         source = np.repeat(np.arange(len(series)), [len(one.stamps) for one in series])
         within = np.concatenate([np.arange(len(one.stamps)) for one in series])
-        for k in np.argsort(stamps, kind="stable").tolist():
-            bag.write(topics[source[k]].name, rows[source[k]][within[k]].tobytes(), int(stamps[k]))
+        order = np.argsort(stamps, kind="stable")
+        for first in range(0, len(order), _AT_ONCE):
+            block = order[first : first + _AT_ONCE]
+            messages = [one.messages(within[block[source[block] == number]]) for number, one in enumerate(series)]
+            for place, stamp in zip(source[block].tolist(), stamps[block].tolist(), strict=True):
+                bag.write(topics[place].name, next(messages[place]), stamp)
     if path.suffix == ".mcap":
         (folder / f"{folder.name}_0.mcap").rename(draft)

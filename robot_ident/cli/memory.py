@@ -2,12 +2,14 @@
 
 from __future__ import annotations
 
+import ctypes
 import re
 import sys
 from collections.abc import Iterator
-from contextlib import contextmanager
+from contextlib import contextmanager, suppress
 from pathlib import Path
 
+_MMAP_THRESHOLD = -3  # of malloc.h
 _OWN = Path("/proc/self/status")
 _MACHINE = Path("/proc/meminfo")
 _GROUP = Path("/sys/fs/cgroup")  # as a container sees its own
@@ -18,8 +20,10 @@ def bounded() -> Iterator[None]:
     """Limit this process, and each that it starts, to the memory that it holds and that is free now.
 
     Linux's RLIMIT_DATA; a lower limit that stands already is kept, and the former one comes back at the end. Raises
-    nothing itself: what is allocated beyond raises MemoryError.
+    nothing itself: what is allocated beyond raises MemoryError. Large arrays go back to the machine once they are
+    freed, from here on.
     """
+    _give_back()
     free = available()
     if free is None:
         yield
@@ -34,6 +38,15 @@ def bounded() -> Iterator[None]:
         yield
     finally:
         resource.setrlimit(resource.RLIMIT_DATA, (soft, hard))
+
+
+def _give_back() -> None:
+    """Have glibc map arrays from a mebibyte on, as at its start: else it keeps up to 32 MiB of each for the next one,
+    in pieces that come to hundreds of megabytes.
+    """
+    if sys.platform == "linux":
+        with suppress(OSError, AttributeError):  # another C library
+            ctypes.CDLL(None).mallopt(_MMAP_THRESHOLD, 1 << 20)
 
 
 def available() -> int | None:

@@ -14,6 +14,8 @@ from robot_ident.model.structure import Structure
 from robot_ident.motion import Array, Mask, Motion
 from robot_ident.recording.measurement import Measurement
 
+_FEW = 0.5  # share of the rows, below which those that are not used are worth leaving out
+
 
 @dataclass(frozen=True)
 class Trajectory:
@@ -38,11 +40,44 @@ class Trajectory:
     def in_noise(self, passed: Array, joints: Sequence[int] | None = None) -> Array:
         """Return low-passed columns [N, joints, k] (Nm) in units of the noise; joints: all of them unless told."""
         chosen = slice(None) if joints is None else list(joints)
-        rows = passed * self.weight[:, chosen, None]
+        weight = self.weight[:, chosen, None]
+        if self.used is None:
+            rows = passed * weight
+        else:  # what is left zero takes no memory
+            rows = np.zeros(passed.shape)
+            rows[self.used] = passed[self.used] * weight[self.used]
         if self.whitening is None:
             return rows
         lines = np.fft.rfft(rows, axis=0) * self.whitening[:, chosen, None]
         return np.asarray(np.fft.irfft(lines, len(rows), axis=0))
+
+    @cached_property
+    def used(self) -> Mask | None:
+        """Rows [N] that weighed columns have where they are few: all others are zero; None where they may be many."""
+        used = np.asarray((self.weight > 0).any(axis=1))
+        return used if self.whitening is None and used.mean() < _FEW else None
+
+    def times(self, columns: Array, matrix: Array) -> Array:
+        """Return weighed columns [N, n, p] times a matrix [p, k]."""
+        if self.used is None:
+            return np.asarray(columns @ matrix)
+        out = np.zeros((*columns.shape[:2], matrix.shape[1]))
+        out[self.used] = columns[self.used] @ matrix
+        return out
+
+    def beside(self, first: Array, second: Array) -> Array:
+        """Return weighed columns [N, n, p] and [N, n, k] as one [N, n, p + k]."""
+        if self.used is None:
+            return np.concatenate([first, second], axis=2)
+        out = np.zeros((*first.shape[:2], first.shape[2] + second.shape[2]))
+        for columns, part in ((slice(None, first.shape[2]), first), (slice(first.shape[2], None), second)):
+            out[self.used, :, columns] = part[self.used]
+        return out
+
+    def stacked(self, rows: Array) -> Array:
+        """Return weighed rows [N, n, ...] of all joints below one another, without those that are zero for certain."""
+        some = rows if self.used is None else rows[self.used]
+        return some.reshape(-1, *rows.shape[2:])
 
     def plain(self, rows: Array) -> Array:
         """Return weighed rows [N, n] with their lines as they were before they were put in units of their noise."""
@@ -150,12 +185,14 @@ def fitted(
 
     for _ in range(3 if structure.uses_torque else 1):
         further = weighed_once(trajectories, effects)
-        phi = tuple(np.concatenate(pair, axis=2) for pair in zip(links, further, strict=True))
-        stacked = np.concatenate([p.reshape(-1, p.shape[2]) for p in phi])
-        y = np.concatenate([t.y.ravel() for t in trajectories])
+        phi = tuple(t.beside(*pair) for t, *pair in zip(trajectories, links, further, strict=True))
+        stacked = np.concatenate([t.stacked(p) for t, p in zip(trajectories, phi, strict=True)])
+        y = np.concatenate([t.stacked(t.y) for t in trajectories])
         scale = np.linalg.norm(stacked, axis=0)
         scale[scale == 0.0] = 1.0
-        values = np.linalg.lstsq(stacked / scale, y, rcond=1e-10)[0] / scale
+        stacked /= scale
+        values = np.linalg.lstsq(stacked, y, rcond=1e-10)[0] / scale
+        del stacked
     return Evidence(structure, trajectories, rigid, phi, values, memory)
 
 

@@ -9,7 +9,7 @@ effect seem to lag and to fade.
 
 from __future__ import annotations
 
-from collections.abc import Hashable, Iterable
+from collections.abc import Hashable, Iterable, Iterator
 from dataclasses import replace
 from typing import NamedTuple
 
@@ -26,6 +26,7 @@ from robot_ident.recording.lines import Lines, evaluate, least_above_noise, line
 _MATTERS = 1.0  # chi-square units that a hidden part must make, at its usual size, to be reckoned with
 _LAST = 0.5  # of the number of lines that stand above the noise, from which on they tell how large the next ones are
 _MOST = 2.0  # times the smallest line that stands above the noise: were they larger, the next would stand above it, too
+_AT_ONCE = 16  # kinks that are looked at together
 _KEY = "hidden path"
 
 
@@ -144,32 +145,29 @@ def _weighed_kinks(evidence: Evidence) -> tuple[Nuisance, ...]:
         places.setdefault(id(t.measured), []).append(place)
     out = []
     for mine in places.values():
-        parts = [t.weighed(_kinks_once(t, evidence)) for t in (evidence.trajectories[place] for place in mine)]
-        matter = np.sum([np.sum(part**2, axis=(0, 1)) for part in parts], axis=0) > _MATTERS
-        if matter.any():
-            out.append(Nuisance.of(mine, [part[:, :, matter] for part in parts]))
+        here = [evidence.trajectories[place] for place in mine]
+        kept: list[list[Array]] = [[] for _ in here]
+        inertia = inertia_along(here[0], evidence)
+        for kinks in _kinks(here[0], inertia):  # of hundreds on a fine grid, few may matter
+            parts = [t.weighed(kinks) for t in here]
+            matter = np.sum([np.einsum("ijk,ijk->k", part, part) for part in parts], axis=0) > _MATTERS
+            for part, own in zip(parts, kept, strict=True):
+                own.append(part[:, :, matter])
+        if any(part.shape[2] for part in kept[0]):
+            out.append(Nuisance.of(mine, [np.concatenate(own, axis=2) for own in kept]))
     return tuple(out)
 
 
-def _kinks_once(t: Trajectory, evidence: Evidence) -> Array:
-    """Return `_kinks`, computed once for all models on a measurement: further effects hardly change an inertia."""
-    key: Hashable = (_KEY, id(t.measured))
-    if key not in evidence.memory:
-        evidence.memory[key] = _kinks(t, evidence)
-    found = evidence.memory[key]
-    assert isinstance(found, np.ndarray)
-    return found
-
-
-def _kinks(t: Trajectory, evidence: Evidence) -> Array:
-    """Return the torque [N, n, k] Nm of the hidden kink of usual size of every joint's every reversal, by the
-    inertia that it moves: the lag of the servo turns its phase.
+def _kinks(t: Trajectory, inertia: Array) -> Iterator[Array]:
+    """Yield the torques [N, n, k] Nm of the hidden kinks of usual size of all reversals, few at once, by the inertia
+    [N, n, n] that they move: the lag of the servo turns their phase.
     """
-    inertia, out = inertia_along(t, evidence), []
-    for joint in range(t.motion.joints):
-        hidden = evaluate(_hidden_lines(t, joint), t.motion.samples, t.measured.base_frequency or 0.0, 2)
-        out.append(inertia[:, :, [joint]] * hidden[:, None, :])
-    return np.concatenate(out, axis=2)
+    for joint in range(inertia.shape[2]):
+        lines = _hidden_lines(t, joint)
+        for first in range(0, lines.shape[1], _AT_ONCE):
+            some = lines[:, first : first + _AT_ONCE]
+            hidden = evaluate(some, t.motion.samples, t.measured.base_frequency or 0.0, 2)
+            yield np.asarray(inertia[:, :, [joint]] * hidden[:, None, :])
 
 
 def _given_way(t: Trajectory, rigid: Array, evidence: Evidence) -> Array:

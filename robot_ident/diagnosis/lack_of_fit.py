@@ -28,7 +28,7 @@ def lack_of_fit(evidence: Evidence, base: BaseGram) -> tuple[LackOfFit, ...]:
     inverse = BaseFit.of(base, range(len(base.power))).inverse
     values, vectors = np.linalg.eigh(0.5 * (inverse + inverse.T))
     root = vectors * np.sqrt(np.maximum(values, 0.0))
-    orthonormal = [phi @ root for phi in evidence.phi]
+    orthonormal = [t.times(phi, root) for t, phi in zip(evidence.trajectories, evidence.phi, strict=True)]
     tests = noise_tests(evidence, residual_beside_hidden_path(evidence), Share.of_fit(evidence, orthonormal))
     return tuple(
         LackOfFit(**vars(test), excess=_excess(evidence, joint, orthonormal)) for joint, test in enumerate(tests)

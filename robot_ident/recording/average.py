@@ -9,6 +9,7 @@ import numpy as np
 from robot_ident.motion import Array
 from robot_ident.recording.clock import Clock, even_positions, roughness
 from robot_ident.recording.lines import Lines, evaluate, fit_lines
+from robot_ident.recording.noise import mean_of_periods
 from robot_ident.recording.off_clock import OffClock, off_clock
 from robot_ident.recording.outliers import outlying_periods
 from robot_ident.recording.period import Steady, steady_part
@@ -92,12 +93,12 @@ def mean_of(q: Array, tau: Array) -> Average:
     else:
         outlying = []
     dof = float(np.sum(present - 1))
-    mean_q, mean_tau = np.nanmean(q, axis=0), np.nanmean(tau, axis=0)
+    mean_q, mean_tau = mean_of_periods(q), mean_of_periods(tau)
     return Average(
         mean_q,
         mean_tau,
-        np.nansum((q - mean_q) ** 2, axis=(0, 1)) / dof,
-        np.nansum((tau - mean_tau) ** 2, axis=(0, 1)) / dof,
+        np.array([np.nansum((q[:, :, j] - mean_q[:, j]) ** 2) for j in range(q.shape[2])]) / dof,
+        np.array([np.nansum((tau[:, :, j] - mean_tau[:, j]) ** 2) for j in range(tau.shape[2])]) / dof,
         dof,
         float(1.0 / np.mean(1.0 / present)),
         tau,

@@ -41,18 +41,20 @@ def check_samples(recording: Recording, *, motion_only: bool = False) -> None:
 
 def _refuse_two_robots(recording: Recording) -> None:
     """Raise InputError where positions leap to and fro: two publishers on one topic, each with its own robot."""
-    moves = np.ptp(recording.q, axis=0) > _MOVES
-    q = recording.q[:, moves & np.array([len(np.unique(column)) > _STEPS for column in recording.q.T])]
-    if len(q) < 20 or not q.shape[1]:
+    count = recording.samples
+    moving = [q for q in recording.q.T if np.ptp(q) > _MOVES and len(np.unique(q)) > _STEPS]
+    if count < 20 or not moving:
         return
-    q = q / np.ptp(q, axis=0)
-    leap = np.linalg.norm(q[1:-1] - q[:-2], axis=1)
-    back = np.linalg.norm(q[2:] - q[:-2], axis=1)
+    leap, back = np.zeros((2, count - 2))
+    for q in moving:
+        leap += (np.diff(q[:-1]) / np.ptp(q)) ** 2
+        back += ((q[2:] - q[:-2]) / np.ptp(q)) ** 2
+    leap, back = np.sqrt(leap), np.sqrt(back)
     usual = float(np.median(np.minimum(leap, back)))
     leaps = (leap > _LEAP) & (back < _BACK * leap) & (leap > usual / _BACK)
     if leaps.mean() > _LEAPS:
         raise InputError(
-            f"{recording.source}: positions leap to and fro in {int(leaps.sum())} of {len(q)} samples: two publishers"
+            f"{recording.source}: positions leap to and fro in {int(leaps.sum())} of {count} samples: two publishers"
             " report joints of the same names on this topic; record each on a topic of its own, or stop one of them"
         )
 
@@ -75,14 +77,16 @@ def _bends(t: Array, signal: Array) -> Mask | None:
     """Return at which samples [N] a signal [N, n] bends, where most others lie between them on straight lines; None
     where it is no such signal.
     """
-    reach = np.ptp(signal, axis=0)
-    signal = signal[:, reach > _MOVES] / reach[reach > _MOVES]
-    if len(t) < 50 or not signal.shape[1]:
+    columns = [column for column in signal.T if np.ptp(column) > _MOVES]
+    if len(t) < 50 or not columns:
         return None
-    slope = np.diff(signal, axis=0) / np.diff(t)[:, None]
-    bend = np.abs(np.diff(slope, axis=0)) * np.minimum(np.diff(t)[1:], np.diff(t)[:-1])[:, None]
-    straight = np.all(bend < _STRAIGHT, axis=1)
-    moving = np.all(np.abs(np.diff(signal, axis=0))[1:] > 10.0 * _STRAIGHT, axis=1)
+    steps = np.diff(t)
+    shorter = np.minimum(steps[1:], steps[:-1])
+    straight, moving = np.ones((2, len(t) - 2), dtype=bool)
+    for column in columns:
+        change = np.diff(column) / np.ptp(column)
+        straight &= np.abs(np.diff(change / steps)) * shorter < _STRAIGHT
+        moving &= np.abs(change[1:]) > 10.0 * _STRAIGHT
     if straight[moving].sum() <= _MOSTLY * len(straight):
         return None
     apart = np.diff(np.flatnonzero(~straight))

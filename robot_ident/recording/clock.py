@@ -137,8 +137,7 @@ def roughness(q: Array) -> Array:
     """Return the noise of positions q [N, n] on an even grid [n]: third differences hold 20 times its variance and
     little motion.
     """
-    size: Array = np.sqrt(np.mean(np.diff(q, n=3, axis=0) ** 2, axis=0) / 20.0)
-    return size
+    return np.array([np.sqrt(np.mean(np.diff(column, n=3) ** 2) / 20.0) for column in q.T])
 
 
 def _check_stamps(recording: Recording) -> None:

@@ -14,6 +14,7 @@ Density = NDArray[np.complex128]  # [K + 1, n, n]
 _LINES = 60  # spectral lines that are smoothed together
 _BANDS = 24  # of the test for colour
 _ORDER = 24  # of the autoregression that is a first guess of a coloured spectrum
+_AT_ONCE = 4_000_000  # values of periods that are transformed together
 _ALPHA = 1e-5  # false alarms of the tests for colour and for correlation between joints
 _MATERIAL = 0.1  # a deviation from white below this share changes no standard deviation by 5 %
 
@@ -82,6 +83,11 @@ class NoiseSpectrum:
         return np.fft.irfft(np.einsum("kij,kjp->kip", self.density.conj(), spectrum), self.samples, axis=0)
 
 
+def mean_of_periods(periods: Array) -> Array:
+    """Return the mean [N, n] of periods [M, N, n] (gaps nan), joint by joint, since there may be many."""
+    return np.stack([np.nanmean(periods[:, :, joint], axis=0) for joint in range(periods.shape[2])], axis=1)
+
+
 def noise_spectrum(
     periods: Array,
     variance: Array | None = None,
@@ -125,12 +131,17 @@ def noise_spectrum(
 
 
 def _cross_spectra(periods: Array) -> Density:
-    count, samples, _ = periods.shape
-    rest = periods - np.nanmean(periods, axis=0)
-    present = np.isfinite(rest)
-    r = np.fft.rfft(np.where(present, rest, 0.0), axis=1)
-    cross: Density = np.einsum("mki,mkj->kij", r.conj(), r) / (samples * (count - 1) * np.mean(present))
-    return cross
+    count, samples, n = periods.shape
+    mean = mean_of_periods(periods)
+    cross: Density = np.zeros((samples // 2 + 1, n, n), dtype=complex)
+    present = 0
+    for block in np.array_split(np.arange(count), max(1, periods.size // _AT_ONCE)):
+        rest = periods[block[0] : block[-1] + 1] - mean
+        there = np.isfinite(rest)
+        r = np.fft.rfft(np.where(there, rest, 0.0), axis=1)
+        cross += np.einsum("mki,mkj->kij", r.conj(), r)
+        present += int(there.sum())
+    return cross / (samples * (count - 1) * (present / periods.size))
 
 
 def _smoothed(x: Density, shape: Array, width: int) -> Density:

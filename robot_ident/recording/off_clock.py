@@ -7,6 +7,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from robot_ident.motion import Array
+from robot_ident.recording.noise import mean_of_periods
 
 
 @dataclass(frozen=True)
@@ -29,19 +30,21 @@ def off_clock(q: Array) -> OffClock | None:
     periods, _, joints = q.shape
     if joints < 2 or periods < 4:
         return None
-    mean = np.nanmean(q, axis=0)
+    mean = mean_of_periods(q)
     speed = (np.roll(mean, -1, axis=0) - np.roll(mean, 1, axis=0)) / 2.0
-    rest = np.nan_to_num(np.diff(q - mean, axis=1)) / np.sqrt(2.0)
     rate = (speed[1:] + speed[:-1]) / 2.0
-    scale = np.sqrt(np.mean(rest**2, axis=(0, 1)))
+    rest = [np.nan_to_num(np.diff(q[:, :, j] - mean[:, j], axis=1)) for j in range(joints)]
+    scale = np.array(
+        [np.sqrt(np.mean(one**2) / 2.0) for one in rest]
+    )  # of a sample; a difference has twice its variance
     if not np.all(scale > 0.0):
         return None
-    rest, rate = rest / scale, rate / scale  # joints with little noise tell most
+    rate /= scale  # joints with little noise tell most
     weight, found = 0.0, np.zeros(periods)
     for i in range(joints):
         for j in range(i):
             both = rate[:, i] * rate[:, j]
-            found += np.einsum("mk,mk,k->m", rest[:, :, i], rest[:, :, j], both)
+            found += np.einsum("mk,mk,k->m", rest[i], rest[j], both / (2.0 * scale[i] * scale[j]))
             weight += float(both @ both)
     if weight <= 0.0:
         return None

@@ -22,11 +22,10 @@ def outlying_periods(periods: Array, what: str = "torque") -> list[int]:
     count, samples, n = periods.shape
     if count < _LEAST or samples < 4 * _BLOCKS:
         return []
-    rest = periods - np.nanmedian(periods, axis=0)
     edges = np.linspace(0, samples, _BLOCKS + 1).astype(int)
     found = np.full((count, _BLOCKS, n), np.nan)
     for block, (first, last) in enumerate(zip(edges[:-1], edges[1:], strict=True)):
-        piece = rest[:, first:last]
+        piece = periods[:, first:last] - np.nanmedian(periods[:, first:last], axis=0)
         present = np.isfinite(piece).sum(axis=1)
         energy = np.nansum(piece**2, axis=1)
         found[:, block] = np.where(present >= 4, energy / np.maximum(present, 1), np.nan)

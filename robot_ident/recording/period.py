@@ -11,6 +11,7 @@ from robot_ident.motion import Array, Mask
 from robot_ident.recording.clock import roughness
 
 _COARSE = 1500  # samples of the coarse search
+_STRETCH = 1 << 17  # samples of a long recording that are searched at first, then twice as many
 _REPEATS = 1e-3  # of the variance: the largest median difference that counts as repeating
 _RETURN = 0.05  # a dip lies this far below the largest difference at shorter lags
 _OVERLAP = 0.2  # of the samples in motion must overlap at a lag
@@ -38,10 +39,11 @@ def find_period(q: Array, dt: float) -> float | None:
 
     The median over time of the squared difference at a lag is blind to transients: its dips on a coarse grid are
     candidates, sharpened on the full one; the shortest that repeats as well as the best is the period. Of it, the
-    smallest multiple counts after which the joints that hardly move are where they were, too.
+    smallest multiple counts after which the joints that hardly move are where they were, too. A long recording is
+    searched from its first motion on as far as it takes to find a lag at which all of it repeats.
     """
     moving = _moving(q)
-    lag = _shortest(q[:, moving])
+    lag = _shortest_of(q, moving)
     if lag is None:
         return None
     for whole in range(lag, len(q) // 2 + 3, lag):
@@ -50,15 +52,36 @@ def find_period(q: Array, dt: float) -> float | None:
     return None
 
 
+def _shortest_of(q: Array, moving: Mask) -> int | None:
+    """Return the shortest lag [samples] at which the joints that move repeat in a first stretch and in all of q."""
+    if len(q) <= 2 * _STRETCH:
+        return _shortest(np.compress(moving, q, axis=1))
+    awake = _awake(q[:, moving])
+    first, length = int(np.argmax(awake)), _STRETCH
+    while length < len(q) - first:
+        part = q[first : first + length]
+        there = moving & _moving(part)
+        lag = _shortest(np.compress(there, part, axis=1)) if there.any() else None
+        if lag is not None and _median_difference(q[:, moving], awake, lag, q[:, moving].std(axis=0)) <= _REPEATS:
+            return lag
+        length *= 2
+    return _shortest(np.compress(moving, q, axis=1))
+
+
 def _returned(q: Array, lag: int) -> bool:
     """Return whether joints that hardly move are after `lag` samples where they were, but for noise."""
-    gap = np.median((q[lag:] - q[:-lag]) ** 2, axis=0)
+    gap = np.array([np.median((column[lag:] - column[:-lag]) ** 2) for column in q.T])
     return bool(np.all(gap <= np.maximum(4.0 * roughness(q), AT_REST) ** 2))
 
 
 def _shortest(q: Array) -> int | None:
-    """Return the shortest lag [samples] at which joints that move repeat as well as at any, None where they don't."""
-    x = (q - q.mean(axis=0)) / q.std(axis=0)
+    """Return the shortest lag [samples] at which joints that move repeat as well as at any, None where they don't.
+
+    q [N, n] is overwritten.
+    """
+    q -= q.mean(axis=0)
+    q /= q.std(axis=0)
+    x = q
     awake = _awake(x)
     stride = max(1, int(awake.sum()) // _COARSE)
     lags = _dips(x[::stride], awake[::stride]) * stride
@@ -77,27 +100,32 @@ def refine_period(q: Array, period: float, dt: float) -> float:
     shift = - sum dq (q(t + L) - q(t)) / sum dq^2, over the steady samples; lags L of 1, 2, 4... periods, each
     refining the last.
     """
-    q = q[:, _moving(q)]
-    velocity = np.gradient(q, axis=0)
-    weight = 1.0 / np.maximum(velocity.std(axis=0), 1e-12) ** 2
-    awake = _awake(q)
+    columns = [q[:, joint] for joint in np.flatnonzero(_moving(q))]
+    weights = [1.0 / max(float(np.gradient(column).std()), 1e-12) ** 2 for column in columns]
+    awake = _awake(q[:, _moving(q)])
     repeats, least = 1, np.inf
     while (repeats + 0.5) * period < len(q):
         lag = round(repeats * period)
-        ahead, behind = q[lag:], q[:-lag]
         rows = awake[lag:] & awake[:-lag]
         if rows.sum() < 10:
             break
-        gap = np.sum(weight * (ahead - behind) ** 2, axis=1)
+        gap = np.zeros(len(rows))
+        for weight, column in zip(weights, columns, strict=True):
+            gap += weight * (column[lag:] - column[:-lag]) ** 2
         quiet = float(np.percentile(gap[rows], 30.0))
         if quiet > 25.0 * least + 1e-9:  # beyond the periods that there are
             break
         least = min(least, quiet)
         calm = rows & (gap <= 4.0 * quiet + 1e-12)
-        slope = 0.5 * (velocity[lag:] + velocity[:-lag])[calm]
-        shift = -np.sum(weight * slope * (ahead - behind)[calm]) / np.sum(weight * slope * slope)
+        moved, size = 0.0, 0.0
+        for weight, column in zip(weights, columns, strict=True):
+            velocity = np.gradient(column)
+            slope = 0.5 * (velocity[lag:] + velocity[:-lag])[calm]
+            moved += weight * float(slope @ (column[lag:] - column[:-lag])[calm])
+            size += weight * float(slope @ slope)
+        shift = -moved / size
         if abs(shift) < 0.5 * period:
-            period = (lag + float(shift)) / repeats
+            period = (lag + shift) / repeats
         repeats *= 2
     nearest = round(period)
     return float(nearest) if abs(period - nearest) * (len(q) / period) < 0.1 else period
@@ -109,22 +137,22 @@ def steady_part(q: Array, period: float, step: Array, source: str) -> Steady:
     step [n]: differences of the noise's size. Raises InputError when it holds fewer than two periods.
     """
     moving = _moving(q)
-    q, step = q[:, moving], step[moving]
+    columns = [q[:, joint] for joint in np.flatnonzero(moving)]
     lag = round(period)
     if len(q) < lag + 4:
         raise InputError(f"{source}: {len(q) / period:.1f} periods; at least 2 are needed where periods are averaged")
-    velocity = np.gradient(q, axis=0)
     shift = lag - period
-    gap = (q[lag:] - q[:-lag] - shift * velocity[:-lag]) ** 2
     window = max(5, int(_SMOOTH * period))
     kernel = np.ones(window) / window
-    smooth = np.column_stack([np.convolve(column, kernel, mode="same") for column in gap.T])
-    awake = _awake(q)
+    awake = _awake(q[:, moving])
     rows = awake[lag:] | awake[:-lag]
-    # 16 = (4 sigma)^2 over the calm quarter; tremor of 1e-4 of the motion still counts as repeating
-    noise = np.maximum(step**2, _local_noise(q, kernel)[: len(smooth)])
-    bound = 16.0 * np.percentile(smooth[rows], 25.0, axis=0) + 4.0 * noise + (1e-4 * q.std(axis=0)) ** 2
-    good = np.all(smooth <= bound, axis=1) & _moves_within(awake, lag)[: len(smooth)]
+    good = _moves_within(awake, lag)[: len(rows)]
+    for column, rough in zip(columns, step[moving], strict=True):
+        gap = (column[lag:] - column[:-lag] - shift * np.gradient(column)[:-lag]) ** 2
+        smooth = np.convolve(gap, kernel, mode="same")
+        # 16 = (4 sigma)^2 over the calm quarter; tremor of 1e-4 of the motion still counts as repeating
+        noise = np.maximum(rough**2, _local_noise(column, kernel)[: len(smooth)])
+        good &= smooth <= 16.0 * np.percentile(smooth[rows], 25.0) + 4.0 * noise + (1e-4 * column.std()) ** 2
     first, last = _longest(good)
     last = last + lag
     periods = int((last - first + 1 + 1e-6 * period) / period)
@@ -148,11 +176,11 @@ def _moving(q: Array) -> Mask:
 
 
 def _local_noise(q: Array, kernel: Array) -> Array:
-    """Return the noise variance of positions q [N, n] around each sample: where samples are off the clock it grows with
-    speed. Third differences hold 20 times the noise's and little motion.
+    """Return the noise variance of a joint's positions q [N] around each sample: where samples are off the clock it
+    grows with speed. Third differences hold 20 times the noise's and little motion.
     """
-    rough = np.vstack([np.diff(q, n=3, axis=0) ** 2 / 20.0, np.zeros((3, q.shape[1]))])
-    return np.column_stack([np.convolve(column, kernel, mode="same") for column in rough.T])
+    rough = np.concatenate([np.diff(q, n=3) ** 2 / 20.0, np.zeros(3)])
+    return np.asarray(np.convolve(rough, kernel, mode="same"))
 
 
 def _longest(good: np.ndarray) -> tuple[int, int]:
@@ -182,34 +210,50 @@ def _sharpen(x: Array, awake: Mask, lag: int) -> int:
     """Return the lag nearby at which x repeats best: shift = - sum dx (x(t + lag) - x(t)) / sum dx^2, over the calm
     half.
     """
-    slope = np.gradient(x, axis=0)
     for _ in range(3):
         if not 1 <= lag < len(x):
             return lag
-        gap = x[lag:] - x[:-lag]
-        size = np.sum(gap * gap, axis=1)
+        size = _squared_difference(x, lag)
         rows = awake[lag:] & awake[:-lag]
         if not rows.any():
             return lag
         calm = rows & (size <= np.median(size[rows]))
-        mean = 0.5 * (slope[lag:] + slope[:-lag])[calm]
-        lag += round(-float(np.sum(mean * gap[calm]) / max(float(np.sum(mean * mean)), 1e-300)))
+        moved, power = 0.0, 0.0
+        for column in x.T:
+            slope = np.gradient(column)
+            mean = 0.5 * (slope[lag:] + slope[:-lag])[calm]
+            moved += float(mean @ (column[lag:] - column[:-lag])[calm])
+            power += float(mean @ mean)
+        lag += round(-moved / max(power, 1e-300))
     return lag
 
 
-def _median_difference(x: Array, awake: Mask, lag: int) -> float:
-    """Return the median squared difference at a lag over instants that both lie in motion; inf where they are few."""
+def _median_difference(x: Array, awake: Mask, lag: int, scale: Array | None = None) -> float:
+    """Return the median squared difference at a lag over instants that both lie in motion; inf where they are few.
+
+    scale [n]: by which the columns of x are divided.
+    """
     rows = awake[lag:] & awake[:-lag]
     if rows.sum() < max(10.0, _OVERLAP * awake.sum()):
         return np.inf
-    return float(np.median(np.mean((x[lag:] - x[:-lag])[rows] ** 2, axis=1)) / 2.0)
+    return float(np.median(_squared_difference(x, lag, scale)[rows] / x.shape[1]) / 2.0)
+
+
+def _squared_difference(x: Array, lag: int, scale: Array | None = None) -> Array:
+    """Return |x(t + lag) - x(t)|^2 over the joints, joint by joint, since x [N, n] may be large."""
+    total = np.zeros(len(x) - lag)
+    for column, unit in zip(x.T, np.ones(x.shape[1]) if scale is None else scale, strict=True):
+        total += ((column[lag:] - column[:-lag]) / unit) ** 2
+    return total
 
 
 def _awake(q: Array) -> Mask:
     """Return at which samples a joint moves: rest repeats with any period and tells nothing."""
-    speed = np.abs(np.gradient(q, axis=0))
-    top = np.percentile(speed, 98.0, axis=0)
-    return np.asarray(np.any(speed > _REST * np.maximum(top, 1e-300), axis=1) & np.any(speed > 0.0, axis=1))
+    awake = np.zeros(len(q), dtype=bool)
+    for column in q.T:
+        speed = np.abs(np.gradient(column))
+        awake |= (speed > _REST * np.percentile(speed, 98.0)) & (speed > 0.0)
+    return awake
 
 
 def _moves_within(awake: Mask, window: int) -> Mask:

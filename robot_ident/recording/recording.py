@@ -48,12 +48,13 @@ class Recording:
         except ValueError as error:
             raise InputError(f"{self.source}: {error}") from error
         for field, values in (("t", t), ("q", q), ("tau", tau), ("dq", dq)):
-            if values is not None and not np.isfinite(values).all():
+            # a NaN is the least and the largest of its array; what is within bounds needs no array of masks
+            if values is not None and values.size and not np.isfinite([values.min(), values.max()]).all():
                 rows = np.flatnonzero(~np.isfinite(values.reshape(len(t), -1)).all(axis=1))
                 where = f"in {len(rows)} of {len(t)} samples, first at t = {t[rows[0]]:.3f} s"
                 raise InputError(f"{self.source}: {field} is not a number {where}")
         for field, values in (("q", q), ("tau", tau), ("dq", dq)):
-            if values is not None and (np.abs(values) > LARGEST).any():
+            if values is not None and max(-values.min(initial=0.0), values.max(initial=0.0)) > LARGEST:
                 row, joint = np.argwhere(np.abs(values) > LARGEST)[0]
                 raise InputError(
                     f"{self.source}: {field} of {self.names[joint]} is {values[row, joint]:.3g} at t = {t[row]:.3f} s;"

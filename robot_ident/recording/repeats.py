@@ -40,13 +40,14 @@ def disturbed(measured: Measurement, step: Array) -> tuple[int, ...]:
     periods = measured.period_torque
     if periods is None:
         return ()
-    scatter = periods - np.nanmean(periods, axis=0)
-    power = np.nanmean(scatter**2, axis=(0, 1))
     found = []
-    for joint in np.flatnonzero(power > 0.0):
-        x = scatter[:, :, joint]
-        bursts = float(np.nanmean(x**4)) / power[joint] ** 2
-        smooth = float(np.nanmean(x[:, 1:] * x[:, :-1])) / power[joint]
+    for joint in range(periods.shape[2]):
+        x = periods[:, :, joint] - np.nanmean(periods[:, :, joint], axis=0)
+        power = float(np.nanmean(x**2))
+        if not power > 0.0:
+            continue
+        bursts = float(np.nanmean(x**4)) / power**2
+        smooth = float(np.nanmean(x[:, 1:] * x[:, :-1])) / power
         strays = np.sqrt(measured.position_variance[joint]) > _STRAY * step[joint]
         if strays and bursts > _BURSTS and smooth > _SMOOTH:
             found.append(int(joint))

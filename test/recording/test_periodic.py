@@ -48,6 +48,23 @@ def test_a_joint_that_hardly_moves_tells_the_period_all_the_same(reach: float, n
     assert find_period(q, 0.01) == pytest.approx(1000.0, rel=1e-4)
 
 
+def test_the_period_of_a_long_recording_is_no_multiple_of_it() -> None:
+    rng = np.random.default_rng(3)
+    t = np.arange(600_000) / 1000.0
+    w = 2.0 * np.pi / 0.7
+    q = np.column_stack([np.sin(w * t) + 0.3 * np.cos(3 * w * t), 0.4 * np.cos(w * t), np.sin(0.25 * w * t)])
+    q = np.vstack([np.tile(q[0], (50_000, 1)), q]) + 1e-4 * rng.standard_normal((650_000, 3))
+    assert find_period(q, 1e-3) == pytest.approx(2800.0, rel=1e-5), "the third joint needs four of the others' periods"
+    assert find_period(q[:, :2], 1e-3) == pytest.approx(700.0, rel=1e-5)
+
+
+def test_what_repeats_at_first_alone_has_no_period_of_the_whole() -> None:
+    t = np.arange(900_000) / 1000.0
+    q = np.column_stack([np.sin(2 * np.pi * t), np.cos(2 * np.pi * t)])
+    q[150_000:] = np.column_stack([np.sin((t[150_000:] / 7.0) ** 1.7), np.cos((t[150_000:] / 9.0) ** 1.6)])
+    assert find_period(q, 1e-3) is None
+
+
 def test_a_joint_that_creeps_hides_no_period() -> None:
     t = np.arange(0.0, 50.0, 0.01)
     q = np.column_stack([np.sin(2 * np.pi * 0.1 * t), 1e-4 * t])

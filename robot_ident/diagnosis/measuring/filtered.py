@@ -10,7 +10,7 @@ from itertools import product
 import numpy as np
 
 from robot_ident.diagnosis.diagnosis import Estimate
-from robot_ident.diagnosis.evidence import Evidence
+from robot_ident.diagnosis.evidence import Evidence, weighed_once
 from robot_ident.diagnosis.measuring.finding import (
     Finding,
     chosen,
@@ -49,8 +49,9 @@ class Passages:
 
     def through(self, passage: Passage, joints: Sequence[int] | None = None) -> BaseGram:
         """Return the Gram matrices with the rows of some joints (None: all) behind a low pass."""
-        parts = [passage.applied(c, t) for c, t in zip(self.raw, self.evidence.trajectories, strict=True)]
-        made = base_gram(replace(self.evidence, phi=weighed(self.evidence, parts)))
+        all_of = self.evidence.trajectories
+        phi = weighed_once(all_of, lambda place: passage.applied(self.raw[place], all_of[place]))
+        made = base_gram(replace(self.evidence, phi=phi))
         return made if joints is None else chosen(self.base, made, joints)
 
     def loss(self, passage: Passage, joints: Sequence[int]) -> float:
