@@ -40,7 +40,11 @@ def run(args: argparse.Namespace) -> int:
     declared: list[Declared] = []
     coupled: list[str] = []
     try:
-        recording = read_for(args.bag, robot, topic=args.topic) if robot else read_recording(args.bag, topic=args.topic)
+        recording = (
+            read_for(args.bag, robot, topic=args.topic)
+            if robot
+            else read_recording(args.bag, topic=args.topic, velocities=False)
+        )
         if robot is not None:
             recording = recording.with_joints(robot.joints)
             check_samples(recording)

@@ -15,6 +15,7 @@ from robot_ident.motion import Array
 from robot_ident.recording.measurement import Measurement
 
 _FRICTION = ("viscous", "coulomb")
+_AT_ONCE = 32  # periods that are solved together
 _LEAST = 3  # periods, below which neither scatter nor drift can be judged
 _ALPHA = 1e-3  # of the test for drift, divided by the number of joints and recordings
 
@@ -115,8 +116,11 @@ def _estimates(measured: Measurement, found: Solution, estimator: str) -> tuple[
     solver = problem.factored(equations.phi, found.structure.names)
     torques = measured.period_torque
     assert torques is not None
-    rows = np.column_stack([_rows(measured, one, equations) for one in torques])
-    values = solver.solve(problem.right(rows)).T
+    values = np.empty((len(torques), len(linear)))
+    for first in range(0, len(torques), _AT_ONCE):
+        some = slice(first, first + _AT_ONCE)
+        rows = np.column_stack([_rows(measured, one, equations) for one in torques[some]])
+        values[some] = solver.solve(problem.right(rows)).T
     residual = equations.torque - equations.phi @ values.mean(axis=0)
     covariance = problem.covariance(equations, equations.phi, residual, found.structure.names)
     return values, np.sqrt(np.diag(covariance))

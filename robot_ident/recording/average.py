@@ -70,7 +70,12 @@ def _fold(recording: Recording, index: np.ndarray, steady: Steady, samples: int)
     inside = (index >= start) & (index <= steady.last)
     place = index[inside] - start
 
+    whole = len(place) == count
+
     def periods(values: Array) -> Array:
+        if whole:  # nothing is missing: the samples as they are
+            first = int(np.argmax(inside))
+            return values[first : first + count].reshape(steady.periods, samples, -1)
         table = np.full((count, values.shape[1]), np.nan)
         table[place] = values[inside]
         return table.reshape(steady.periods, samples, -1)

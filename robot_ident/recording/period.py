@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from dataclasses import dataclass
 
 import numpy as np
@@ -55,17 +56,24 @@ def find_period(q: Array, dt: float) -> float | None:
 def _shortest_of(q: Array, moving: Mask) -> int | None:
     """Return the shortest lag [samples] at which the joints that move repeat in a first stretch and in all of q."""
     if len(q) <= 2 * _STRETCH:
-        return _shortest(np.compress(moving, q, axis=1))
-    awake = _awake(q[:, moving])
+        return _shortest(_columns(q, moving))
+    columns = _columns(q, moving)
+    units = [float(column.std()) for column in columns]
+    awake = _awake(columns)
     first, length = int(np.argmax(awake)), _STRETCH
     while length < len(q) - first:
         part = q[first : first + length]
         there = moving & _moving(part)
-        lag = _shortest(np.compress(there, part, axis=1)) if there.any() else None
-        if lag is not None and _median_difference(q[:, moving], awake, lag, q[:, moving].std(axis=0)) <= _REPEATS:
+        lag = _shortest(_columns(part, there)) if there.any() else None
+        if lag is not None and _median_difference(columns, awake, lag, units) <= _REPEATS:
             return lag
         length *= 2
-    return _shortest(np.compress(moving, q, axis=1))
+    return _shortest(columns)
+
+
+def _columns(q: Array, joints: Mask) -> list[Array]:
+    """Return the positions [N] of some joints, no copies of them: a recording may be long."""
+    return [q[:, joint] for joint in np.flatnonzero(joints)]
 
 
 def _returned(q: Array, lag: int) -> bool:
@@ -74,21 +82,16 @@ def _returned(q: Array, lag: int) -> bool:
     return bool(np.all(gap <= np.maximum(4.0 * roughness(q), AT_REST) ** 2))
 
 
-def _shortest(q: Array) -> int | None:
-    """Return the shortest lag [samples] at which joints that move repeat as well as at any, None where they don't.
-
-    q [N, n] is overwritten.
-    """
-    q -= q.mean(axis=0)
-    q /= q.std(axis=0)
-    x = q
-    awake = _awake(x)
+def _shortest(columns: Sequence[Array]) -> int | None:
+    """Return the shortest lag [samples] at which joints that move repeat as well as at any, None where they don't."""
+    columns = [(column - column.mean()) / column.std() for column in columns]
+    awake = _awake(columns)
     stride = max(1, int(awake.sum()) // _COARSE)
-    lags = _dips(x[::stride], awake[::stride]) * stride
+    lags = _dips([column[::stride] for column in columns], awake[::stride]) * stride
     if not len(lags):
         return None
-    sharp = [_sharpen(x, awake, int(lag)) for lag in lags]
-    median = np.array([_median_difference(x, awake, lag) if lag >= 4 else np.inf for lag in sharp])
+    sharp = [_sharpen(columns, awake, int(lag)) for lag in lags]
+    median = np.array([_median_difference(columns, awake, lag) if lag >= 4 else np.inf for lag in sharp])
     if median.min() > _REPEATS:
         return None
     return min(lag for lag, value in zip(sharp, median, strict=True) if value <= 9.0 * median.min() + 1e-9)
@@ -100,9 +103,9 @@ def refine_period(q: Array, period: float, dt: float) -> float:
     shift = - sum dq (q(t + L) - q(t)) / sum dq^2, over the steady samples; lags L of 1, 2, 4... periods, each
     refining the last.
     """
-    columns = [q[:, joint] for joint in np.flatnonzero(_moving(q))]
+    columns = _columns(q, _moving(q))
     weights = [1.0 / max(float(np.gradient(column).std()), 1e-12) ** 2 for column in columns]
-    awake = _awake(q[:, _moving(q)])
+    awake = _awake(columns)
     repeats, least = 1, np.inf
     while (repeats + 0.5) * period < len(q):
         lag = round(repeats * period)
@@ -137,14 +140,14 @@ def steady_part(q: Array, period: float, step: Array, source: str) -> Steady:
     step [n]: differences of the noise's size. Raises InputError when it holds fewer than two periods.
     """
     moving = _moving(q)
-    columns = [q[:, joint] for joint in np.flatnonzero(moving)]
+    columns = _columns(q, moving)
     lag = round(period)
     if len(q) < lag + 4:
         raise InputError(f"{source}: {len(q) / period:.1f} periods; at least 2 are needed where periods are averaged")
     shift = lag - period
     window = max(5, int(_SMOOTH * period))
     kernel = np.ones(window) / window
-    awake = _awake(q[:, moving])
+    awake = _awake(columns)
     rows = awake[lag:] | awake[:-lag]
     good = _moves_within(awake, lag)[: len(rows)]
     for column, rough in zip(columns, step[moving], strict=True):
@@ -192,12 +195,12 @@ def _longest(good: np.ndarray) -> tuple[int, int]:
     return int(starts[best]), int(ends[best]) - 1
 
 
-def _dips(x: Array, awake: Mask) -> np.ndarray:
+def _dips(columns: Sequence[Array], awake: Mask) -> np.ndarray:
     """Return the lags at which the median difference dips, the deepest 30, shortest first."""
-    lags = np.arange(3, len(x) // 2 + 2)
+    lags = np.arange(3, len(awake) // 2 + 2)
     if len(lags) < 3:
         return np.empty(0, dtype=int)
-    curve = np.array([_median_difference(x, awake, int(lag)) for lag in lags])
+    curve = np.array([_median_difference(columns, awake, int(lag)) for lag in lags])
     curve = np.append(curve, np.inf)
     dips = 1 + np.flatnonzero((curve[1:-1] <= curve[:-2]) & (curve[1:-1] <= curve[2:]))
     left = np.maximum.accumulate(curve[:-1])
@@ -206,20 +209,20 @@ def _dips(x: Array, awake: Mask) -> np.ndarray:
     return np.sort(lags[dips])
 
 
-def _sharpen(x: Array, awake: Mask, lag: int) -> int:
-    """Return the lag nearby at which x repeats best: shift = - sum dx (x(t + lag) - x(t)) / sum dx^2, over the calm
+def _sharpen(columns: Sequence[Array], awake: Mask, lag: int) -> int:
+    """Return the lag nearby at which they repeat best: shift = - sum dx (x(t + lag) - x(t)) / sum dx^2, over the calm
     half.
     """
     for _ in range(3):
-        if not 1 <= lag < len(x):
+        if not 1 <= lag < len(awake):
             return lag
-        size = _squared_difference(x, lag)
+        size = _squared_difference(columns, lag)
         rows = awake[lag:] & awake[:-lag]
         if not rows.any():
             return lag
         calm = rows & (size <= np.median(size[rows]))
         moved, power = 0.0, 0.0
-        for column in x.T:
+        for column in columns:
             slope = np.gradient(column)
             mean = 0.5 * (slope[lag:] + slope[:-lag])[calm]
             moved += float(mean @ (column[lag:] - column[:-lag])[calm])
@@ -228,29 +231,29 @@ def _sharpen(x: Array, awake: Mask, lag: int) -> int:
     return lag
 
 
-def _median_difference(x: Array, awake: Mask, lag: int, scale: Array | None = None) -> float:
+def _median_difference(columns: Sequence[Array], awake: Mask, lag: int, units: Sequence[float] | None = None) -> float:
     """Return the median squared difference at a lag over instants that both lie in motion; inf where they are few.
 
-    scale [n]: by which the columns of x are divided.
+    units: of the columns, None where they are 1.
     """
     rows = awake[lag:] & awake[:-lag]
     if rows.sum() < max(10.0, _OVERLAP * awake.sum()):
         return np.inf
-    return float(np.median(_squared_difference(x, lag, scale)[rows] / x.shape[1]) / 2.0)
+    return float(np.median(_squared_difference(columns, lag, units)[rows] / len(columns)) / 2.0)
 
 
-def _squared_difference(x: Array, lag: int, scale: Array | None = None) -> Array:
-    """Return |x(t + lag) - x(t)|^2 over the joints, joint by joint, since x [N, n] may be large."""
-    total = np.zeros(len(x) - lag)
-    for column, unit in zip(x.T, np.ones(x.shape[1]) if scale is None else scale, strict=True):
+def _squared_difference(columns: Sequence[Array], lag: int, units: Sequence[float] | None = None) -> Array:
+    """Return |x(t + lag) - x(t)|^2 [N - lag] over the joints."""
+    total = np.zeros(len(columns[0]) - lag)
+    for column, unit in zip(columns, units or [1.0] * len(columns), strict=True):
         total += ((column[lag:] - column[:-lag]) / unit) ** 2
     return total
 
 
-def _awake(q: Array) -> Mask:
+def _awake(columns: Sequence[Array]) -> Mask:
     """Return at which samples a joint moves: rest repeats with any period and tells nothing."""
-    awake = np.zeros(len(q), dtype=bool)
-    for column in q.T:
+    awake = np.zeros(len(columns[0]), dtype=bool)
+    for column in columns:
         speed = np.abs(np.gradient(column))
         awake |= (speed > _REST * np.percentile(speed, 98.0)) & (speed > 0.0)
     return awake

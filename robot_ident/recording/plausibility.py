@@ -21,7 +21,7 @@ def check_plausible(recording: Recording, robot: Robot) -> None:
     at the joints. See `check_efforts` for efforts that say nothing.
     """
     reach = np.maximum(np.abs(robot.limits.lower), np.abs(robot.limits.upper))
-    size = np.abs(recording.q).max(axis=0)
+    size = np.maximum(recording.q.max(axis=0), -recording.q.min(axis=0))
     for joint in range(robot.n):
         if not np.isfinite(reach[joint]) or reach[joint] <= 0 or size[joint] <= _BEYOND * reach[joint]:
             continue
@@ -32,7 +32,7 @@ def check_plausible(recording: Recording, robot: Robot) -> None:
             f" its limit is {reach[joint]:.4g} {unit}{hint}"
         )
     _check_speed(recording, robot)
-    torque = np.abs(recording.tau).max(axis=0)
+    torque = np.maximum(recording.tau.max(axis=0), -recording.tau.min(axis=0))
     for joint in range(robot.n):
         limit = robot.limits.torque[joint]
         if np.isfinite(limit) and torque[joint] > 20.0 * limit and not robot.in_ampere(joint):
@@ -47,7 +47,8 @@ def check_plausible(recording: Recording, robot: Robot) -> None:
 def silent_efforts(recording: Recording) -> dict[str, float]:
     """Return the joints that move while their effort is one number, and the number: nobody measured it."""
     moves = np.ptp(recording.q, axis=0) > _MOVES
-    same = np.ptp(recording.tau, axis=0) <= _CONSTANT * np.abs(recording.tau).max(axis=0)
+    highest, lowest = recording.tau.max(axis=0), recording.tau.min(axis=0)
+    same = highest - lowest <= _CONSTANT * np.maximum(highest, -lowest)
     return {
         name: float(recording.tau[0, joint])
         for joint, name in enumerate(recording.names)

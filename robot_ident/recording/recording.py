@@ -84,6 +84,8 @@ class Recording:
 
     def with_joints(self, joints: tuple[str, ...]) -> Recording:
         """Return the columns of `joints` in that order, matched by name; InputError lists a missing one."""
+        if joints == self.names:
+            return self
         missing = [name for name in joints if name not in self.names]
         if missing:
             hint = ": is it of another robot? identify --robot names its file" if len(missing) == len(joints) else ""

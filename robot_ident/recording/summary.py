@@ -105,7 +105,7 @@ def summarise(recording: Recording) -> Summary:
             " called adequate (repeat the motion 8 times or more)"
         )
     step = max(1, round(0.02 / clock.dt))
-    speed = np.abs(q[step:] - q[:-step]).max(axis=0) / (step * clock.dt) if len(q) > step else np.zeros(q.shape[1])
+    speed = np.array([np.abs(one[step:] - one[:-step]).max(initial=0.0) / (step * clock.dt) for one in q.T])
     return Summary(
         joints=recording.names,
         samples=recording.samples,
@@ -119,7 +119,7 @@ def summarise(recording: Recording) -> Summary:
         lower=recording.q.min(axis=0),
         upper=recording.q.max(axis=0),
         top_speed=speed,
-        top_torque=np.abs(recording.tau).max(axis=0),
+        top_torque=np.maximum(recording.tau.max(axis=0), -recording.tau.min(axis=0)),
         torque_variance=None if mean is None else mean.tau_variance,
         position_variance=None if mean is None else mean.q_variance,
         position_step=position_step(recording.q),
