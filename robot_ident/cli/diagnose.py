@@ -40,10 +40,12 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
 
 def run(args: argparse.Namespace) -> int:
     """Say which physical effect is missing."""
-    from robot_ident.cli.loop import read_inputs, refuse_contradictions
+    from robot_ident.cli.loop import read_inputs
     from robot_ident.cli.until_adequate import Additions, add_until_adequate, print_additions, to_dict
     from robot_ident.diagnosis.diagnose import diagnose
     from robot_ident.diagnosis.kept_aside import misfit_aside
+    from robot_ident.estimation.effort_checks import taken_as_declared
+    from robot_ident.estimation.unusable import refuse_misdeclared
     from robot_ident.files import refuse_existing
 
     if args.output and not args.add_until_adequate:
@@ -53,9 +55,16 @@ def run(args: argparse.Namespace) -> int:
     inputs = read_inputs(args.inputs, args.validation, args.topic)
     if len(inputs.models) != 1 or not inputs.measurements:
         raise InputError("diagnose takes one model and at least one recording")
-    refuse_contradictions(inputs)
+    model = inputs.models[0]
+    refuse_misdeclared(model, inputs.measurements)
     with Progress("diagnose", 1.0) as bar:
-        found = diagnose(inputs.measurements, inputs.models[0].structure, inputs.validation, bar.reach)
+        found = diagnose(
+            inputs.measurements,
+            model.structure,
+            inputs.validation,
+            bar.reach,
+            as_declared=taken_as_declared(model.notes),
+        )
     if found.verdict == "adequate":
         found = replace(found, notes=(*found.notes, *misfit_aside(inputs.models[0], inputs.validation)))
     added = add_until_adequate(found, inputs, args) if args.add_until_adequate else Additions([found])

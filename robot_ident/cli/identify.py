@@ -46,8 +46,8 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
 def run(args: argparse.Namespace) -> int:
     """Identify and print the parameters with their uncertainty."""
     from robot_ident.bags import read_for
-    from robot_ident.cli.declared import contradictions
-    from robot_ident.cli.processing import at_its_speed, processing_of
+    from robot_ident.cli.processing import AS_DECLARED, at_its_speed, processing_of
+    from robot_ident.estimation.effort_checks import contradictions
     from robot_ident.estimation.estimate_gains import with_known_gains
     from robot_ident.estimation.identify import estimate
     from robot_ident.files import refuse_existing, refuse_twice
@@ -74,7 +74,7 @@ def run(args: argparse.Namespace) -> int:
     structure = Structure.build(robot, args.effect)
     measurements = [process(recording, robot, processing) for recording in recordings]
     refuse_copies(measurements)
-    doubts = contradictions(measurements, robot, as_declared=args.as_declared)
+    doubts = contradictions(measurements, robot, as_declared=args.as_declared, otherwise=AS_DECLARED)
     known, structure, gains = with_known_gains(recordings, measurements, structure, processing)
     model = estimate(
         known,

@@ -41,7 +41,8 @@ def run_only(args: argparse.Namespace) -> int:
     from dataclasses import replace
 
     from robot_ident.bags import read_for
-    from robot_ident.cli.declared import contradictions
+    from robot_ident.cli.processing import AS_DECLARED
+    from robot_ident.estimation.effort_checks import contradictions
     from robot_ident.estimation.held_body import part_of
     from robot_ident.estimation.payload import bare, identify_payload
     from robot_ident.files import refuse_existing, refuse_twice, write_text
@@ -68,7 +69,7 @@ def run_only(args: argparse.Namespace) -> int:
     bared = [replace(recording, conditions=bare(recording.conditions)) for recording in recordings]
     measurements = [process(recording, model.robot, processing) for recording in bared]
     refuse_copies(measurements)
-    doubts = contradictions(measurements, model.robot, as_declared=args.as_declared)
+    doubts = contradictions(measurements, model.robot, as_declared=args.as_declared, otherwise=AS_DECLARED)
     part = part_of([(recording.source, recording.conditions) for recording in recordings])
     found = identify_payload(measurements, model, next(iter(stated)), part)
     found = replace(found, notes=(*doubts, *(n for m in measurements for n in m.notes), *found.notes))

@@ -15,9 +15,6 @@ if TYPE_CHECKING:
     from robot_ident.recording.measurement import Measurement
 
 
-_ABSURD = 10.0  # times the torque itself by which a model errs where efforts are in another unit or of another side
-
-
 def add_common(parser: argparse.ArgumentParser) -> None:
     """Add the options that the three verbs share."""
     from robot_ident.cli.output import add_json
@@ -80,37 +77,6 @@ def with_model(inputs: Inputs, model: Model, validation: Sequence[str], topic: s
         return given
     measured = tuple(_measured(model, bag, topic) for bag in inputs.bags)
     return replace(given, measurements=measured, validation=validated_for(model, validation, topic))
-
-
-def refuse_contradictions(inputs: Inputs) -> None:
-    """Raise InputError where efforts are not made by the motion, or weight is that of another gravity; and where they
-    are a tenth or less of what the model makes of a motion, and a declaration that they contradict tells why. A model
-    that was identified as declared all the same stands.
-    """
-    from robot_ident.cli.declared import AS_DECLARED, contradictions
-    from robot_ident.estimation.effort_checks import EffortChecks
-    from robot_ident.estimation.unusable import residual_on
-
-    model = inputs.models[0]
-    if any(note.endswith(AS_DECLARED) for note in model.notes):
-        return
-    checks = EffortChecks([*inputs.measurements, *inputs.validation], model.robot)
-    foreign, gravity = checks.foreign(), checks.gravity()
-    if foreign:
-        raise InputError(foreign)
-    if gravity is not None:
-        raise InputError(f"{model.robot.source}: {gravity.in_words}; change it to '{gravity.change}' and identify anew")
-    absurd = [
-        measured
-        for measured in inputs.measurements
-        if any((one.relative or 0.0) > _ABSURD for one in residual_on(model, measured).values())
-    ]
-    for measured in absurd:
-        try:
-            contradictions([measured], model.robot, as_declared=False, otherwise="")
-        except InputError as error:
-            which = "" if len(absurd) == len(inputs.measurements) else f"{measured.source} alone: "
-            raise InputError(f"{which}{error}") from error
 
 
 def _refuse_fitted(bags: Sequence[str], validation: Sequence[str]) -> None:

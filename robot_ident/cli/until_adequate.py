@@ -44,8 +44,9 @@ def add_until_adequate(found: Diagnosis, inputs: Inputs, args: argparse.Namespac
     """
     from robot_ident.diagnosis.diagnose import diagnose
     from robot_ident.diagnosis.kept_aside import misfit_aside
+    from robot_ident.estimation.effort_checks import taken_as_declared
 
-    out = Additions([found])
+    out, declared = Additions([found]), taken_as_declared(inputs.models[0].notes)
     if not _columns(found):
         out.steps = steps_of(inputs, (), args.validation, args.topic)
     for number in range(_ROUNDS + 1):
@@ -70,7 +71,8 @@ def add_until_adequate(found: Diagnosis, inputs: Inputs, args: argparse.Namespac
         model = out.steps[-1].model
         inputs = with_model(inputs, model, args.validation, args.topic)
         with Progress("diagnose anew", 1.0) as bar:
-            out.said.append(diagnose(inputs.measurements, model.structure, inputs.validation, bar.reach))
+            said = diagnose(inputs.measurements, model.structure, inputs.validation, bar.reach, as_declared=declared)
+            out.said.append(said)
         if out.last.verdict == "adequate":
             aside = misfit_aside(model, inputs.validation)
             out.said[-1] = replace(out.last, notes=(*out.last.notes, *aside))

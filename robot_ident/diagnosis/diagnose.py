@@ -36,6 +36,7 @@ from robot_ident.diagnosis.unseen import Unseen
 from robot_ident.diagnosis.weighed_by_residual import tells_noise
 from robot_ident.diagnosis.white_lines import whitened
 from robot_ident.estimation.declaration import clock_notes
+from robot_ident.estimation.effort_checks import refuse_foreign
 from robot_ident.model.structure import Structure
 from robot_ident.motion import Array
 from robot_ident.recording.copies import of_one_motion, refuse_copies
@@ -56,14 +57,19 @@ def diagnose(
     structure: Structure,
     validation: Sequence[Measurement] = (),
     tell: Tell = silent,
+    *,
+    as_declared: bool = False,
 ) -> Diagnosis:
     """Return what is missing from a model, judged on several periodic recordings.
 
     validation: measurements that never enter a fit; what a candidate predicts of them is evidence. Where a recording
     doesn't tell its noise, all are judged by prediction alone, and none can be called adequate. tell: hears how far it
-    has come.
+    has come. as_declared: go on where efforts are none of these motions, or weight is that of another gravity than
+    declared; otherwise these raise InputError.
     """
     refuse_copies([*measurements, *validation])
+    if not as_declared:
+        refuse_foreign([*measurements, *validation], structure.robot)
     refuse_silent(measurements, "; a model of the others alone: identify --joints {moving}")
     if not all(tells_noise(measured) for measured in measurements):
         predicted = diagnose_by_prediction(measurements, structure, validation, tell)

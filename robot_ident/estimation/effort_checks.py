@@ -1,4 +1,5 @@
-"""Is the effort that of this arm in this motion? Noise, absolute values, another joint's effort, another gravity.
+"""Is the effort that of this arm in this motion, as its YAML declares it? Noise, absolute values, another joint's
+effort, another gravity; `contradictions` and `refuse_foreign` ask all of it.
 
 Each joint's effort is held against what its motion can make of it,
 
@@ -15,9 +16,14 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
-from robot_ident.estimation.contradiction import Contradiction
-from robot_ident.estimation.declaration import clustered
+from robot_ident.configuration import line_of
+from robot_ident.errors import InputError
+from robot_ident.estimation.contradiction import Contradiction, contradiction
+from robot_ident.estimation.coupling import coupling_contradiction
+from robot_ident.estimation.declaration import clock_notes, clustered, judge_all
 from robot_ident.motion import Array
+from robot_ident.recording.arm_alone import with_payload
+from robot_ident.recording.conditions import sidecar
 from robot_ident.recording.measurement import Measurement
 from robot_ident.robot.robot import Robot
 
@@ -40,6 +46,64 @@ _FACTOR = 3.0  # by which masses of a URDF may be wrong, or a payload adds to th
 _LITTLE = 3.0  # m/s^2 that an arm without weight may seem to feel
 _TILT = 0.5  # rad by which a base may stand tilted
 _SURE = 6.0  # standard deviations
+_AS_DECLARED = "; taken as declared"
+
+
+def contradictions(
+    measurements: Sequence[Measurement], robot: Robot, *, as_declared: bool = False, otherwise: str = ""
+) -> list[str]:
+    """Return what in the data contradicts the declaration of effort, for the notes of a model.
+
+    Raises InputError, with the line of the robot YAML to change, unless the user goes on all the same (as_declared); of
+    a clock that runs wrong no line tells, and it is only said. Where nothing contradicts it once stated payloads are
+    left out, the sidecars that state them are named instead. otherwise: what else the user may do. Recordings with an
+    unknown payload are not judged.
+    """
+    measurements = [m for m in measurements if not m.conditions.estimated]
+    if not measurements:
+        return []
+    checks = EffortChecks(measurements, robot)
+    foreign = checks.foreign() or checks.exchanged()
+    if foreign and as_declared:
+        return [f"{foreign}{_AS_DECLARED}"]
+    if foreign:
+        raise InputError(f"{foreign}{otherwise}")
+    found = (
+        coupling_contradiction(measurements, robot)
+        or checks.gravity()
+        or contradiction(judge_all(measurements, robot), robot)
+    )
+    if found is None:
+        return clock_notes(measurements, robot)
+    if as_declared:
+        return [f"{found.in_words}{_AS_DECLARED}"]
+    stated = {str(sidecar(m.source)): m.conditions.payload for m in measurements if m.conditions.payload is not None}
+    if stated and contradiction(judge_all([with_payload(m, robot) for m in measurements], robot), robot) is None:
+        told = ", ".join(f"{file}: payload.mass = {one.mass:g}" for file, one in stated.items())
+        raise InputError(
+            f"{told}: the effort contradicts this payload; mass is in kg, centre in m in the end effector's frame"
+            f"{otherwise}"
+        )
+    line = line_of(robot.source, found.entry)
+    place = robot.source if line is None else f"{robot.source}:{line}"
+    raise InputError(f"{place}: {found.in_words}; change it to '{found.change}'{otherwise}")
+
+
+def taken_as_declared(notes: Sequence[str]) -> bool:
+    """Return whether a model with these notes was identified against a contradiction that its user went on with."""
+    return any(note.endswith(_AS_DECLARED) for note in notes)
+
+
+def refuse_foreign(measurements: Sequence[Measurement], robot: Robot) -> None:
+    """Raise InputError where efforts are not made by the motion, or weight is that of another gravity than declared:
+    whatever a model lacked of them would be no physics.
+    """
+    checks = EffortChecks(measurements, robot)
+    foreign, gravity = checks.foreign(), checks.gravity()
+    if foreign:
+        raise InputError(foreign)
+    if gravity is not None:
+        raise InputError(f"{robot.source}: {gravity.in_words}; change it to '{gravity.change}' and identify anew")
 
 
 class _Rows:

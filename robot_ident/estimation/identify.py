@@ -12,6 +12,7 @@ from robot_ident.estimation.apart import apart
 from robot_ident.estimation.carried import Carried, Solved, solve_carrying
 from robot_ident.estimation.days import by_day
 from robot_ident.estimation.driving import driven, negative_notes
+from robot_ident.estimation.effort_checks import contradictions
 from robot_ident.estimation.equations import Equations, stack
 from robot_ident.estimation.estimate_gains import spread_by_gains, with_known_gains
 from robot_ident.estimation.gains import Gains
@@ -40,19 +41,24 @@ def identify(
     estimator: str = "wls",
     processing: Processing | None = None,
     physical: bool = False,
+    as_declared: bool = False,
 ) -> Model:
     """Estimate a robot's parameters from one or several recordings.
 
-    Raises InputError on recordings that can't be used or are copies of each other, unknown effects or estimators, and
-    motions that don't excite a parameter.
+    as_declared: go on where the data contradict what the robot declares of its efforts. Raises InputError where they do
+    otherwise, on recordings that can't be used or are copies of each other, unknown effects or estimators, and motions
+    that don't excite a parameter.
     """
     processing = processing or Processing()
     structure = Structure.build(robot, effects)
     refuse_same_rows(recordings)
     measurements = [process(recording, robot, processing) for recording in recordings]
     refuse_copies(measurements)
+    otherwise = ", or go on with as_declared=True"
+    doubts = contradictions(measurements, robot, as_declared=as_declared, otherwise=otherwise)
     known, structure, gains = with_known_gains(recordings, measurements, structure, processing)
-    return estimate(known, structure, estimator=estimator, processing=processing, physical=physical, gains=gains)
+    model = estimate(known, structure, estimator=estimator, processing=processing, physical=physical, gains=gains)
+    return replace(model, notes=(*doubts, *model.notes))
 
 
 def estimate(

@@ -7,11 +7,14 @@ from pathlib import Path
 
 import numpy as np
 
+from robot_ident.errors import InputError
+from robot_ident.estimation.effort_checks import contradictions, taken_as_declared
 from robot_ident.estimation.identify import fit
 from robot_ident.model.model import Fit, Model
 from robot_ident.recording.measurement import Measurement
 
 _BEYOND_NOISE = 4.0  # times the noise's variance: where a joint only holds still, error and torque are both noise
+_ABSURD = 10.0  # times the torque itself, by which a model errs where efforts are in another unit or of another side
 _NAMED = 3  # joints that the sentence names
 
 
@@ -67,3 +70,22 @@ def unusable_on(model: Model, validation: Sequence[Measurement]) -> tuple[str, .
 def _torque(residual: Fit) -> float:
     """Return the rms torque [Nm] that a residual stands beside."""
     return residual.rms / residual.relative if residual.relative else 0.0
+
+
+def refuse_misdeclared(model: Model, measurements: Sequence[Measurement]) -> None:
+    """Raise InputError where efforts are a tenth or less of what a model makes of a motion, and a declaration that they
+    contradict tells why. A model that was identified as declared all the same stands.
+    """
+    if taken_as_declared(model.notes):
+        return
+    absurd = [
+        measured
+        for measured in measurements
+        if any((one.relative or 0.0) > _ABSURD for one in residual_on(model, measured).values())
+    ]
+    for measured in absurd:
+        try:
+            contradictions([measured], model.robot)
+        except InputError as error:
+            which = "" if len(absurd) == len(measurements) else f"{measured.source} alone: "
+            raise InputError(f"{which}{error}") from error

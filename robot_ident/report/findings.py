@@ -10,7 +10,8 @@ from robot_ident.diagnosis.diagnose import diagnose
 from robot_ident.diagnosis.diagnosis import Diagnosis
 from robot_ident.diagnosis.kept_aside import misfit_aside
 from robot_ident.diagnosis.staircase import Foreseen, Level, Step, foresee, staircase
-from robot_ident.estimation.unusable import unusable_on
+from robot_ident.estimation.effort_checks import taken_as_declared
+from robot_ident.estimation.unusable import refuse_misdeclared, unusable_on
 from robot_ident.excitation.excitation import Excitation
 from robot_ident.excitation.limits import certify
 from robot_ident.excitation.margins import Margins
@@ -121,12 +122,13 @@ def gather(
     """
     heard("comparing")
     steps = staircase(models, training, validation)
+    seen, unseen = ([source.measured for source in sources] for sources in (training, validation))
+    refuse_misdeclared(steps[0].model, seen)
+    declared = taken_as_declared(steps[0].model.notes)
     diagnoses = {}
     for place in sorted({0, len(steps) - 1}):
         heard(f"diagnosing {steps[place].name}")
-        structure = steps[place].model.structure
-        seen, unseen = ([source.measured for source in sources] for sources in (training, validation))
-        diagnoses[place] = diagnose(seen, structure, unseen)
+        diagnoses[place] = diagnose(seen, steps[place].model.structure, unseen, as_declared=declared)
     played = []
     for path, excitation in excitations:
         heard(f"certifying {path}")

@@ -24,9 +24,11 @@ from robot_ident.diagnosis.progress import Tell, after
 from robot_ident.diagnosis.residual_lines import residual_lines
 from robot_ident.effects import make_effect
 from robot_ident.errors import InputError
+from robot_ident.estimation.effort_checks import contradictions, taken_as_declared
 from robot_ident.estimation.estimate_gains import with_known_gains
 from robot_ident.estimation.gains_anew import extended, measured_anew
 from robot_ident.estimation.identify import estimate
+from robot_ident.estimation.unusable import refuse_misdeclared
 from robot_ident.files import whole, write_text
 from robot_ident.model.model import Model
 from robot_ident.model.model_file import read_model, write_model
@@ -41,6 +43,8 @@ from robot_ident.workbench.made import Stamp, stamp
 from robot_ident.workbench.preview import Forecast, Preview
 from robot_ident.workbench.series import Rows, lines_to_arrays, rows_to_arrays, write_arrays
 from robot_ident.workbench.session import Session, StepFile, now
+
+_OTHERWISE = ", or bring the model of robot_ident identify --as-declared"
 
 
 class Work:
@@ -75,15 +79,18 @@ class Work:
         """Return the first model, with gains of drives that the robot's files don't give, as `identify` finds it."""
         training, _ = self.inputs.measurements(tell, None, robot)
         tell(0.6, "identifying the model")
+        doubts = contradictions(training, robot, otherwise=_OTHERWISE)
         structure = Structure.build(robot)
         known, structure, gains = with_known_gains(self.inputs.recordings(robot), training, structure, None)
         model = estimate(known, structure, gains=gains)
-        return replace(model, provenance=self.inputs.provenance())
+        return replace(model, notes=(*doubts, *model.notes), provenance=self.inputs.provenance())
 
     def diagnose(self, tell: Tell, number: int) -> None:
         """Find what a step's model lacks, and what each candidate would do."""
         training, validation, model = self._given(tell, number)
-        found = diagnose(training, model.structure, validation, tell=_part(tell, 0.3, 0.8))
+        refuse_misdeclared(model, training)
+        part, declared = _part(tell, 0.3, 0.8), taken_as_declared(model.notes)
+        found = diagnose(training, model.structure, validation, part, as_declared=declared)
         if found.verdict == "adequate":
             found = replace(found, notes=(*found.notes, *misfit_aside(model, validation)))
         listed = [s for s in (*found.missing, *found.others) if s.effect.regression]

@@ -67,6 +67,8 @@ def test_recordings(run: Run, golden: Path, base: Arrays, tmp_path: Path, spoil:
     assert run("identify", good, "-o", model).code == 0
     refused = run("diagnose", model, bad)
     assert refused.code == 2 and words in refused.err.splitlines()[-1] and refused.out == ""
+    refused = run("report", model, "--bag", bad, "-o", tmp_path / "report.html")
+    assert refused.code == 2 and words in refused.err.splitlines()[-1] and not (tmp_path / "report.html").exists()
     told = run("info", bad, "--robot", "kuka_ir361")
     assert words in told.err
 

@@ -8,6 +8,8 @@ from typing import Any
 import numpy as np
 import pytest
 
+from robot_ident import diagnose, identify
+from robot_ident.errors import InputError
 from robot_ident.estimation.effort_checks import EffortChecks, undecided_directions
 from robot_ident.recording.measurement import Processing
 from robot_ident.recording.process import process
@@ -48,6 +50,20 @@ def test_noise(arm: Any, recording: Any, measured: Any, share: float) -> None:
     one[:, 1] = noise[:, 1]
     told = EffortChecks(measured(replace(recording, tau=one)), arm.robot).foreign()
     assert [joint in told for joint in arm.robot.joints] == [False, True, False]
+
+
+def test_the_library_refuses_what_the_command_line_refuses(arm: Any, recording: Any, measured: Any) -> None:
+    noise = np.random.default_rng(3).normal(size=recording.tau.shape) * recording.tau.std(axis=0)
+    spoilt = replace(recording, tau=noise)
+    with pytest.raises(InputError, match="not made by the motion.*as_declared=True"):
+        identify([spoilt], arm.robot)
+    assert any("taken as declared" in note for note in identify([spoilt], arm.robot, as_declared=True).notes)
+    structure = identify([recording], arm.robot).structure
+    with pytest.raises(InputError, match="not made by the motion"):
+        diagnose([process(spoilt, arm.robot)], structure)
+    other = under(arm.robot, [0.0, 0.0, 9.81])
+    with pytest.raises(InputError, match="gravity"):
+        identify([recording], other)
 
 
 def test_absolute_values(arm: Any, recording: Any, measured: Any) -> None:

@@ -162,12 +162,23 @@ def test_an_unreadable_session_is_named_beside_the_others(copy: Session, recordi
     broken = copy.folder.with_name("session_9")
     broken.mkdir()
     (broken / "session.yaml").write_bytes(b"\xff: [")
-    desk = Desk(copy.folder.parent, Allowed(recordings, []))
+    desk = Desk(copy.folder.parent, Allowed(recordings))
     opened, refused = desk.sessions
     assert [one.name for one in opened] == [copy.name]
     assert len(refused) == 1 and "session_9" in refused[0]
     words = json.dumps(chooser(desk), cls=PlotlyJSONEncoder)
     assert "session_9" in words and copy.name in words
+
+
+def test_efforts_that_are_none_of_the_motion_make_no_model(recordings: Path, tmp_path: Path) -> None:
+    for name in ("run_1", "run_2"):
+        read = read_recording(recordings / name)
+        noise = np.random.default_rng(4).normal(size=read.tau.shape) * read.tau.std(axis=0)
+        write_recording(tmp_path / f"{name}.npz", replace(read, tau=noise))
+    session = Desk(tmp_path / "sessions", Allowed(tmp_path)).open(("run_1.npz", "run_2.npz"), [])
+    with pytest.raises(InputError, match="not made by the motion"):
+        run(session, None, {"task": "open"}, lambda share, words: None)
+    assert not session.steps
 
 
 def test_undo_redo_and_alternatives(copy: Session) -> None:
