@@ -9,14 +9,14 @@ import signal
 import sys
 import threading
 from collections.abc import Iterator, Sequence
-from contextlib import contextmanager
+from contextlib import contextmanager, nullcontext
 from types import FrameType
 
 from robot_ident import __version__
 from robot_ident.cli.effects_from import add_effects_from, register_effects
-from robot_ident.cli.memory import bounded
 from robot_ident.cli.output import Parser, flush, refuse_own_input, tell
 from robot_ident.errors import InputError, RobotIdentError, one_line
+from robot_ident.memory import OUT_OF_MEMORY, bounded
 from robot_ident.parallel import came, end_by, on_cluster
 
 # verb: what it does, in the order in which they are used
@@ -65,6 +65,9 @@ def build_parser(only: str | None = None) -> argparse.ArgumentParser:
     return parser
 
 
+_SERVERS = ("workbench",)  # which start a browser: their workers bound themselves
+
+
 def main(argv: Sequence[str] | None = None) -> int:
     """Run the command line and return its exit code."""
     words = list(sys.argv[1:] if argv is None else argv)
@@ -81,7 +84,8 @@ def _run(words: list[str], verb: str | None) -> int:
         args = build_parser(verb if verb in VERBS else "").parse_args(words)
         refuse_own_input(args)
         register_effects(getattr(args, "effects_from", []))
-        with bounded(), on_cluster(getattr(args, "cluster", None)):
+        own = nullcontext() if args.verb in _SERVERS else bounded()
+        with own, on_cluster(getattr(args, "cluster", None)):
             code = int(importlib.import_module(f"robot_ident.cli.{args.verb}").run(args) or 0)
             flush()
             return code
@@ -94,7 +98,7 @@ def _run(words: list[str], verb: str | None) -> int:
     except KeyboardInterrupt:
         return _stopped(verb)
     except MemoryError:
-        tell(f"robot_ident {verb}: {_OUT_OF_MEMORY}")
+        tell(f"robot_ident {verb}: {OUT_OF_MEMORY}")
         return InputError.exit_code
     except Exception as error:
         if isinstance(error, OSError) and error.filename is not None and not came:  # a name that no file can have
@@ -106,12 +110,6 @@ def _run(words: list[str], verb: str | None) -> int:
             tell(f"robot_ident {verb}: {error}; pinocchio needs it (Debian, Ubuntu: sudo apt-get install libgomp1)")
             return InputError.exit_code
         raise
-
-
-_OUT_OF_MEMORY = (
-    "this needs more memory than the machine has free; nothing was written. End other programs, or give fewer or"
-    " shorter recordings"
-)
 
 
 def _stopped(verb: str | None) -> int:

@@ -16,6 +16,7 @@ from pathlib import Path
 from typing import Any, Literal
 
 from robot_ident.errors import InputError, RobotIdentError
+from robot_ident.memory import OUT_OF_MEMORY, bounded
 from robot_ident.parallel import end_with
 from robot_ident.workbench.made import Stamp
 from robot_ident.workbench.session import Session
@@ -151,10 +152,13 @@ def _serve(pipe: Connection, folder: str, effects_from: Sequence[str], server: i
             return
         try:
             kept = kept or work.Work(session, effects_from)
-            work.run(session, kept, task, lambda share, words: pipe.send(("progress", share, words)))
+            with bounded():
+                work.run(session, kept, task, lambda share, words: pipe.send(("progress", share, words)))
             said: tuple[Any, ...] = ("done", kept.said, kept.wrote)
         except RobotIdentError as error:
             said = ("failed", str(error), "")
+        except MemoryError:
+            said = ("failed", OUT_OF_MEMORY, "")
         except Exception as error:  # noqa: BLE001  a bug must not end the session; it is shown with its traceback
             said = ("failed", f"{type(error).__name__}: {error}", traceback.format_exc())
         try:

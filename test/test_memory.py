@@ -10,7 +10,7 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from robot_ident.cli import memory
+from robot_ident import memory
 
 pytestmark = pytest.mark.skipif(sys.platform != "linux", reason="limits of Linux")
 resource = pytest.importorskip("resource")

@@ -9,6 +9,10 @@ from collections.abc import Iterator
 from contextlib import contextmanager, suppress
 from pathlib import Path
 
+OUT_OF_MEMORY = (
+    "this needs more memory than the machine has free; nothing was written. End other programs, or give fewer or"
+    " shorter recordings"
+)
 _MMAP_THRESHOLD = -3  # of malloc.h
 _OWN = Path("/proc/self/status")
 _MACHINE = Path("/proc/meminfo")
