@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import hashlib
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from datetime import datetime, timezone
 from pathlib import Path
 from typing import Any
@@ -22,6 +22,12 @@ def fingerprint(path: Path | str) -> str:
                 for block in iter(lambda: stream.read(1 << 20), b""):
                     digest.update(block)
     return digest.hexdigest()
+
+
+def was_fitted(bag: str, known: Mapping[str, Any]) -> bool:
+    """Return whether a recording is, byte for byte, one of those from which a model comes."""
+    hashes = {one.get("sha256") for one in known.get("recordings", ())}
+    return bool(hashes) and fingerprint(bag) in hashes
 
 
 def provenance(bags: Sequence[str], options: dict[str, Any]) -> dict[str, Any]:

@@ -69,7 +69,7 @@ def run_only(args: argparse.Namespace) -> int:
     bared = [replace(recording, conditions=bare(recording.conditions)) for recording in recordings]
     measurements = [process(recording, model.robot, processing) for recording in bared]
     refuse_copies(measurements)
-    doubts = contradictions(measurements, model.robot, as_declared=args.as_declared, otherwise=AS_DECLARED)
+    doubts = contradictions(measurements, model.robot, as_declared=args.as_declared, otherwise=AS_DECLARED, loaded=True)
     part = part_of([(recording.source, recording.conditions) for recording in recordings])
     found = identify_payload(measurements, model, next(iter(stated)), part)
     found = replace(found, notes=(*doubts, *(n for m in measurements for n in m.notes), *found.notes))

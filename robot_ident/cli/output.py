@@ -17,6 +17,7 @@ from robot_ident.errors import InputError
 from robot_ident.files import is_special
 
 _RULE = re.compile(r"-+(  -+)*")  # the line below a table's header
+_LENGTHEN = ("add", "diagnose")  # verbs whose output is their model with something more
 _OUTPUTS = ("output", "page", "mcap")  # options that name a file to write
 _WRITE_FOLDERS = ("simulate", "recover", "predict", "demo", "trial")  # verbs whose output may be a folder
 _RECORDINGS = (".mcap", ".db3", ".npz", ".csv")
@@ -97,8 +98,8 @@ def add_output(parser: argparse.ArgumentParser, metavar: str, text: str, *, requ
 
 
 def refuse_own_input(args: argparse.Namespace) -> None:
-    """Raise InputError where two outputs have one name, or an output that of a recording that is read: --force replaces
-    what was computed, and no measurement.
+    """Raise InputError where two outputs have one name, or an output that of what is read: --force replaces what was
+    computed, and no measurement, robot or trajectory. A longer model may take the place of the one that it came from.
     """
     given = {name: value for name, value in vars(args).items() if value}
     outputs = {name: os.path.realpath(given[name]) for name in _OUTPUTS if isinstance(given.get(name), str)}
@@ -113,6 +114,8 @@ def refuse_own_input(args: argparse.Namespace) -> None:
                 continue
             if os.path.isdir(word) or word.endswith(_RECORDINGS):
                 raise InputError(f"{word}: is read as a recording and can't be the output too; give another name")
+            if os.path.isfile(word) and os.path.splitext(word)[1] and args.verb not in _LENGTHEN:
+                raise InputError(f"{word}: is read by this command and can't be its output too; give another name")
 
 
 def say(text: str = "") -> None:

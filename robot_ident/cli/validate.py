@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import argparse
+from dataclasses import replace
 
 from robot_ident.cli.output import add_json, print_json, say, tell, within
 from robot_ident.errors import CheckFailed
@@ -32,9 +33,13 @@ def run(args: argparse.Namespace) -> int:
     from robot_ident.cli.identify import fit_table
     from robot_ident.estimation.validate import validate
     from robot_ident.model.model_file import read_model
+    from robot_ident.provenance import was_fitted
 
     model = read_model(args.model)
     result = validate(model, read_for(args.bag, model.robot, topic=args.topic), low_pass=args.low_pass)
+    if was_fitted(args.bag, model.provenance):
+        seen = f"{args.bag}: the model was fitted to it, which validates nothing; give a recording that no fit has seen"
+        result = replace(result, notes=(seen, *result.notes))
     if args.json:
         print_json(result.to_dict())
     else:

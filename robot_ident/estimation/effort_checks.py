@@ -50,14 +50,20 @@ _AS_DECLARED = "; taken as declared"
 
 
 def contradictions(
-    measurements: Sequence[Measurement], robot: Robot, *, as_declared: bool = False, otherwise: str = ""
+    measurements: Sequence[Measurement],
+    robot: Robot,
+    *,
+    as_declared: bool = False,
+    otherwise: str = "",
+    loaded: bool = False,
 ) -> list[str]:
     """Return what in the data contradicts the declaration of effort, for the notes of a model.
 
     Raises InputError, with the line of the robot YAML to change, unless the user goes on all the same (as_declared); of
     a clock that runs wrong no line tells, and it is only said. Where nothing contradicts it once stated payloads are
     left out, the sidecars that state them are named instead. otherwise: what else the user may do. Recordings with an
-    unknown payload are not judged.
+    unknown payload are not judged; of those that are `loaded` with what is to be found, only whether the motion made
+    their efforts: a gain can't be told from a load.
     """
     measurements = [m for m in measurements if not m.conditions.estimated]
     if not measurements:
@@ -68,6 +74,8 @@ def contradictions(
         return [f"{foreign}{_AS_DECLARED}"]
     if foreign:
         raise InputError(f"{foreign}{otherwise}")
+    if loaded:
+        return []
     found = (
         coupling_contradiction(measurements, robot)
         or checks.gravity()

@@ -84,8 +84,14 @@ class NoiseSpectrum:
 
 
 def mean_of_periods(periods: Array) -> Array:
-    """Return the mean [N, n] of periods [M, N, n] (gaps nan), joint by joint, since there may be many."""
-    return np.stack([np.nanmean(periods[:, :, joint], axis=0) for joint in range(periods.shape[2])], axis=1)
+    """Return the mean [N, n] of periods [M, N, n] (gaps nan), nan where none has a sample; joint by joint, since there
+    may be many.
+    """
+    mean = np.full(periods.shape[1:], np.nan)
+    for joint in range(periods.shape[2]):
+        present = np.isfinite(periods[:, :, joint]).sum(axis=0)
+        np.divide(np.nansum(periods[:, :, joint], axis=0), present, out=mean[:, joint], where=present > 0)
+    return mean
 
 
 def noise_spectrum(

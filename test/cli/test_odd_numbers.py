@@ -20,6 +20,9 @@ CHANGES: dict[str, Callable[[dict[str, Any]], Any]] = {
     "constant efforts": lambda r: r.update(tau=0 * r["tau"] + 3.0),
     "one joint stands still": lambda r: r["q"].__setitem__((slice(None), 1), 0.3),
     "one sample": lambda r: r.update({key: r[key][:1] for key in ("t", "q", "tau")}),
+    "times to a tenth of a second": lambda r: r.update(
+        {key: r[key][:3000] for key in ("q", "tau")}, t=r["t"][:3000].round(1)
+    ),
     "no time": lambda r: r.update(t=1e-200 * r["t"]),
 }
 

@@ -127,3 +127,20 @@ def test_a_clock_that_runs_a_tenth_slow(run: Run, arm: Any, tmp_path: Path) -> N
     assert told.code == 0 and "clock runs 1.1" in told.err.splitlines()[0]
     assert "clock runs 1.1" in run("diagnose", model, slow).out.splitlines()[0]
     assert any("time scale not verified" in line for line in told.err.splitlines())
+
+
+def test_a_load_that_is_to_be_found_is_no_wrong_gain(run: Run, golden: Path, tmp_path: Path) -> None:
+    for name in ("six_axis.yaml", "six_axis.urdf", "hand_empty.npz", "hand_loaded.npz"):  # and no sidecar
+        shutil.copy(golden / name, tmp_path)
+    model = tmp_path / "model.yaml"
+    words = ("identify", tmp_path / "hand_empty.npz", "--robot", tmp_path / "six_axis.yaml", "-o", model)
+    assert run(*words).code == 0
+    found = run("identify", tmp_path / "hand_loaded.npz", "--only", "payload", "--model", model)
+    assert found.code == 0 and "2.49" in found.out, found.err
+
+
+def test_validation_on_what_was_fitted_says_so_first(run: Run, golden: Path, tmp_path: Path) -> None:
+    bag, model = golden / "kuka_1.npz", tmp_path / "model.yaml"
+    assert run("identify", bag, "-o", model).code == 0
+    assert "fitted to it, which validates nothing" in run("validate", model, bag).err.splitlines()[0]
+    assert "validates nothing" not in run("validate", model, golden / "kuka_2.npz").err
