@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Mapping
+from dataclasses import replace
 from itertools import combinations
 
 import numpy as np
@@ -18,6 +19,9 @@ _MOSTLY = 0.5  # of the samples
 _REGULAR = 0.9  # of the distances between the samples that were measured: alike, but for one sample
 _LEAP = 0.01  # of the range of motion: a leap that no sample rate worth having leaves between two samples
 _BACK = 0.1  # of a leap: what the sample after it is away from the one before it
+_TOO_FAR = 5.0  # times the change from sample to sample that a joint exceeds in a hundredth of them
+_AWAY = 5  # samples after which a reading that leapt is back
+_FEW = 0.01  # share of samples that may be left out as readings that leapt
 _LEAPS = 0.05  # share of samples that leap and come back
 
 
@@ -57,6 +61,39 @@ def _refuse_two_robots(recording: Recording) -> None:
             f"{recording.source}: positions leap to and fro in {int(leaps.sum())} of {count} samples: two publishers"
             " report joints of the same names on this topic; record each on a topic of its own, or stop one of them"
         )
+
+
+def without_leaps(recording: Recording) -> Recording:
+    """Return a recording without samples whose positions leap and are back within five samples: readings that were lost
+    (zeros, say) or spoilt, which no joint has followed. A note names the first; more than a hundredth stay.
+    """
+    lost = np.zeros(recording.samples, dtype=bool)
+    for q in recording.q.T:
+        lost |= _leapt(q)
+    if not lost.any() or lost.mean() > _FEW:
+        return recording
+    first = int(np.argmax(lost))
+    joints = [name for name, q in zip(recording.names, recording.q.T, strict=True) if _leapt(q).any()]
+    size = float(np.abs(np.diff(recording.q, axis=0)[first - 1]).max())
+    note = (
+        f"positions of {', '.join(joints)} leap by up to {size:.3g} and back in {int(lost.sum())} samples, first at"
+        f" {recording.t[first]:.3f} s; these are left out: look for readings that the driver lost"
+    )
+    return replace(recording[~lost], notes=(*recording.notes, note))
+
+
+def _leapt(q: Array) -> Mask:
+    """Return which samples [N] of a joint's positions lie between a leap and one back."""
+    out = np.zeros(len(q), dtype=bool)
+    steps = np.diff(q)
+    if len(steps) < 20:
+        return out
+    far = max(_TOO_FAR * float(np.percentile(np.abs(steps), 99.0)), _LEAP * float(np.ptp(q)))
+    leaps = np.flatnonzero(np.abs(steps) > far)
+    for away, back in zip(leaps[:-1], leaps[1:], strict=True):
+        if back - away <= _AWAY and abs(q[back + 1] - q[away]) < _BACK * abs(steps[away]):
+            out[away + 1 : back + 1] = True
+    return out
 
 
 def _refuse_interpolated(recording: Recording, signals: Mapping[str, Array]) -> None:

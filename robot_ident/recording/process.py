@@ -7,7 +7,7 @@ from dataclasses import replace
 from robot_ident.errors import InputError
 from robot_ident.motion import Array
 from robot_ident.recording.arm_alone import arm_alone
-from robot_ident.recording.checks import check_samples
+from robot_ident.recording.checks import check_samples, without_leaps
 from robot_ident.recording.clipped import find_clipped, without_clipped
 from robot_ident.recording.clock import Clock, even_positions, read_clock, roughness
 from robot_ident.recording.continuous import low_passed
@@ -39,6 +39,7 @@ def process(
     if not motion_only:
         check_efforts(recording)
     check_samples(recording, motion_only=motion_only)
+    recording = without_leaps(recording)
     published = recording
     recording = at_the_joints(recording, robot)
     check_plausible(recording, robot)

@@ -10,6 +10,7 @@ import numpy as np
 from robot_ident.errors import InputError
 from robot_ident.motion import Array
 from robot_ident.recording.average import Average, average
+from robot_ident.recording.checks import without_leaps
 from robot_ident.recording.clipped import clipped_notes, find_clipped
 from robot_ident.recording.clock import Clock, Stamps, even_positions, read_clock
 from robot_ident.recording.cycle_average import cycle_notes, mean_cycle
@@ -79,6 +80,7 @@ class Summary:
 
 def summarise(recording: Recording) -> Summary:
     """Return the facts about a recording; its noise where it repeats."""
+    recording = without_leaps(recording)
     clock = read_clock(recording)
     q = even_positions(recording, clock)
     period, mean, periods, notes = find_period(q, clock.dt), None, None, [*recording.notes, *clock.notes]

@@ -144,3 +144,21 @@ def test_validation_on_what_was_fitted_says_so_first(run: Run, golden: Path, tmp
     assert run("identify", bag, "-o", model).code == 0
     assert "fitted to it, which validates nothing" in run("validate", model, bag).err.splitlines()[0]
     assert "validates nothing" not in run("validate", model, golden / "kuka_2.npz").err
+
+
+@pytest.mark.parametrize("joints", [slice(None), slice(1, 2)], ids=["all", "one"])
+def test_positions_that_leap_and_come_back_are_left_out(
+    run: Run, base: Arrays, golden: Path, tmp_path: Path, joints: slice
+) -> None:
+    q = base["q"].copy()
+    q[2000:2003, joints] = 0.0
+    bad, good, model = tmp_path / "bad.npz", golden / "kuka_1.npz", tmp_path / "model.yaml"
+    np.savez(bad, **{**base, "q": q})
+    told = run("identify", bad, "--json").json
+    assert any("leap by up to" in note and "3 samples, first at" in note for note in told["notes"])
+    plain = run("identify", good, "-o", model, "--json").json
+    for one, other in zip(told["parameters"], plain["parameters"], strict=True):
+        assert abs(one["value"] - other["value"]) < one["std"]
+    verdict = run("diagnose", model, good).out.splitlines()[0]
+    assert run("diagnose", model, bad).out.splitlines()[0] == verdict
+    assert "leap by up to" in run("info", bad).err
