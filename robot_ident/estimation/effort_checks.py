@@ -44,6 +44,7 @@ _ALSO = 0.1  # of the effort that weight may make: URDFs' masses are not all wro
 _ALIKE = 0.003  # of an effort, by which two readings of it may differ and say nothing
 _FACTOR = 3.0  # by which masses of a URDF may be wrong, or a payload adds to them that nobody stated
 _LITTLE = 3.0  # m/s^2 that an arm without weight may seem to feel
+_MOST = 15.0  # m/s^2 that an arm may seem to feel, on Earth or elsewhere
 _TILT = 0.5  # rad by which a base may stand tilted
 _SURE = 6.0  # standard deviations
 _AS_DECLARED = "; taken as declared"
@@ -347,6 +348,8 @@ def _gravity(rows: _Rows) -> Contradiction | None:
         if _is_near(found / size, rows.gravity) or not far:
             return None
     found = min((found, found / scale), key=lambda gravity: abs(np.log(np.linalg.norm(gravity) / 9.81)))
+    if np.linalg.norm(found) > _MOST:
+        return None  # no arm is as heavy: a joint that counts the other way round, say, of which others tell
     now, best = (f"[{', '.join(f'{value:.3g}' for value in g)}]" for g in (rows.gravity, _plain(found)))
     told = f"[{', '.join(f'{value:.2g}' for value in found)}]"
     return Contradiction("gravity", now, f"gravity: {best}", {}, f"weight is that of {told} m/s^2")

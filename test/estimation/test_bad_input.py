@@ -66,6 +66,7 @@ def test_joints_that_stand_still_are_named_with_the_way_out(arm: Any) -> None:
     t = np.arange(3000) / 150.0
     q = np.column_stack([np.sin(0.2 * np.pi * t), np.full(3000, 0.3), np.full(3000, -0.2)])
     tau = np.random.default_rng(0).normal(size=q.shape)
+    tau[:, 0] += 30.0 * np.cos(0.2 * np.pi * t)  # friction of the joint that moves
     held = Recording(arm.robot.joints, t, q, tau, source="held")
     refused(arm, held, "held: joint_2 has no usable sample .it stands still.*--joints joint_1$")
 
@@ -78,7 +79,7 @@ def test_speeds_that_no_joint_has(arm: Any) -> None:
 @pytest.mark.parametrize("factor", [1e-3, 57.3e-4])
 def test_torque_in_another_unit_is_said(arm: Any, factor: float) -> None:
     r = arm.record(0, periods=2)
-    model = identify([Recording(r.names, r.t, r.q, factor * r.tau)], arm.robot)
+    model = identify([Recording(r.names, r.t, r.q, factor * r.tau)], arm.robot, as_declared=True)
     assert any("times what the URDF's masses need: another unit" in note for note in model.notes)
     assert not any("another unit" in note for note in identify([r], arm.robot).notes)
 
