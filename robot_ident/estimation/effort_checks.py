@@ -1,5 +1,5 @@
 """Is the effort that of this arm in this motion, as its YAML declares it? Noise, absolute values, another joint's
-effort, another gravity; `contradictions` and `refuse_foreign` ask all of it.
+effort, another gravity; `contradictions` asks all of it.
 
 Each joint's effort is held against what its motion can make of it,
 
@@ -101,18 +101,6 @@ def contradictions(
 def taken_as_declared(notes: Sequence[str]) -> bool:
     """Return whether a model with these notes was identified against a contradiction that its user went on with."""
     return any(note.endswith(_AS_DECLARED) for note in notes)
-
-
-def refuse_foreign(measurements: Sequence[Measurement], robot: Robot) -> None:
-    """Raise InputError where efforts are not made by the motion, or weight is that of another gravity than declared:
-    whatever a model lacked of them would be no physics.
-    """
-    checks = EffortChecks(measurements, robot)
-    foreign, gravity = checks.foreign(), checks.gravity()
-    if foreign:
-        raise InputError(foreign)
-    if gravity is not None:
-        raise InputError(f"{robot.source}: {gravity.in_words}; change it to '{gravity.change}' and identify anew")
 
 
 class _Rows:

@@ -8,10 +8,11 @@ from pathlib import Path
 import numpy as np
 
 from robot_ident.errors import InputError
-from robot_ident.estimation.effort_checks import contradictions, taken_as_declared
+from robot_ident.estimation.effort_checks import EffortChecks, contradictions, taken_as_declared
 from robot_ident.estimation.identify import fit
 from robot_ident.model.model import Fit, Model
 from robot_ident.recording.measurement import Measurement
+from robot_ident.robot.robot import Robot
 
 _BEYOND_NOISE = 4.0  # times the noise's variance: where a joint only holds still, error and torque are both noise
 _ABSURD = 10.0  # times the torque itself, by which a model errs where efforts are in another unit or of another side
@@ -70,6 +71,18 @@ def unusable_on(model: Model, validation: Sequence[Measurement]) -> tuple[str, .
 def _torque(residual: Fit) -> float:
     """Return the rms torque [Nm] that a residual stands beside."""
     return residual.rms / residual.relative if residual.relative else 0.0
+
+
+def refuse_foreign(measurements: Sequence[Measurement], robot: Robot) -> None:
+    """Raise InputError where efforts are not made by the motion, or weight is that of another gravity than declared:
+    whatever a model lacked of them would be no physics.
+    """
+    checks = EffortChecks(measurements, robot)
+    foreign, gravity = checks.foreign(), checks.gravity()
+    if foreign:
+        raise InputError(foreign)
+    if gravity is not None:
+        raise InputError(f"{robot.source}: {gravity.in_words}; change it to '{gravity.change}' and identify anew")
 
 
 def refuse_misdeclared(model: Model, measurements: Sequence[Measurement]) -> None:
