@@ -69,7 +69,6 @@ def _fold(recording: Recording, index: np.ndarray, steady: Steady, samples: int)
     start = steady.last - count + 1
     inside = (index >= start) & (index <= steady.last)
     place = index[inside] - start
-
     whole = len(place) == count
 
     def periods(values: Array) -> Array:

@@ -34,9 +34,8 @@ def off_clock(q: Array) -> OffClock | None:
     speed = (np.roll(mean, -1, axis=0) - np.roll(mean, 1, axis=0)) / 2.0
     rate = (speed[1:] + speed[:-1]) / 2.0
     rest = [np.nan_to_num(np.diff(q[:, :, j] - mean[:, j], axis=1)) for j in range(joints)]
-    scale = np.array(
-        [np.sqrt(np.mean(one**2) / 2.0) for one in rest]
-    )  # of a sample; a difference has twice its variance
+    # of a sample: a difference has twice its variance
+    scale = np.array([np.sqrt(np.mean(one**2) / 2.0) for one in rest])
     if not np.all(scale > 0.0):
         return None
     rate /= scale  # joints with little noise tell most

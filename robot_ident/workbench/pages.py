@@ -22,7 +22,10 @@ def chooser(desk: Desk) -> list[Any]:
     recordings = [*recordings_below(root), *(path for path in outside if path not in models)]
     out: list[Any] = []
     sessions, refused = desk.sessions
-    out += [html.P(f"A session can't be opened: {reason}", className="wrong") for reason in refused]
+    out += [
+        html.P(f"A session can't be opened: {reason}; mend the file, or move its folder away", className="wrong")
+        for reason in refused
+    ]
     if sessions:
         out.append(html.Section([html.H2("Go on with"), html.Ul([_session(one) for one in sessions])]))
     if not recordings:
