@@ -44,6 +44,11 @@ def alive(process: psutil.Process) -> bool:
         return False
 
 
+def hear_hangup() -> None:
+    """Take SIGHUP as a terminal's program does, although these tests may run below nohup."""
+    signal.signal(signal.SIGHUP, signal.SIG_DFL)
+
+
 @pytest.fixture
 def started(tmp_path: Path) -> Iterator[list[subprocess.Popen[bytes]]]:
     """Processes that are ended with all that they started."""
@@ -60,7 +65,12 @@ def started(tmp_path: Path) -> Iterator[list[subprocess.Popen[bytes]]]:
 def test_no_worker_outlives_a_design(number: int, tmp_path: Path, started: list[subprocess.Popen[bytes]]) -> None:
     if len(os.sched_getaffinity(0)) < 2:
         pytest.skip("one processor: no workers")
-    popen = subprocess.Popen([sys.executable, "-m", "robot_ident", *DESIGN], cwd=tmp_path, stderr=subprocess.DEVNULL)
+    popen = subprocess.Popen(
+        [sys.executable, "-m", "robot_ident", *DESIGN],
+        cwd=tmp_path,
+        stderr=subprocess.DEVNULL,
+        preexec_fn=hear_hangup,
+    )
     started.append(popen)
     of = psutil.Process(popen.pid)
     workers: list[psutil.Process] = []
@@ -81,7 +91,7 @@ def test_no_worker_outlives_a_design(number: int, tmp_path: Path, started: list[
 @pytest.mark.parametrize("number", [signal.SIGTERM, signal.SIGHUP])
 def test_a_design_in_compiled_code_ends(number: int, tmp_path: Path, started: list[subprocess.Popen[bytes]]) -> None:
     command = [sys.executable, "-c", ALONE + RUN, *DESIGN]
-    popen = subprocess.Popen(command, cwd=tmp_path, stderr=subprocess.DEVNULL)
+    popen = subprocess.Popen(command, cwd=tmp_path, stderr=subprocess.DEVNULL, preexec_fn=hear_hangup)
     started.append(popen)
     assert wait_for(lambda: psutil.Process(popen.pid).cpu_times().user > 4.0, 60.0)
     popen.send_signal(number)
