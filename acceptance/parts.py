@@ -13,6 +13,7 @@ MINUTES = {
     "estimation": 10,
     "diagnosis": 360,
     "foreign": 30,
+    "real": 2,
     "measurement": 20,
     "robots": 20,
     "recorder": 4,

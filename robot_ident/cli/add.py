@@ -29,7 +29,6 @@ def run(args: argparse.Namespace) -> int:
     """Add effects to a model, refit, and print the error before and after."""
     from robot_ident.cli.extended import staircase, steps_of
     from robot_ident.cli.loop import read_inputs
-    from robot_ident.effects import make_effect
     from robot_ident.files import refuse_existing
     from robot_ident.model.model_file import is_model, write_model
 
@@ -38,7 +37,8 @@ def run(args: argparse.Namespace) -> int:
     if not is_model(args.model):
         raise InputError(f"{args.model}: not a model; make one by robot_ident identify ... -o model.yaml")
     inputs = read_inputs([args.model, *args.bag], args.validation, args.topic)
-    effects = [make_effect(label, inputs.models[0].robot) for label in args.effects]
+    extended = inputs.models[0].structure.with_further(args.effects)
+    effects = extended.effects[len(inputs.models[0].structure.effects) :]
     steps = steps_of(inputs, effects, args.validation, args.topic)
     last = steps[-1].model
     if args.output:

@@ -36,6 +36,12 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
     parser.add_argument(
         "--as-declared", action="store_true", help="go on where the data contradict what the robot YAML says of effort"
     )
+    parser.add_argument(
+        "--base",
+        choices=("prediction", "declared"),
+        help="prediction: the offsets, rotor inertias and processing that predict motion left out best; declared: what"
+        " robot and options say; default as the robot YAML has it (prediction)",
+    )
     add_only(parser)
     add_joints(parser, angle="where it stands in the recording")
     add_processing(parser)
@@ -48,8 +54,7 @@ def run(args: argparse.Namespace) -> int:
     from robot_ident.bags import read_for
     from robot_ident.cli.processing import AS_DECLARED, at_its_speed, processing_of
     from robot_ident.estimation.effort_checks import contradictions
-    from robot_ident.estimation.estimate_gains import with_known_gains
-    from robot_ident.estimation.identify import estimate
+    from robot_ident.estimation.identify import with_base
     from robot_ident.files import refuse_existing, refuse_twice
     from robot_ident.model.model_file import write_model
     from robot_ident.model.structure import Structure
@@ -70,26 +75,20 @@ def run(args: argparse.Namespace) -> int:
     recordings = [read_for(bag, whole, topic=args.topic) for bag in args.bags]
     refuse_same_rows(recordings)
     robot, recordings, held = held_in_recordings(args, whole, recordings)
+    robot = robot if args.base is None else replace(robot, base=args.base)
     recordings, processing = at_its_speed(args, recordings, processing_of(args, robot, played=whole))
     structure = Structure.build(robot, args.effect)
     measurements = [process(recording, robot, processing) for recording in recordings]
     refuse_copies(measurements)
     doubts = contradictions(measurements, robot, as_declared=args.as_declared, otherwise=AS_DECLARED)
-    known, structure, gains = with_known_gains(recordings, measurements, structure, processing)
-    model = estimate(
-        known,
-        structure,
-        estimator=args.estimator,
-        processing=processing,
-        physical=args.physical,
-        gains=gains,
-    )
-    model = replace(model, notes=(*held_note(whole, held), *doubts, *model.notes))
+    chosen = with_base(recordings, measurements, structure, processing)
+    model = chosen.model(estimator=args.estimator, physical=args.physical, notes=(*held_note(whole, held), *doubts))
     options = {
         "trajectory": args.trajectory,
         "topic": args.topic,
         "effects": args.effect or None,
         "physical": args.physical or None,
+        "base": args.base,
         "held": held or None,
     }
     model = replace(model, provenance=provenance(args.bags, options))

@@ -32,6 +32,7 @@ from robot_ident.effects.time_delay import TimeDelay
 from robot_ident.effects.torque_offset import TorqueOffset
 from robot_ident.effects.torque_ripple import TorqueRipple
 from robot_ident.effects.torque_saturation import TorqueSaturation
+from robot_ident.effects.torque_scale import TorqueScale
 from robot_ident.effects.viscous import Viscous
 from robot_ident.effects.viscous_asymmetric import ViscousAsymmetric
 from robot_ident.effects.viscous_nonlinear import ViscousNonlinear
@@ -65,6 +66,7 @@ _ALL: tuple[type[Effect], ...] = (
     TemperatureDrift,
     EndStop,
     EffortGain,
+    TorqueScale,
     EffortFilter,
     StampJitter,
     LinkLength,

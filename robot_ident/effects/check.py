@@ -35,7 +35,7 @@ def _choices(kind: type[Effect]) -> Iterator[str]:
 
 def _coefficients(kind: type[Effect]) -> Iterator[str]:
     coefficients = getattr(kind, "coefficients", ())
-    if not isinstance(coefficients, tuple) or not coefficients:
+    if not isinstance(coefficients, tuple) or not (coefficients or kind.scales_links):
         yield "coefficients is missing (a tuple of Coefficient)"
         return
     if not all(isinstance(c, Coefficient) for c in coefficients):

@@ -193,11 +193,10 @@ class Effect(ABC):
     samples before or after. trends: its torque changes from one period of a motion to the next, so that the mean of
     periods tells its level alone. symbolic: `terms` works on expressions; where it doesn't, `smooth_terms` writes what
     the design of excitations takes instead. brief: its torque comes in bursts far shorter than the motion's own time
-    scale.
-    over_position: its torque is a curve over its joint's position and depends on nothing else.
-    seen_from: where effort may be measured for it to show. contains: effects whose column it holds too -> its
-    coefficient. candidate: it may be what a model lacks. measuring: a
-    fault of what is measured, to be put right in the robot YAML rather than added to the model.
+    scale. over_position: its torque is a curve over its joint's position and depends on nothing else. scales_links: it
+    multiplies its joint's rows of the links' columns and has none of its own. seen_from: where effort may be measured
+    for it to show. contains: effects whose column it holds too -> its coefficient. candidate: it may be what a model
+    lacks. measuring: a fault of what is measured, to be put right in the robot YAML rather than added to the model.
     regression: a column shows it; else `evidence` says what does.
     """
 
@@ -221,6 +220,7 @@ class Effect(ABC):
     symbolic: ClassVar[bool] = True
     brief: ClassVar[bool] = False
     over_position: ClassVar[bool] = False
+    scales_links: ClassVar[bool] = False
     seen_from: ClassVar[tuple[Side, ...]] = EVERYWHERE
     contains: ClassVar[Mapping[str, str]] = {}
     candidate: ClassVar[bool] = True

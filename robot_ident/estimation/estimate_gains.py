@@ -252,9 +252,10 @@ def _gains(
         rows = equations.joint == joint
         size = float(np.sqrt(np.mean(load[rows] ** 2)))
         whole = float(np.sqrt(np.mean((constant[joint] * equations.torque[rows]) ** 2)))
-        noise = constant[joint] * float(np.sqrt(np.nanmean(equations.variance[rows])))
+        known = equations.variance[rows][np.isfinite(equations.variance[rows])]
+        noise = constant[joint] * float(np.sqrt(np.mean(known))) if len(known) else 0.0
         payload.append(size)
-        if size < _LOADED * whole or size < (noise if np.isfinite(noise) else 0.0):
+        if size < _LOADED * whole or size < noise:
             unloaded.append(robot.joints[joint])
     names = tuple(robot.joints[joint] for joint in free)
     vague = [name for name, s in zip(names, sigma, strict=True) if s > _UNKNOWN] if absolute else list(names)

@@ -104,7 +104,7 @@ def identifiability(found: Solution, measurements: Sequence[Measurement]) -> Ide
 
 def _columns(structure: Structure, states: Motion) -> Array:
     """Return the columns [K, n, p] at single states; zero for effects that depend on the past or on torque."""
-    parts = [structure.rigid_columns(states)]
+    parts = [structure.reported(structure.rigid_columns(states))]
     for effect in structure.effects:
         if effect.symbolic and not effect.uses_torque:
             parts.append(effect.columns(states))

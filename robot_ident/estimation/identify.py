@@ -3,12 +3,15 @@
 from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
-from dataclasses import asdict, replace
+from dataclasses import asdict, dataclass, replace
 
 import numpy as np
 
+from robot_ident.effects.torque_scale import TorqueScale
 from robot_ident.errors import InputError, did_you_mean
 from robot_ident.estimation.apart import apart
+from robot_ident.estimation.base_choice import Choice, torque_scale_notes
+from robot_ident.estimation.base_model import choose_base
 from robot_ident.estimation.carried import Carried, Solved, solve_carrying
 from robot_ident.estimation.days import by_day
 from robot_ident.estimation.driving import driven, negative_notes
@@ -45,7 +48,9 @@ def identify(
 ) -> Model:
     """Estimate a robot's parameters from one or several recordings.
 
-    as_declared: go on where the data contradict what the robot declares of its efforts. Raises InputError where they do
+    How recordings are processed, and whether offsets and rotor inertias belong to the model, is chosen by what predicts
+    motion left out; what `processing` states, and all where the robot's base is declared, stays as it is. as_declared:
+    go on where the data contradict what the robot declares of its efforts. Raises InputError where they do
     otherwise, on recordings that can't be used or are copies of each other, unknown effects or estimators, and motions
     that don't excite a parameter.
     """
@@ -56,9 +61,55 @@ def identify(
     refuse_copies(measurements)
     otherwise = ", or go on with as_declared=True"
     doubts = contradictions(measurements, robot, as_declared=as_declared, otherwise=otherwise)
-    known, structure, gains = with_known_gains(recordings, measurements, structure, processing)
-    model = estimate(known, structure, estimator=estimator, processing=processing, physical=physical, gains=gains)
-    return replace(model, notes=(*doubts, *model.notes))
+    chosen = with_base(recordings, measurements, structure, processing)
+    return chosen.model(estimator=estimator, physical=physical, notes=doubts)
+
+
+@dataclass(frozen=True)
+class Chosen:
+    """Recordings processed as was chosen, the base model that goes with it, and the gains of the drives."""
+
+    measurements: Sequence[Measurement]
+    structure: Structure
+    gains: Gains | None
+    choice: Choice
+
+    def model(self, *, estimator: str, physical: bool, notes: Sequence[str]) -> Model:
+        """Return the model, these notes before its own."""
+        made = estimate(
+            self.measurements,
+            self.structure,
+            estimator=estimator,
+            processing=self.choice.processing,
+            physical=physical,
+            gains=self.gains,
+        )
+        scales = {
+            parameter.joint or "": (float(value), float(std))
+            for parameter, value, std in zip(made.parameters, made.values, made.std, strict=True)
+            if parameter.effect == TorqueScale.name
+        }
+        told = torque_scale_notes(self.choice, scales)
+        return replace(made, base=self.choice.to_dict(), notes=(*notes, *self.choice.notes, *told, *made.notes))
+
+
+def with_base(
+    recordings: Sequence[Recording], measurements: Sequence[Measurement], structure: Structure, processing: Processing
+) -> Chosen:
+    """Return what a model is estimated from: gains of drives first, then the base model that predicts best with them.
+
+    measurements: the recordings as `processing` has them; they stay where nothing else predicts better.
+    """
+    robot = structure.robot
+    known, with_gains, gains = with_known_gains(recordings, measurements, structure, processing)
+    further = [effect.label for effect in structure.added]
+    choice = choose_base(recordings, replace(with_gains.robot, base=robot.base), further, processing)
+    if choice.as_asked and not choice.effects:
+        return Chosen(known, with_gains, gains, choice)
+    if not choice.as_asked:
+        measurements = [process(recording, robot, choice.processing) for recording in recordings]
+    structure = structure.with_further(choice.effects)
+    return Chosen(*with_known_gains(recordings, measurements, structure, choice.processing), choice)
 
 
 def estimate(

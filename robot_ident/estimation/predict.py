@@ -44,11 +44,14 @@ def predict(model: Model, recording: Recording) -> Prediction:
     """Return the model's torque along a recording's positions, its efforts unused (eq. 1).
 
     As in a validation positions are differentiated without phase, and the torque passes a zero-phase low pass (10 Hz
-    unless the model was made with another), since differentiated noise is all that it holds beyond. Raises InputError
-    where the recording isn't of the model's robot, or of another pose than it holds.
+    unless the model was made with another, or its band where one was found), since differentiated noise is all that it
+    holds beyond. Raises InputError where the recording isn't of the model's robot,
+    or of another pose than it holds.
     """
     recording = at_pose(model, recording)
     used = replace(processing_of(model), periodic=False, base_frequency=None, decimate=1)
+    if used.band is not None:
+        used = replace(used, low_pass=used.band)
     measured = process(recording, model.robot, used, motion_only=True)
     motion = measured.motion
     std = standard_deviation(model, motion, measured.passed)

@@ -8,6 +8,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
+from robot_ident.effects.torque_scale import SPREAD, TorqueScale
 from robot_ident.estimation.covariance import sandwich
 from robot_ident.estimation.equations import Equations, stack
 from robot_ident.estimation.least_squares import Factor, factor, ordinary
@@ -62,6 +63,16 @@ class Problem:
         other = copy(self)
         other.measurements = measurements
         other.rigid = [structure.rigid_columns(measured.motion) for measured in measurements]
+        return other
+
+    def weighed_anew(self, structure: Structure) -> Problem:
+        """Return the problem whose unknown noise is what a structure at these inner parameters leaves."""
+        if not self.unknown:
+            return self
+        other = copy(self)
+        equations = self.equations(structure, None)
+        other.variance, other.notes = _variances(equations, structure, self.measurements, self.source)
+        other.noise = row_noise(self.measurements, equations, other.variance)
         return other
 
     def beside(self, values: Array, equations: Equations) -> Problem | None:
@@ -139,6 +150,7 @@ def solution(problem: Problem, structure: Structure, values: Array, equations: E
     covariance = np.zeros((len(parameters),) * 2)
     names = [parameters[k].name for k in place]
     covariance[np.ix_(place, place)] = problem.covariance(equations, jacobian, residual, names)
+    covariance = _beside_prior(covariance, structure)
     known = not problem.unknown and not problem.noise.bands
     independent = equations.independent
     return Solution(
@@ -154,6 +166,16 @@ def solution(problem: Problem, structure: Structure, values: Array, equations: E
         chi_square=float(np.sum(independent * problem.noise.whiten(residual) ** 2)) if known else float("nan"),
         dof=float(np.sum(independent) - len(place)) if known else float("nan"),
     )
+
+
+def _beside_prior(covariance: Array, structure: Structure) -> Array:
+    """Return the covariance [p + r] with what is known of torque scales before data: (C^-1 + 1 / (a SPREAD)^2)^-1."""
+    out, p = covariance, len(structure.parameters)
+    for place, scale in zip(range(p, p + len(structure.inner)), structure.settings, strict=True):
+        if structure.inner[place - p].effect == TorqueScale.name:
+            column = out[:, place]
+            out = out - np.outer(column, column) / (column[place] + (SPREAD * scale) ** 2)
+    return out
 
 
 def inner_bounds(structure: Structure) -> tuple[Array, Array, np.ndarray]:
@@ -174,7 +196,13 @@ def with_inner(problem: Problem, structure: Structure, values: Array, equations:
     lower, upper, free = inner_bounds(structure)
     settings = structure.settings
     columns = [equations.phi]
+    linked = len(structure.base.columns)
+    links = equations.phi[:, :linked] @ values[:linked]
     for k in np.flatnonzero(free):
+        if structure.inner[k].effect == TorqueScale.name:
+            joint = structure.robot.joint_index(structure.inner[k].joint or "")
+            columns.append(np.where(equations.joint == joint, links / settings[k], 0.0)[:, None])
+            continue
         step = STEP * (upper[k] - lower[k])
         ends = []
         for side in (-1.0, 1.0):

@@ -25,7 +25,7 @@ def scale_notes(measurements: Sequence[Measurement], found: Solution) -> list[st
     picked = [motion[np.linspace(0, motion.samples - 1, _SAMPLES).astype(int)] for motion in motions]
     q, dq, ddq = (np.concatenate([getattr(one, order) for one in picked]) for order in ("q", "dq", "ddq"))
     states = Motion(q, dq, ddq)
-    ours = structure.rigid_columns(states) @ found.values[: len(structure.base.columns)]
+    ours = structure.reported(structure.rigid_columns(states)) @ found.values[: len(structure.base.columns)]
     theirs = structure.robot.rigid.inverse_dynamics(states)
     size, expected = (np.sqrt(np.mean(x**2, axis=0)) for x in (ours, theirs))
     loaded = expected > 0.01 * expected.max()

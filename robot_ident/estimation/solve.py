@@ -12,11 +12,14 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
+from robot_ident.effects import Effect
+from robot_ident.effects.torque_scale import TorqueScale
 from robot_ident.errors import InputError
 from robot_ident.estimation.instruments import instrumental_variables
 from robot_ident.estimation.maximum_likelihood import maximum_likelihood
 from robot_ident.estimation.problem import STEP, Problem, Solution, inner_bounds, solution
 from robot_ident.estimation.projection import Projection
+from robot_ident.estimation.torque_scales import with_scales
 from robot_ident.model.structure import Structure
 from robot_ident.motion import Array
 from robot_ident.recording.measurement import Measurement
@@ -51,7 +54,12 @@ def solve(measurements: Sequence[Measurement], structure: Structure, estimator: 
     problem: Problem | None = Problem(measurements, structure, weighted=ESTIMATORS[estimator].weighted)
     while problem is not None:
         used = problem
-        searched = _refine(used, _scan(used, structure)) if structure.inner else structure
+        searched = with_scales(used, structure)
+        if structure.scaled:
+            used = used.weighed_anew(searched)
+            searched = with_scales(used, searched)
+        if len(structure.inner) > len(structure.scaled):
+            searched = with_scales(used, _refine(used, _scan(used, searched)))
         values, _, equations = used.linear(searched)
         problem = used.beside(values, equations)
     return ESTIMATORS[estimator].finish(used, solution(used, searched, values, equations))
@@ -73,7 +81,7 @@ def _scan(problem: Problem, structure: Structure) -> Structure:
     """Choose the inner parameters of one effect after another from their grids, the others held."""
     longest = max((measured.motion for measured in problem.measurements), key=lambda motion: motion.samples)
     for index, effect in enumerate(structure.effects):
-        settings = [effect.setting, *effect.settings(longest)] if effect.inner else []
+        settings = [effect.setting, *effect.settings(longest)] if _searched(effect) else []
         if len(settings) < 2:
             continue
         trials = [_replaced(structure, index, setting) for setting in settings]
@@ -81,6 +89,11 @@ def _scan(problem: Problem, structure: Structure) -> Structure:
         costs = [_cost(left, trial) for trial in trials]
         structure = trials[int(np.argmin(costs))]
     return structure
+
+
+def _searched(effect: Effect) -> bool:
+    """Return whether an effect has inner parameters that are searched on columns of its own."""
+    return bool(effect.inner) and not isinstance(effect, TorqueScale)
 
 
 def _cost(left: Projection, structure: Structure) -> float:
@@ -102,10 +115,12 @@ def _refine(problem: Problem, structure: Structure) -> Structure:
     from scipy.optimize import least_squares
 
     lower, upper, free = inner_bounds(structure)
+    free &= [_searched(effect) for effect in structure.effects for _ in effect.inner]
     if not free.any():
         return structure
     settings = structure.settings.copy()
-    searched = [inner for effect in structure.effects for inner in effect.inner if inner.continuous]
+    effects = [effect for effect in structure.effects if _searched(effect)]
+    searched = [inner for effect in effects for inner in effect.inner if inner.continuous]
 
     def scaled(values: Array) -> Array:
         return np.array([inner.scaled(value) for inner, value in zip(searched, values[free].tolist(), strict=True)])
@@ -120,7 +135,7 @@ def _refine(problem: Problem, structure: Structure) -> Structure:
 
     start = np.clip((scaled(settings) - lowest) / range_, 1e-6, 1 - 1e-6)
     unexplained: Array | None = None
-    left = Projection.of(problem, structure, [effect.label for effect in structure.effects if effect.inner])
+    left = Projection.of(problem, structure, [effect.label for effect in effects])
 
     def rest(x: Array) -> Array:
         """Return the projected residual; where the motion no longer meets a column, as if nothing were explained."""

@@ -49,12 +49,13 @@ class Validation:
 
 def validate(model: Model, recording: Recording, *, low_pass: float | None = None) -> Validation:
     """Predict an independent recording; torque, prediction and noise pass the same zero-phase low pass (10 Hz unless
-    told). Cycles of production data are averaged as where a model is identified; all else is taken as one pass.
+    told, or the model's band where it reaches further). Cycles of production data are averaged as where a model is
+    identified; all else is taken as one pass.
 
     Raises InputError where the recording isn't of the model's robot, of another pose than it holds, or never moves.
     """
     recording = with_payload_found(model, recording)
-    cutoff = DEFAULT_LOW_PASS if low_pass is None else low_pass
+    cutoff = low_pass or max(processing_of(model).band or 0.0, DEFAULT_LOW_PASS)
     measured = _measured(model, recording, cutoff)
     predicted = measured.passed(model.predict(measured.motion))
     torque = measured.passed(measured.torque)
@@ -131,4 +132,4 @@ def _squared_inertia(model: Model, motion: Motion, samples: int = 40) -> Array:
         push = zero.copy()
         push[:, joint] = 1.0
         out[:, joint] = np.mean(((model.structure.rigid_columns(Motion(q, zero, push)) - still) @ rigid) ** 2, axis=0)
-    return out
+    return np.asarray(out * model.structure.scales[:, None] ** 2)

@@ -32,7 +32,8 @@ def torque_derivatives(structure: Structure, motion: Motion, values: Array) -> T
     The rigid part is Carpentier and Mansard's analytical derivative of recursive Newton-Euler ("Analytical
     derivatives of rigid body dynamics algorithms", 2018), on inertias that give the same torque as the base parameters.
     """
-    parts = _rigid(structure, motion, values[: len(structure.base.columns)])
+    rigid = _rigid(structure, motion, values[: len(structure.base.columns)])
+    parts = (structure.reported(rigid[0]), structure.reported(rigid[1]), structure.reported(rigid[2]))
     neglected = []
     for effect, own in structure.placed:
         if effect.uses_torque or not effect.symbolic:

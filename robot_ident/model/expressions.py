@@ -99,7 +99,7 @@ def columns_expression(structure: Structure, symbols: tuple[Any, ...], m: Any, v
     base = structure.base
     course = SymbolicCourse(structure.robot, base, symbols, None if values is None else values[: len(base.columns)])
     x = Signals(*(ca.vertsplit(symbol) for symbol in symbols[:3]))
-    rigid = regressor_expression(structure.robot, *symbols[:3])[:, list(base.columns)]
+    rigid = _rigid(structure, symbols)
     plain = [rigid, *(_columns(effect, x, m, course) for effect in structure.effects if not effect.uses_torque)]
     if structure.uses_torque:
         if values is None:
@@ -126,9 +126,7 @@ def slopes_function(structure: Structure, sign: Any, values: Array) -> Any:
 
     base, symbols = structure.base, tuple(ca.SX.sym(name, structure.robot.n) for name in _NAMES[:3])
     x, m = Signals(*(ca.vertsplit(symbol) for symbol in symbols)), mathematics(constant)
-    torque = ca.mtimes(
-        regressor_expression(structure.robot, *symbols)[:, list(base.columns)], ca.DM(values[: len(base.columns)])
-    )
+    torque = ca.mtimes(_rigid(structure, symbols), ca.DM(values[: len(base.columns)]))
     for effect, own in structure.placed:
         if effect.uses_torque or not effect.symbolic:
             continue
@@ -139,6 +137,12 @@ def slopes_function(structure: Structure, sign: Any, values: Array) -> Any:
     if held:
         slopes = ca.substitute(slopes, ca.vertcat(*(s for s, _ in held)), ca.vertcat(*(v for _, v in held)))
     return ca.Function("slopes", list(symbols), [slopes], {"cse": True})
+
+
+def _rigid(structure: Structure, symbols: tuple[Any, ...]) -> Any:
+    """Return the columns of the base parameters [n, b] in the scale that each joint reports."""
+    columns = regressor_expression(structure.robot, *symbols[:3])[:, list(structure.base.columns)]
+    return ca.mtimes(ca.diag(ca.DM(structure.scales)), columns) if structure.scaled else columns
 
 
 def _columns(effect: Effect, x: Signals, m: Any, course: SymbolicCourse) -> Any:

@@ -52,7 +52,8 @@ class Model:
     and its degrees of freedom, None where the noise is unknown. physical: how a physically consistent set was reached
     and the standard inertias that give it, None where none was asked for. gains: of drives, as the recordings told
     them, None where the robot's files know them. days: how estimates of single days scatter. payloads: those that the
-    recordings carried and that were found with the arm; the model is that of the arm alone.
+    recordings carried and that were found with the arm; the model is that of the arm alone. base: how its processing
+    and its offsets and rotor inertias were chosen, None where they were declared.
     """
 
     structure: Structure
@@ -74,6 +75,7 @@ class Model:
     gains: tuple[Mapping[str, Any], ...] | None = None
     days: Mapping[str, Any] | None = None
     payloads: tuple[Mapping[str, Any], ...] = ()
+    base: Mapping[str, Any] | None = None
 
     def __post_init__(self) -> None:
         """Freeze the arrays and check their shapes."""
@@ -209,6 +211,7 @@ class Model:
             "gains": None if self.gains is None else [dict(one) for one in self.gains],
             "days": None if self.days is None else dict(self.days),
             "payloads": [dict(one) for one in self.payloads],
+            "base": None if self.base is None else dict(self.base),
             "recordings": [dict(one) for one in self.recordings],
             "processing": dict(self.processing),
             "provenance": dict(self.provenance),

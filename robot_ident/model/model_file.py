@@ -75,6 +75,7 @@ def read_model(path: Path | str) -> Model:
         recordings=tuple(one.model_dump(mode="json") for one in file.recordings),
         gains=None if file.gains is None else tuple(gain.model_dump() for gain in file.gains),
         days=file.days,
+        base=file.base,
         payloads=tuple(one.model_dump(mode="json") for one in file.payloads),
     )
 

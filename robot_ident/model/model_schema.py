@@ -57,6 +57,7 @@ class ProcessingFile(Closed):
     decimate: int = Field(1, ge=1, le=MOST_DECIMATED)
     minimum_speed: list[NotNegative] | None = None
     anti_alias: tuple[NotNegative, NotNegative] | None = None
+    band: Positive | None = None
 
 
 class PhysicalFile(Closed):
@@ -148,6 +149,7 @@ class ModelFile(Closed):
     recordings: list[RecordingFile] = Field(min_length=1)
     gains: list[GainFile] | None = None
     days: dict[str, Any] | None = None
+    base: dict[str, Any] | None = None
     payloads: list[PayloadFile] = []
     processing: ProcessingFile = ProcessingFile()
     provenance: dict[str, Any] = {}

@@ -19,13 +19,15 @@ _MASSLESS = 1e-3  # kg, for links whose mass nothing tells: a centre of mass nee
 class RigidSensitivity:
     """Derivatives of the rigid arm's torque along a motion, for base parameters values [b].
 
-    What base parameters leave open (it has no influence on the torque along the motion) is that of the URDF.
+    What base parameters leave open (it has no influence on the torque along the motion) is that of the URDF. scales
+    [n]: in which the joints report their torque, None: as it is.
     """
 
     robot: Robot
     base: BaseParameters
     values: Array
     motion: Motion
+    scales: Array | None = None
 
     def displaced(self, displacement: Motion) -> Array:
         """Return dtau/dq e + dtau/ddq e' + M e'' [N, n] Nm for a displacement e of the links with its derivatives.
@@ -37,7 +39,7 @@ class RigidSensitivity:
         change = np.zeros(displacement.q.shape)
         for matrix, x in zip(self.derivatives, along, strict=True):
             change += np.einsum("kij,kj->ki", matrix[:, :, moved], x[:, moved])
-        return change
+        return change if self.scales is None else np.asarray(change * self.scales)
 
     def gravity(self, direction: Array) -> Array:
         """Return the torque [N, n] Nm per m/s^2 of gravity in a direction [3] of the base (it is linear in gravity)."""
@@ -46,7 +48,8 @@ class RigidSensitivity:
         model = self._model()
         model.gravity.linear = np.asarray(direction, dtype=float)
         data = model.createData()
-        return np.array([pinocchio.computeGeneralizedGravity(model, data, q).copy() for q in self.motion.q])
+        torque = np.array([pinocchio.computeGeneralizedGravity(model, data, q).copy() for q in self.motion.q])
+        return torque if self.scales is None else np.asarray(torque * self.scales)
 
     def mounted(self, joint: int) -> Array:
         """Return the change of torque [N, n, 3] Nm per metre by which a joint's origin moves along x, y, z of the frame
@@ -71,7 +74,7 @@ class RigidSensitivity:
         for k, (q, v, a) in enumerate(zip(*path, strict=True)):
             by_position, _, _ = pinocchio.computeRNEADerivatives(model, data, q, v, a)
             out[k] = by_position[rows, joint : joint + 3]
-        return out
+        return out if self.scales is None else np.asarray(out * self.scales[:, None])
 
     @property
     def inertia(self) -> Array:

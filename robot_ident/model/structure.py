@@ -9,12 +9,13 @@ from typing import Any
 import numpy as np
 
 from robot_ident.effects import Effect, Signals, Torques, beside, holder, make_effect
+from robot_ident.effects.torque_scale import TorqueScale
 from robot_ident.errors import InputError
 from robot_ident.model.base_parameters import BaseParameters, random_states, reduce_to_base
 from robot_ident.model.rigid_sensitivity import RigidSensitivity
 from robot_ident.motion import Array, Motion
 from robot_ident.robot.effort import in_ampere
-from robot_ident.robot.robot import Robot
+from robot_ident.robot.robot import Robot, at_every_joint
 
 PAPER = ("viscous", "coulomb")
 """Effects of the paper's model, on every joint."""
@@ -90,9 +91,12 @@ class Structure:
         return tuple(out)
 
     def with_further(self, effects: Sequence[str | Effect]) -> Structure:
-        """Return the model with further effects (`name@joint`, or effects themselves); raises InputError as `build`."""
+        """Return the model with further effects (`name@joint`, or effects themselves); raises InputError as `build`.
+
+        `name@*` is the effect on every joint where the model does not hold its column yet.
+        """
         made = list(self.effects)
-        for item in effects:
+        for item in self._each(effects):
             effect = make_effect(item, self.robot) if isinstance(item, str) else item
             labels = [other.label for other in made]
             if effect.label in labels:
@@ -104,6 +108,25 @@ class Structure:
                 raise InputError(f"effect {effect.label!r} merges with {into}: its column is in the model already")
             made.append(beside(effect, labels))
         return replace(self, effects=tuple(made), parameters=_linear(self.robot, self.base, made), inner=_inner(made))
+
+    def _each(self, effects: Sequence[str | Effect]) -> list[str | Effect]:
+        """Return effects one by one; InputError where `name@*` has no joint left."""
+        out: list[str | Effect] = []
+        for item in effects:
+            if not isinstance(item, str) or not item.endswith("@*"):
+                out.append(item)
+                continue
+            at = [label for label in at_every_joint([item], self.robot.joints) if self._lacks(label)]
+            if not at:
+                raise InputError(f"effect {item!r}: no joint's column is left to add")
+            out += at
+        return out
+
+    def _lacks(self, label: str) -> bool:
+        """Return whether an effect has a column that can be seen and is not in the model."""
+        effect = make_effect(label, self.robot)
+        held = _merges(effect, self.base) or holder(effect, self.labels)
+        return not (label in self.labels or effect.unseen or held)
 
     @property
     def added(self) -> tuple[Effect, ...]:
@@ -158,16 +181,36 @@ class Structure:
         return any(effect.uses_torque for effect in self.effects)
 
     def rigid_columns(self, motion: Motion) -> Array:
-        """Return the columns of the base parameters [N, n, b]."""
+        """Return the columns of the base parameters [N, n, b], before any torque scale."""
         return self.robot.rigid.regressor(motion)[:, :, list(self.base.columns)]
+
+    @property
+    def scales(self) -> Array:
+        """The scale [n] in which each joint's torque is reported: 1 where no effect says otherwise."""
+        out = np.ones(self.robot.n)
+        for effect in self.effects:
+            if isinstance(effect, TorqueScale):
+                out[effect.joint] = effect.scale
+        return out
+
+    @property
+    def scaled(self) -> tuple[int, ...]:
+        """Joints whose torque scale is a parameter."""
+        return tuple(effect.joint for effect in self.effects if isinstance(effect, TorqueScale))
+
+    def reported(self, rigid: Array) -> Array:
+        """Return columns or torques [N, n, ...] of the links in the scale of each joint."""
+        if not self.scaled:
+            return rigid
+        return np.asarray(rigid * self.scales.reshape(1, -1, *([1] * (rigid.ndim - 2))))
 
     def columns(self, motion: Motion, values: Array | None = None, rigid: Array | None = None) -> Array:
         """Return Phi [N, n, p] along a motion.
 
         values [p or more] are needed where an effect depends on the model's torque (zero torque is taken without them).
-        rigid: the columns of the base parameters, where they are known already.
+        rigid: `rigid_columns`, where they are known already.
         """
-        rigid = self.rigid_columns(motion) if rigid is None else rigid
+        rigid = self.reported(self.rigid_columns(motion) if rigid is None else rigid)
         plain = [rigid, *(effect.columns(motion) for effect in self.effects if not effect.uses_torque)]
         if not self.uses_torque:
             return np.concatenate(plain, axis=2)
@@ -179,7 +222,7 @@ class Structure:
 
     def torques(self, motion: Motion, values: Array, rigid: Array | None = None) -> Torques:
         """Return the torques [N, n] that effects may depend on; rigid: as for `columns`."""
-        rigid = self.rigid_columns(motion) if rigid is None else rigid
+        rigid = self.reported(self.rigid_columns(motion) if rigid is None else rigid)
         return self._torques(motion, [rigid, *(e.columns(motion) for e in self.effects if not e.uses_torque)], values)
 
     def _torques(self, motion: Motion, plain: Sequence[Array], values: Array | None) -> Torques:
@@ -187,7 +230,7 @@ class Structure:
             nothing = np.zeros(plain[0].shape[:2])
             return Torques(nothing, nothing)
         load, total, dry = self.load_total_dry(plain, values)
-        rigid = RigidSensitivity(self.robot, self.base, values[: len(self.base.columns)], motion)
+        rigid = RigidSensitivity(self.robot, self.base, values[: len(self.base.columns)], motion, self.scales)
         return Torques(load, total, rigid, dry)
 
     def load_total_dry(self, plain: Sequence[Any], values: Array) -> tuple[Any, Any, Any]:

@@ -30,7 +30,9 @@ class Processing:
     every column; None = none on periodic recordings, 10 Hz on others. derivative_bandwidth: Hz of the differentiation
     of non-periodic positions; None = 4 low_pass. decimate: every how many rows one is kept after the low pass.
     minimum_speed: rad/s below which samples are left out; None = the robot's own. anti_alias: (order, Hz) of the filter
-    in the torque channel, order 0: there is none; None = what the robot declares.
+    in the torque channel, order 0: there is none; None = what the robot declares. band: Hz that
+    the model's torque is low-passed at to be nearest to the record, where that was found; beyond 10 Hz validations
+    reach up to it.
     """
 
     base_frequency: float | None = None
@@ -40,6 +42,7 @@ class Processing:
     decimate: int = 1
     minimum_speed: tuple[float, ...] | None = None
     anti_alias: tuple[float, float] | None = None
+    band: float | None = None
 
 
 @dataclass(frozen=True)

@@ -18,7 +18,7 @@ from robot_ident.robot.effort_file import EffortField, EffortFile, EffortsField,
 from robot_ident.robot.geometry import CLEARANCE, Geometry
 from robot_ident.robot.packages import find_resource
 from robot_ident.robot.rigid_body import RigidBody
-from robot_ident.robot.robot import AntiAlias, Definition, Drives, Limits, Noise, Robot, Spring
+from robot_ident.robot.robot import AntiAlias, Definition, Drives, Limits, Noise, Robot, Spring, at_every_joint
 from robot_ident.robot.urdf import ENDLESS, check_serial, lock, parse_urdf, refuse_millimetres, refuse_mimics
 from robot_ident.share import config_file
 
@@ -145,6 +145,11 @@ class RobotFile(Closed):
         None, description="distance between links; looked at wherever the URDF has collision geometry"
     )
     springs: dict[str, SpringFile] = Field({}, description="gravity springs by joint")
+    base: Literal["prediction", "declared"] = Field(
+        "prediction",
+        description="prediction: offsets and rotor inertias belong to the base model, and recordings are processed, as"
+        " predicts motion left out best; declared: links, viscous and Coulomb friction and `effects`, no more",
+    )
     effects: list[str] = Field([], description="effects known to be there, as name@joint; @* means every joint")
     base_parameters: dict[str, str] = Field({}, description="shown name: standard parameter, e.g. p1: Izz1")
     anti_alias: AntiAliasFile | None = Field(
@@ -264,7 +269,8 @@ def _build(file: RobotFile, text: str, path: Path, definition: Definition | None
         workspace=rules,
         springs={joint: Spring(spring.length, spring.lever) for joint, spring in file.springs.items()},
         simulation=_simulation(file, joints, path),
-        known_effects=_expand(file.effects, joints),
+        known_effects=at_every_joint(file.effects, joints),
+        base=file.base,
         base_parameters=dict(file.base_parameters),
         minimum_speed=_column(record.minimum_speed for record in records),
         anti_alias=tuple(
@@ -335,15 +341,6 @@ def _limits(model: Any, records: list[JointFile]) -> Limits:
         torque[k] = record.torque or torque[k]
         current[k] = record.current or current[k]
     return Limits(*(frozen_array(v, None) for v in (lower, upper, velocity, acceleration, torque, current)))
-
-
-def _expand(effects: list[str], joints: tuple[str, ...]) -> tuple[str, ...]:
-    """Replace `name@*` by one effect a joint."""
-    out: list[str] = []
-    for effect in effects:
-        name, _, joint = effect.partition("@")
-        out += [f"{name}@{j}" for j in joints] if joint == "*" else [effect]
-    return tuple(out)
 
 
 def _simulation(file: RobotFile, joints: tuple[str, ...], path: Path) -> dict[str, dict[str, dict[str, float]]]:

@@ -2,11 +2,11 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import dataclass, field
 from functools import cached_property
 from pathlib import Path
-from typing import Any
+from typing import Any, Literal
 
 import numpy as np
 
@@ -89,6 +89,7 @@ class Robot:
     Measuring chain of the torque: `anti_alias` [n] (the filter in each joint's, None: none; empty: no joint has one),
     `effort` (what each joint reports: torque or current, where measured, sign), `torque_delay` [n] s by which torque
     lags position, `torque_curves` (A, Nm) by joint for a constant.
+    `base`: whether identification adds offsets and rotor inertias where they predict better, or takes what is declared.
     `definition` is what it was read from, None for a robot that comes with the package.
     """
 
@@ -112,6 +113,7 @@ class Robot:
     effort: Efforts = field(default_factory=Efforts)
     torque_delay: Array = field(default_factory=lambda: np.zeros(1))
     torque_curves: Mapping[str, tuple[tuple[float, float], ...]] = field(default_factory=dict)
+    base: Literal["prediction", "declared"] = "prediction"
 
     @classmethod
     def load(cls, name: str | Path = "kuka_ir361") -> Robot:
@@ -164,3 +166,12 @@ class Robot:
                 raise InputError(f"robot {self.name}: joint {name!r} is held here, at {held[name]:.4g}")
             raise InputError(f"robot {self.name} has no joint {name!r}{did_you_mean(name, self.joints)}")
         return self.joints.index(name)
+
+
+def at_every_joint(labels: Iterable[str], joints: Sequence[str]) -> tuple[str, ...]:
+    """Return effects as `name@joint`, `name@*` being one at every joint."""
+    out: list[str] = []
+    for label in labels:
+        name, _, joint = label.partition("@")
+        out += [f"{name}@{each}" for each in joints] if joint == "*" else [label]
+    return tuple(out)

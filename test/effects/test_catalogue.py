@@ -24,7 +24,7 @@ ARMS = ("kuka", "six_axes", "slide")
 ISSUED = """viscous coulomb torque_offset viscous_asymmetric stribeck viscous_nonlinear presliding load_friction
 position_friction torque_ripple backlash joint_elasticity cable gravity_spring base_tilt torque_saturation time_delay
 encoder_eccentricity rotor_inertia payload joint_coupling temperature_drift end_stop wrist_coupling
-effort_gain effort_filter link_length stamp_jitter mirrored_joint exchanged_joints"""
+effort_gain torque_scale effort_filter link_length stamp_jitter mirrored_joint exchanged_joints"""
 
 
 def test_names_stay_as_users_write_them() -> None:
@@ -57,7 +57,7 @@ def test_columns_are_finite_for_every_setting(name: str, arm: str, case: Callabl
             columns = effect.at(setting).columns(at.motion, at.torques)
             assert columns.shape == (at.motion.samples, at.robot.n, len(effect.coefficients))
             assert np.isfinite(columns).all()
-            assert effect.hidden_in(at.motion) or np.any(columns)
+            assert effect.hidden_in(at.motion) or np.any(columns) or effect.scales_links
         assert len(effect.parameter_names()) == len(effect.parameter_units()) == len(effect.coefficients)
         assert len(effect.inner_names()) == len(effect.inner_units()) == len(effect.inner)
 

@@ -1,0 +1,113 @@
+"""Public recordings of real arms: held-out error of the base model with no option beside a plain fit by hand."""
+
+from __future__ import annotations
+
+import time
+from dataclasses import dataclass, replace
+from pathlib import Path
+
+import numpy as np
+import pytest
+from real_arms import Case, real_cases
+from scipy.signal import butter, sosfiltfilt
+
+from robot_ident.cli.output import table
+from robot_ident.errors import InputError
+from robot_ident.estimation.identify import identify
+from robot_ident.estimation.predict import predict
+from robot_ident.model.model import Model
+from robot_ident.model.structure import Structure
+from robot_ident.motion import Array
+from robot_ident.recording import Processing
+
+DATA = Path(__file__).resolve().parents[2] / "shared/data"
+WORSE, WORSE_JOINT = 1.02, 1.10  # times the plain fit's error, in all and at any joint
+
+
+@dataclass(frozen=True)
+class Line:
+    """What one case gave: relative errors [n] and in all, of the plain fit and of ours."""
+
+    case: Case
+    plain: tuple[Array, float]
+    ours: tuple[Array, float]
+    model: Model
+    seconds: float
+
+
+def plain_fit(case: Case) -> Model:
+    """Fit links, friction and offsets by ordinary least squares on the band in which the error counts."""
+    robot = replace(case.robot, base="declared")
+    offsets = []
+    structure = Structure.build(robot)
+    for label in (f"torque_offset@{joint}" for joint in robot.joints):
+        try:
+            structure = structure.with_further([label])
+        except InputError:  # merged or there already
+            continue
+        offsets.append(label)
+    processing = Processing(periodic=False, low_pass=case.band)
+    return identify(case.train, robot, effects=offsets, estimator="ls", processing=processing, as_declared=True)
+
+
+def error(model: Model, case: Case) -> tuple[Array, float]:
+    """Return the relative error [n] and in all of what `predict` gives on the recording kept aside, at the band."""
+    predicted = predict(model, case.test)
+    dt = float(np.mean(np.diff(predicted.t)))
+    filter_ = butter(4, case.band, fs=1.0 / dt, output="sos")
+    measured = np.column_stack([np.interp(predicted.t, case.test.t, tau) for tau in case.test.tau.T])
+    ends = round(0.1 / dt)
+    y, p = (sosfiltfilt(filter_, x, axis=0)[ends:-ends] for x in (measured, predicted.torque))
+    e = y - p
+    each = np.sqrt(np.sum(e**2, axis=0) / np.sum(y**2, axis=0))
+    return each, float(np.sqrt(np.sum(e**2) / np.sum(y**2)))
+
+
+@pytest.fixture(scope="module")
+def lines(tmp_path_factory: pytest.TempPathFactory) -> list[Line]:
+    if not DATA.is_dir():
+        pytest.skip(f"{DATA}: the recordings are not here")
+    out = []
+    for case in real_cases(DATA, tmp_path_factory.mktemp("robots")):
+        began = time.process_time()
+        model = identify(case.train, case.robot, as_declared=True)
+        seconds = time.process_time() - began
+        out.append(Line(case, error(plain_fit(case), case), error(model, case), model, seconds))
+    return out
+
+
+def percent(values: Array) -> str:
+    return " ".join(f"{100 * value:.3g}" for value in values)
+
+
+def chosen(model: Model) -> str:
+    kinds = sorted({label.partition("@")[0] for label in model.base["effects"]}) if model.base else []
+    processing = model.processing
+    way = "periods averaged"
+    if processing["periodic"] is False:
+        way = f"one pass {processing['derivative_bandwidth']:.3g} / {processing['low_pass']:.3g} Hz"
+    return ", ".join([way, *kinds])
+
+
+def test_base_models_of_real_arms(lines: list[Line], capsys: pytest.CaptureFixture[str]) -> None:
+    rows = [
+        (
+            line.case.name,
+            f"{100 * line.plain[1]:.2f}",
+            f"{100 * line.ours[1]:.2f}",
+            percent(line.plain[0]),
+            percent(line.ours[0]),
+            chosen(line.model),
+            f"{line.seconds:.1f}",
+        )
+        for line in lines
+    ]
+    heads = ("fitted to -> judged on", "plain, %", "ours, %", "plain by joint", "ours by joint", "chosen", "CPU s")
+    with capsys.disabled():
+        print("\n" + table(heads, rows))
+    for line in lines:
+        assert line.ours[1] <= WORSE * line.plain[1], line.case.name
+        assert np.all(line.ours[0] <= WORSE_JOINT * line.plain[0]), line.case.name
+    assert sum(line.ours[1] for line in lines) < sum(line.plain[1] for line in lines)
+    of = {line.case.name: line.ours[1] for line in lines}
+    assert of["Panda first half -> rest"] <= 0.0130 * 1.01

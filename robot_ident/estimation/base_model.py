@@ -1,0 +1,283 @@
+"""The base model and the processing of its recordings, chosen by what predicts motion that was left out.
+
+Every candidate is fitted to all but one piece of the path and judged on that piece, in turn, by its squared error
+against the same target: the measured torque of all rows up to the band that torque and model share. The score is the
+sum over joints of the logarithm of the squared error.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Iterable, Sequence
+from dataclasses import dataclass, replace
+from itertools import product
+
+import numpy as np
+
+from robot_ident.errors import InputError
+from robot_ident.estimation.base_choice import OFFSET, PIECES, ROTOR, SCALE, Candidate, Choice, best_of, note_of
+from robot_ident.estimation.coherent_band import coherent_band
+from robot_ident.estimation.held_out import Grams, held_out
+from robot_ident.estimation.thin_rows import ThinRows, thin_rows
+from robot_ident.model.structure import Structure
+from robot_ident.motion import Array, Mask
+from robot_ident.recording.chain import chain_of
+from robot_ident.recording.low_pass import SoftPeriodicLowPass
+from robot_ident.recording.measurement import Measurement, Processing
+from robot_ident.recording.process import process
+from robot_ident.recording.recording import Recording
+from robot_ident.robot.robot import Robot
+
+DIFFERENTIATION = (0.5, 0.7, 1.0, 2.0)  # times the band
+ROWS = (0.5, 1.0)  # times the band: the low pass of the rows that are fitted
+_LONGEST = 100_000  # samples of a recording that are looked at
+_SHOWN = (1.0, 2.0, 4.0)  # times the band: the low pass of predictions
+_KEPT = 4.0  # rows in a period of their low pass
+_OWN = 1e-6  # of a column's square that no other column makes, below which the data can't tell it
+
+
+def choose_base(
+    recordings: Sequence[Recording], robot: Robot, effects: Sequence[str] = (), processing: Processing | None = None
+) -> Choice:
+    """Return how recordings are best processed and which offsets and rotor inertias belong to the base model.
+
+    What `processing` states is kept, and so is all where the robot's base is declared. Raises InputError on recordings
+    that can't be used.
+    """
+    asked = processing or Processing()
+    if robot.base == "declared":
+        return Choice(asked)
+    plain, _ = Structure.build(robot, effects).with_only(lambda e: not (e.uses_torque or e.inner or e.needs_time))
+    known = [one for one in recordings if one.conditions.payload is not None or not one.conditions.estimated]
+    parts = [recording[:_LONGEST] for recording in known or recordings]
+    default = [process(part, robot, asked) for part in parts]
+    most = min(
+        chain_of(robot, asked.anti_alias, part.source, 1.0 / one.dt, 0.0).bandwidth
+        for part, one in zip(parts, default, strict=True)
+    )
+    full = _with_candidates(plain)
+    band = coherent_band(parts, full, asked, most)
+    ways = _ways(parts, default, full, asked, band)
+    labels = [effect.label for effect in full.effects[len(plain.effects) :]]
+    told, untold = _told(ways[0].judged, full, labels)
+    # a stated payload's torque is taken off in Nm, before any scale
+    loaded = any(part.conditions.payload is not None for part in parts)
+    scaled = () if robot.ampere_joints or loaded else robot.joints[1:]
+    candidates = [made for way in ways for made in _judged(way, full, labels, told, scaled)]
+    taken = best_of(candidates)
+    passes = [one for one in candidates if not one.averaged and one.processing.derivative_bandwidth is not None]
+    used = taken.processing
+    if passes and asked.low_pass is None:
+        near = min(passes, key=lambda one: one.score) if taken.averaged else taken
+        wide = near.processing.derivative_bandwidth or band
+        rows = [thin_rows(part, robot, asked, band, wider=wide / band) for part in parts]
+        used = replace(used, derivative_bandwidth=wide, band=_shown(rows, full, taken, band))
+    notes = [note_of(taken, candidates, band)]
+    if untold:
+        notes.append(f"left out of the base model, since these data can't tell them: {', '.join(untold)}")
+    return Choice(used, taken, band, tuple(candidates), tuple(notes))
+
+
+@dataclass(frozen=True)
+class _Way:
+    """One way to process: sums over the rows that are fitted, of which a share is independent, and over those that
+    judge.
+    """
+
+    processing: Processing
+    averaged: bool
+    fitted: Grams
+    judged: Grams
+    independent: float = 1.0
+
+
+def _with_candidates(structure: Structure) -> Structure:
+    """Return a structure with an offset and a rotor inertia on every joint where neither is in it."""
+    for label in (f"{name}@{joint}" for name in (OFFSET, ROTOR) for joint in structure.robot.joints):
+        try:
+            structure = structure.with_further([label])
+        except InputError:  # it is in the model, merges with a link's inertia, or no sensor of this joint sees it
+            continue
+    return structure
+
+
+def _ways(
+    parts: Sequence[Recording], default: Sequence[Measurement], structure: Structure, asked: Processing, band: float
+) -> list[_Way]:
+    """Return the ways to process that are compared: as one pass of several bandwidths, and averaged where all repeats.
+
+    Cycles of production are averaged without comparison.
+    """
+    robot = structure.robot
+    passes = [
+        [thin_rows(part, robot, asked, band, wider=wider) for part in parts] for wider in _differentiation(asked, band)
+    ]
+    # the same rows for every candidate
+    used = [np.logical_and.reduce([way[k].used for way in passes]) for k in range(len(parts))]
+    places = [_Places.of(one, rows, here) for one, rows, here in zip(default, passes[0], used, strict=True)]
+    asks_periods = asked.periodic is True or any(one.cycles is not None for one in default)
+    out = []
+    for way in passes:
+        columns = [rows.columns(structure) for rows in way]
+
+        def sums(cutoff: float, way: list[ThinRows] = way, columns: list[Array] = columns) -> Grams:
+            return _sum(
+                Grams.of(rows.passed(x, cutoff), rows.torque(cutoff), place.piece, here, PIECES)
+                for rows, x, place, here in zip(way, columns, places, used, strict=True)
+            )
+
+        judged = sums(band)
+        wide = way[0].wide
+        for cutoff in _row_bands(asked, band):
+            processing = replace(
+                asked,
+                periodic=False,
+                low_pass=cutoff,
+                derivative_bandwidth=wide,
+                decimate=_every(asked, way, cutoff),
+            )
+            fitted = judged if cutoff == band else sums(cutoff)
+            share = min(1.0, 2.0 * cutoff * way[0].dt)
+            out.append(_Way(asked if asks_periods else processing, False, fitted, judged, share))
+    if all(place.phase is not None for place in places):
+        averaged = _averaged(default, passes[0], places, used, structure, band)
+        return [replace(averaged, processing=asked)] if asks_periods else [*out, replace(averaged, processing=asked)]
+    return out[:1] if asks_periods else out
+
+
+def _differentiation(asked: Processing, band: float) -> list[float]:
+    """Return the bandwidths, times the band, to which positions may be differentiated."""
+    if asked.derivative_bandwidth is not None:
+        return [asked.derivative_bandwidth / band]
+    if asked.low_pass is not None:
+        return [4.0 * asked.low_pass / band]
+    return list(DIFFERENTIATION)
+
+
+def _row_bands(asked: Processing, band: float) -> list[float]:
+    """Return the low passes [Hz] that fitted rows may take."""
+    return [asked.low_pass] if asked.low_pass is not None else [share * band for share in reversed(ROWS)]
+
+
+def _every(asked: Processing, rows: Sequence[ThinRows], cutoff: float) -> int:
+    """Return every how many samples a row is kept: four in a period of their low pass [Hz] say all that it leaves."""
+    rate = min(1.0 / one.sample_dt for one in rows)
+    return asked.decimate if asked.decimate != 1 else max(1, int(rate / (_KEPT * cutoff)))
+
+
+def _sum(parts: Iterable[Grams]) -> Grams:
+    first, *rest = parts
+    for one in rest:
+        first = first + one
+    return first
+
+
+@dataclass(frozen=True)
+class _Places:
+    """The piece of the path that each row [N] belongs to, -1: none; of what repeats, its place [N] in the period."""
+
+    piece: np.ndarray
+    phase: Array | None
+
+    @classmethod
+    def of(cls, default: Measurement, rows: ThinRows, used: Mask) -> _Places:
+        """Divide what is used of a recording: by the period's phase where its periods are averaged, else by time."""
+        t = np.arange(len(used)) * rows.dt
+        inside = np.full(len(t), -1)
+        if default.base_frequency is not None and default.cycles is None:
+            phase = np.zeros(len(t))
+            for began in default.motion.began:
+                here = (t >= began) & (t < began + 1.0 / default.base_frequency)
+                phase[here] = (t[here] - began) * default.base_frequency
+                inside[here] = np.minimum(phase[here] * PIECES, PIECES - 1)
+            return cls(inside, phase)
+        counted = np.flatnonzero(used.any(axis=1))
+        if len(counted):
+            first, last = counted[0], counted[-1] + 1
+            inside[first:last] = np.arange(last - first) * PIECES // (last - first)
+        return cls(inside, None)
+
+
+def _averaged(
+    default: Sequence[Measurement],
+    rows: Sequence[ThinRows],
+    places: Sequence[_Places],
+    used: Sequence[Mask],
+    structure: Structure,
+    band: float,
+) -> _Way:
+    """Return averages of periods as a way: fitted to the mean period, judged on every period as it was measured."""
+    fitted, judged = [], []
+    for one, row, place, here in zip(default, rows, places, used, strict=True):
+        columns = structure.columns(one.motion)
+        count = len(columns)
+        piece = (np.arange(count) * PIECES // count)[one.rows]
+        fitted.append(Grams.of(one.passed(columns), one.passed(one.torque), piece, one.used[one.rows], PIECES))
+        assert place.phase is not None and one.base_frequency is not None
+        smooth = SoftPeriodicLowPass(band, one.base_frequency, count).apply(columns)
+        at = place.phase * count
+        low = np.floor(at).astype(int)
+        share = (at - low)[:, None, None]
+        along = (1.0 - share) * smooth[low % count] + share * smooth[(low + 1) % count]
+        judged.append(Grams.of(along, row.torque(band), place.piece, here, PIECES))
+    return _Way(Processing(), averaged=True, fitted=_sum(fitted), judged=_sum(judged))
+
+
+def _shown(rows: Sequence[ThinRows], structure: Structure, taken: Candidate, band: float) -> float:
+    """Return the low pass [Hz] that brings the model's torque nearest to the record, whatever that passed itself."""
+    rigid = taken.kept < len(structure.base.columns)
+    theta, scale = taken.fitted.theta, taken.fitted.scale
+    whole = np.where(rigid[None, :], scale[:, None] * theta, theta[None, :])
+    torques = [np.einsum("kjp,jp->kj", one.columns(structure)[:, :, taken.kept], whole) for one in rows]
+    most = min(0.4 / one.sample_dt for one in rows)
+    cutoffs = [min(share * band, most) for share in _SHOWN]
+    errors = []
+    for cutoff in cutoffs:
+        left = np.zeros(structure.robot.n)
+        for one, torque in zip(rows, torques, strict=True):
+            left += np.sum(((one.torque(None) - one.passed(torque, cutoff)) * one.used) ** 2, axis=0)
+        errors.append(float(np.sum(np.log(np.maximum(left, 1e-300)))))
+    return float(cutoffs[int(np.argmin(errors))])
+
+
+def _told(sums: Grams, structure: Structure, labels: Sequence[str]) -> tuple[np.ndarray, list[str]]:
+    """Return which columns [P] the data can tell, all but candidates that the others span, and the labels of those."""
+    weight = 1.0 / np.maximum(sums.yy.sum(axis=0), 1e-300)
+    square = np.tensordot(weight, sums.xx.sum(axis=0), 1)
+    size = np.sqrt(np.maximum(np.diag(square), 1e-300))
+    square = square / size / size[:, None]
+    kept = np.ones(len(structure.names), dtype=bool)
+    untold = []
+    for label in reversed(labels):
+        place = structure.names.index(label)
+        others = np.flatnonzero(kept & (np.arange(len(kept)) != place))
+        among = square[np.ix_(others, others)] + _OWN**2 * np.eye(len(others))
+        own = square[place, place] - square[place, others] @ np.linalg.solve(among, square[others, place])
+        if own < _OWN:
+            kept[place] = False
+            untold.append(label)
+    return kept, untold[::-1]
+
+
+def _judged(
+    way: _Way, structure: Structure, labels: Sequence[str], told: np.ndarray, joints: Sequence[str]
+) -> list[Candidate]:
+    """Return a candidate for every set: offsets, rotor inertias and torque scales (of some joints) in or out."""
+    names = structure.names
+    out = []
+    sets: list[tuple[str, ...]] = []
+    for *kinds, scaled in product((True, False), repeat=3):
+        if scaled and not joints:
+            continue
+        wanted = [name for name, taken in zip((OFFSET, ROTOR), kinds, strict=True) if taken]
+        chosen = tuple(x for x in labels if x.partition("@")[0] in wanted and told[names.index(x)])
+        both = (*chosen, *(f"{SCALE}@{joint}" for joint in joints)) if scaled else chosen
+        if both in sets:
+            continue
+        sets.append(both)
+        kept = np.array([k for k, name in enumerate(names) if told[k] and (name not in labels or name in chosen)])
+        rigid = kept < len(structure.base.columns)
+        free = scaled * (np.arange(structure.robot.n) > 0)
+        error, fitted = held_out(way.fitted.kept(kept), way.judged.kept(kept), way.independent, rigid, free > 0)
+        torque = way.judged.yy.sum(axis=0)
+        out.append(Candidate(way.processing, both, way.averaged, error, torque, kept, fitted))
+    return out

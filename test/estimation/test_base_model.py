@@ -1,0 +1,179 @@
+"""The base model and its processing: chosen by motion left out, and never worse for it."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+from robot_ident.estimation.base_model import choose_base
+from robot_ident.estimation.held_out import FAINT, Grams, held_out
+from robot_ident.estimation.identify import identify
+from robot_ident.estimation.predict import predict
+from robot_ident.model.expressions import columns_function
+from robot_ident.model.model_file import read_model, write_model
+from robot_ident.model.structure import Structure
+from robot_ident.motion import Array, Motion
+from robot_ident.recording import Processing, Recording
+from robot_ident.robot import Robot, load_robot
+
+VISCOUS = np.array([8.0, 9.0, 6.0, 1.2, 1.1, 0.7])
+COULOMB = np.array([6.0, 7.0, 5.0, 1.0, 0.9, 0.6])
+NOISE = np.array([0.5, 0.5, 0.4, 0.1, 0.1, 0.07])
+OFFSET = np.array([3.0, -4.0, 2.0, 0.8, -0.5, 0.4])
+
+
+@pytest.fixture(scope="module")
+def robot(checkout: Path) -> Robot:
+    return load_robot(checkout / "test/golden/inputs/six_axis.yaml")
+
+
+def motion_at(t: Array, seed: int, n: int = 6) -> Motion:
+    """Return sums of five sines a joint that never repeat, with exact derivatives."""
+    rng = np.random.default_rng(seed)
+    q, dq, ddq = np.zeros((3, len(t), n))
+    for joint in range(n):
+        for _ in range(5):
+            w, size, phase = 2 * np.pi * rng.uniform(0.05, 0.6), rng.uniform(0.1, 0.35), rng.uniform(0, 2 * np.pi)
+            q[:, joint] += size * np.sin(w * t + phase)
+            dq[:, joint] += size * w * np.cos(w * t + phase)
+            ddq[:, joint] -= size * w**2 * np.sin(w * t + phase)
+    return Motion(q, dq, ddq)
+
+
+def recorded(
+    robot: Robot,
+    seed: int,
+    *,
+    offset: Array | float = 0.0,
+    scale: Array | float = 1.0,
+    encoder: float = 1e-5,
+    seconds: float = 20.0,
+    rate: float = 100.0,
+    path: int | None = None,
+) -> Recording:
+    """Return one pass of an arm by recursive Newton-Euler, with friction, noise, and efforts in scales of their own."""
+    rng = np.random.default_rng(1000 + seed)
+    t = np.arange(0.0, seconds, 1.0 / rate)
+    motion = motion_at(t, seed if path is None else path)
+    links = robot.rigid.inverse_dynamics(motion)
+    friction = VISCOUS * motion.dq + COULOMB * np.sign(motion.dq)
+    tau = scale * links + friction + offset + NOISE * rng.standard_normal(links.shape)
+    q = motion.q + encoder * rng.standard_normal(links.shape)
+    return Recording(robot.joints, t, q, tau, source=f"pass {seed}")
+
+
+def test_pieces_left_out_are_judged_as_a_fit_without_them_does() -> None:
+    rng = np.random.default_rng(1)
+    columns, piece = rng.standard_normal((400, 2, 5)), np.arange(400) // 50
+    torque = columns @ rng.standard_normal(5) + np.array([0.1, 3.0]) * rng.standard_normal((400, 2))
+    used = rng.random((400, 2)) > 0.1
+    sums = Grams.of(columns, torque, piece, used, 8)
+    error, _ = held_out(sums, sums, 1.0, np.ones(5, dtype=bool), np.zeros(2, dtype=bool))
+    for out in range(8):
+        theta, variance = np.zeros(5), np.ones(2)
+        for _ in range(40):
+            weight = np.where(piece == out, FAINT, 1.0)[:, None] * used / variance
+            root = np.sqrt(weight).ravel()
+            theta = np.linalg.lstsq(columns.reshape(-1, 5) * root[:, None], torque.ravel() * root, rcond=None)[0]
+            left = (torque - columns @ theta) ** 2 * used * np.where(piece == out, FAINT, 1.0)[:, None]
+            variance = left.sum(axis=0) / (used * np.where(piece == out, FAINT, 1.0)[:, None]).sum(axis=0)
+        expected = np.sum(((torque - columns @ theta) ** 2 * used)[piece == out], axis=0)
+        np.testing.assert_allclose(error[out], expected, rtol=1e-6)
+
+
+def test_offsets_are_found_and_named(robot: Robot) -> None:
+    model = identify([recorded(robot, 1, offset=OFFSET)], robot)
+    found = {p.name: (v, s) for p, v, s in zip(model.parameters, model.values, model.std, strict=True)}
+    for joint, true in zip(robot.joints, OFFSET, strict=True):
+        value, std = found[f"torque_offset@{joint}"]
+        assert abs(value - true) < 4 * std, joint
+    assert model.base is not None
+    assert f"torque_offset@{robot.joints[0]}" in model.base["effects"]
+    assert any("offsets" in note and "pieces of the path left out" in note for note in model.notes)
+
+
+@pytest.mark.parametrize("encoder", [1e-5, 1e-3])
+def test_what_is_chosen_predicts_another_path_as_well_as_the_best_fixed_filter(robot: Robot, encoder: float) -> None:
+    train, test = recorded(robot, 2, offset=OFFSET, encoder=encoder), recorded(robot, 3, offset=OFFSET, encoder=encoder)
+    truth = motion_at(test.t, 3)
+    exact = robot.rigid.inverse_dynamics(truth) + VISCOUS * truth.dq + COULOMB * np.sign(truth.dq) + OFFSET
+
+    def error(model: object) -> float:
+        predicted = predict(model, test)  # type: ignore[arg-type]
+        along = np.column_stack([np.interp(predicted.t, test.t, x) for x in exact.T])
+        rest = (predicted.torque - along)[50:-50]
+        return float(np.sqrt(np.mean((rest / exact.std(axis=0)) ** 2)))
+
+    offsets = [f"torque_offset@{joint}" for joint in robot.joints]
+    declared = replace(robot, base="declared")
+    fixed = [
+        identify(
+            [train],
+            declared,
+            effects=offsets,
+            processing=Processing(periodic=False, low_pass=low_pass, derivative_bandwidth=wide),
+        )
+        for low_pass, wide in ((2.0, 4.0), (5.0, 5.0), (5.0, 10.0), (10.0, 20.0), (10.0, 40.0))
+    ]
+    assert error(identify([train], robot)) < 1.05 * min(map(error, fixed))
+
+
+def test_scales_are_found_within_their_sigma_and_none_where_all_report_alike(robot: Robot) -> None:
+    scale = np.array([1.0, 1.3, 0.8, 1.2, 0.9, 1.1])
+    normalised = []
+    for seed in range(4, 10):
+        model = identify([recorded(robot, seed, scale=scale)], robot, as_declared=True)
+        for p, value, std in zip(model.parameters, model.values, model.std, strict=True):
+            if p.effect == "torque_scale":
+                true = scale[robot.joint_index(p.joint or "")] / scale[0]
+                normalised.append((value - true) / std)
+        assert model.base is not None and len(normalised) == 5 * (seed - 3)
+        assert any("torque scale" in note for note in model.notes)
+        alike = identify([recorded(robot, seed)], robot)
+        assert not any(p.effect == "torque_scale" for p in alike.parameters)
+    assert 0.5 < np.sqrt(np.mean(np.square(normalised))) < 1.8
+    assert np.mean(np.abs(normalised) < 2.0) > 0.8
+
+
+def test_a_model_with_scales_predicts_in_the_unit_that_is_reported(robot: Robot, tmp_path: Path) -> None:
+    scale = np.array([1.0, 1.3, 0.8, 1.2, 0.9, 1.1])
+    model = identify([recorded(robot, 4, scale=scale)], robot, as_declared=True)
+    write_model(model, tmp_path / "model.yaml")
+    again = read_model(tmp_path / "model.yaml")
+    test = recorded(robot, 11, scale=scale)
+    predicted = predict(again, test)
+    rest = (predicted.torque - np.column_stack([np.interp(predicted.t, test.t, x) for x in test.tau.T]))[50:-50]
+    assert np.all(rest.std(axis=0) < 2.0 * NOISE + 0.1 * COULOMB)
+    motion = motion_at(np.linspace(0.0, 1.0, 5), 12)
+    phi = columns_function(again.structure, values=again.linear)
+    for k in range(5):
+        symbolic = np.asarray(phi(motion.q[k], motion.dq[k], motion.ddq[k])) @ again.linear
+        np.testing.assert_allclose(symbolic, again.predict(motion)[k], rtol=1e-9)
+
+
+def test_options_and_declarations_stand(robot: Robot) -> None:
+    recording = recorded(robot, 5, offset=OFFSET)
+    asked = Processing(low_pass=6.0)
+    choice = choose_base([recording], robot, (), asked)
+    assert choice.processing.low_pass == 6.0
+    assert choice.processing.derivative_bandwidth == pytest.approx(24.0)
+    declared = choose_base([recording], replace(robot, base="declared"), (), asked)
+    assert declared.processing == asked and not declared.effects and declared.to_dict() is None
+    model = identify([recording], replace(robot, base="declared"))
+    assert model.structure.names == Structure.build(robot).names and model.base is None
+
+
+def test_what_the_data_cannot_tell_is_left_out(robot: Robot) -> None:
+    """A joint about the vertical that moves with the others at rest: its inertia is all that a rotor's would add."""
+    choice = choose_base([recorded(robot, 6, offset=OFFSET)], robot, (f"torque_offset@{robot.joints[0]}",))
+    assert f"torque_offset@{robot.joints[0]}" not in choice.effects
+    assert f"torque_offset@{robot.joints[1]}" in choice.effects
+
+
+def test_short_recordings_work(robot: Robot) -> None:
+    model = identify([recorded(robot, 7, offset=OFFSET, seconds=4.0)], robot)
+    assert model.base is not None
+    assert all(fit.relative is not None and fit.relative < 0.5 for fit in model.residual.values())
