@@ -14,6 +14,7 @@ MINUTES = {
     "diagnosis": 360,
     "foreign": 30,
     "real": 2,
+    "like_real": 25,
     "measurement": 20,
     "robots": 20,
     "recorder": 4,

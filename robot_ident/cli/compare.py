@@ -135,13 +135,20 @@ def _to_dict(inputs: Inputs, found: Sequence[Comparison], mcap: str | None) -> d
         "models": models,
         "recordings": list(inputs.bags),
         "mcap": mcap,
-        "notes": list(found[0].notes) if found else [],
+        "notes": [*_troubles(inputs), *(found[0].notes if found else ())],
     }
+
+
+def _troubles(inputs: Inputs) -> list[str]:
+    """Return a line for each model that can't follow its own recordings."""
+    return [
+        f"{path}: {model.trouble}" for path, model in zip(inputs.paths, inputs.models, strict=True) if model.trouble
+    ]
 
 
 def _print(inputs: Inputs, found: Sequence[Comparison]) -> None:
     robot = inputs.models[0].robot
-    for note in found[0].notes:
+    for note in [*_troubles(inputs), *found[0].notes]:
         tell(note)
     rows = [
         _row(path if len(found) > 1 else "", joint, robot.torque_unit(number))

@@ -41,7 +41,8 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
     parser.add_argument(
         "--anyway",
         action="store_true",
-        help="write a model that is worse than none on --validation, or C code of one that no links can have",
+        help="write a model that misses half of its own torque, is worse than none on --validation, or C code that no"
+        " links can have",
     )
     parser.add_argument("--force", action="store_true", help="replace what is there")
     add_json(parser)
@@ -67,11 +68,13 @@ def run(args: argparse.Namespace) -> int:
             " them carries the unit A: nothing to export; a recording with a known payload beside their axes would tell"
             " them, or a torque_constant in the robot YAML"
         )
+    if model.trouble and not args.anyway:
+        raise InputError(f"{args.model}: {model.trouble} (--anyway writes it all the same)")
     made = FORMATS[form](model, args)
     held = _held_against(model, made, args)
     if held.trouble and not args.anyway:
         raise InputError(f"{args.model}: {held.trouble} (--anyway writes it all the same)")
-    notes = (*made.notes, *([held.trouble] if held.trouble else []))
+    notes = tuple(line for line in (model.trouble, *made.notes, held.trouble) if line)
     if "" in made.files:
         write_text(target, made.files[""], force=args.force)
     else:

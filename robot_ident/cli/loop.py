@@ -19,11 +19,21 @@ def add_common(parser: argparse.ArgumentParser) -> None:
     """Add the options that the three verbs share."""
     from robot_ident.cli.output import add_json
 
-    parser.add_argument(
-        "--validation", action="append", default=[], metavar="BAG2", help="recordings that never enter a fit"
-    )
+    add_validation(parser)
     parser.add_argument("--topic", metavar="T", help="topic of the joint states")
     add_json(parser)
+
+
+def add_validation(parser: argparse.ArgumentParser) -> None:
+    """Add the recordings that are kept aside: several after one option, or one after each."""
+    parser.add_argument(
+        "--validation",
+        action="extend",
+        nargs="+",
+        default=[],
+        metavar="BAG2",
+        help="recordings that never enter a fit",
+    )
 
 
 @dataclass(frozen=True)

@@ -7,6 +7,7 @@ import shlex
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
+from robot_ident.cli.loop import add_validation
 from robot_ident.cli.output import Progress, add_json, add_output, print_json, say
 from robot_ident.errors import InputError
 
@@ -18,9 +19,7 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
     """Add the verb's options."""
     parser.add_argument("models", nargs="+", metavar="model.yaml", help="models in their order; the last is judged")
     parser.add_argument("--bag", nargs="+", required=True, metavar="BAG", help="recordings to compare with")
-    parser.add_argument(
-        "--validation", action="append", default=[], metavar="BAG2", help="recordings that never enter a fit"
-    )
+    add_validation(parser)
     parser.add_argument(
         "--trajectory",
         action="append",

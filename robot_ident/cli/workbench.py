@@ -8,6 +8,7 @@ import sys
 from contextlib import ExitStack
 from pathlib import Path
 
+from robot_ident.cli.loop import add_validation
 from robot_ident.cli.output import say, within
 
 
@@ -17,9 +18,7 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
     parser.add_argument(
         "--bag", nargs="+", default=[], metavar="BAG", help="recordings to fit; else chosen on the page"
     )
-    parser.add_argument(
-        "--validation", action="append", default=[], metavar="BAG2", help="recordings that never enter a fit"
-    )
+    add_validation(parser)
     parser.add_argument(
         "--robot", metavar="R", help="robot of a model that is identified first (default kuka_ir361), as of identify"
     )

@@ -20,6 +20,7 @@ from robot_ident.estimation.equations import Equations, stack
 from robot_ident.estimation.estimate_gains import spread_by_gains, with_known_gains
 from robot_ident.estimation.gains import Gains
 from robot_ident.estimation.identifiability import identifiability
+from robot_ident.estimation.implausible import implausible_notes
 from robot_ident.estimation.per_period import drift_notes, per_period
 from robot_ident.estimation.position_noise import position_notes
 from robot_ident.estimation.problem import Solution
@@ -90,7 +91,8 @@ class Chosen:
             if parameter.effect == TorqueScale.name
         }
         told = torque_scale_notes(self.choice, scales)
-        return replace(made, base=self.choice.to_dict(), notes=(*notes, *self.choice.notes, *told, *made.notes))
+        first = [made.trouble] if made.trouble else []
+        return replace(made, base=self.choice.to_dict(), notes=(*first, *notes, *self.choice.notes, *told, *made.notes))
 
 
 def with_base(
@@ -168,6 +170,7 @@ def estimate(
     linear = found.values[: len(structure.parameters)]
     equations = found.equations if taken is measurements else stack(measurements, found.structure, linear)
     residual = _fits(equations, equations.torque - equations.phi @ linear, structure)
+    notes = [*implausible_notes(found.structure, equations, linear, np.sqrt(np.diag(found.covariance))), *notes]
     _, logdet = np.linalg.slogdet(found.covariance[: len(linear), : len(linear)])
     return Model(
         structure=found.structure,

@@ -63,9 +63,11 @@ def unusable(model: Model, source: str, residual: Mapping[str, Fit]) -> str | No
 
 
 def unusable_on(model: Model, validation: Sequence[Measurement]) -> tuple[str, ...]:
-    """Return such a line for every recording kept aside on which the model is worse than none."""
+    """Return such a line for every recording kept aside on which the model is worse than none, before them one where it
+    can't follow its own.
+    """
     lines = (unusable(model, measured.source, residual_on(model, measured)) for measured in validation)
-    return tuple(line for line in lines if line)
+    return tuple(line for line in (model.trouble, *lines) if line)
 
 
 def _torque(residual: Fit) -> float:

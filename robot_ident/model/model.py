@@ -14,6 +14,9 @@ from robot_ident.motion import Array, Motion, frozen_array
 from robot_ident.robot.rigid_body import STANDARD
 from robot_ident.robot.robot import Robot
 
+_POOR = 0.5  # of a joint's torque, in rms: a model that misses more is none of that joint
+_ABOVE_NOISE = 4.0  # times the noise's variance: what a torque is at least to tell anything
+
 
 @dataclass(frozen=True)
 class Fit:
@@ -28,6 +31,13 @@ class Fit:
     rms: float
     noise_variance: float | None
     relative: float | None
+
+
+def _poor(one: Fit) -> bool:
+    """Return whether a residual is more than half of a torque that stands above its noise."""
+    if one.relative is None or one.relative <= _POOR:
+        return False
+    return one.noise_variance is None or one.mse / one.relative**2 > _ABOVE_NOISE * one.noise_variance
 
 
 @dataclass(frozen=True)
@@ -138,6 +148,20 @@ class Model:
         if self.physical is None:
             return None
         return np.array([self.physical["rotor_inertia"][joint] for joint in self.robot.joints])
+
+    @property
+    def trouble(self) -> str | None:
+        """A line that names the joints at which the model misses more than half of the torque of its own recordings,
+        those left out whose torque is hardly more than noise; None where there is none.
+        """
+        poor = [f"{joint} {100 * (one.relative or 0.0):.0f} %" for joint, one in self.residual.items() if _poor(one)]
+        if not poor:
+            return None
+        return (
+            f"not usable: on the recordings that it was fitted to the model misses more than half of the torque of"
+            f" {', '.join(poor)}; robot_ident info BAG --robot says whether the effort's unit, sign and axis are as"
+            " declared, compare where the model fails"
+        )
 
     def predict(self, motion: Motion) -> Array:
         """Return the model's torque [N, n] Nm along a motion."""

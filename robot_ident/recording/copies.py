@@ -18,17 +18,30 @@ _ALIKE = 0.05  # of a motion's rms, by which repetitions of it may differ
 
 
 def refuse_copies(measurements: Sequence[Measurement]) -> None:
-    """Raise InputError where two measurements hold the same torques, as a recording under two names does.
+    """Raise InputError where two measurements hold the same torques of one motion, as a recording under two names does.
 
     To the last digit; or, rounded or trimmed, their noise: what is measured again differs by 2 sigma^2 in the mean.
+    A torque that was commanded may be the same on different motions.
     """
     for one, other in combinations(measurements, 2):
-        if one is other or np.array_equal(one.torque, other.torque, equal_nan=True) or _of_one_noise(one, other):
+        if one is other or (_of_one_torque(one, other) and _of_one_place(one, other)):
             raise InputError(
                 f"{other.source} holds the samples of {one.source}: a copy of it, or a simulation of the"
                 " same motion without noise; give every one once, since the noise of both would be counted as"
                 " independent, and what is kept aside as not seen"
             )
+
+
+def _of_one_torque(one: Measurement, other: Measurement) -> bool:
+    return bool(np.array_equal(one.torque, other.torque, equal_nan=True)) or _of_one_noise(one, other)
+
+
+def _of_one_place(one: Measurement, other: Measurement) -> bool:
+    """Return whether two measurements go over the same positions, instant by instant or shifted by part of a period."""
+    a, b = one.motion.q, other.motion.q
+    if a.shape == b.shape and np.all(np.abs(a - b).max(axis=0) <= _ALIKE * np.maximum(a.std(axis=0), 1e-9)):
+        return True
+    return _repeats(one, other)
 
 
 def _of_one_noise(one: Measurement, other: Measurement) -> bool:

@@ -136,3 +136,24 @@ def test_motions_that_last_for_days_are_refused(run: Run, arm: Any, model: Path,
     told = run("simulate", tmp_path / "crawl.yaml", "-o", tmp_path / "out")
     assert told.code == 2
     assert "too long to simulate" in told.err
+
+
+def test_a_model_that_misses_its_own_torque_says_so_first_and_is_not_exported(
+    run: Run, arm: Any, tmp_path: Path
+) -> None:
+    """A joint whose effort has nothing to do with its motion, gone on with as declared."""
+    fine = arm.record(3, periods=3)
+    wander = np.random.default_rng(1).normal(size=len(fine.t)).cumsum()
+    tau = np.column_stack([fine.tau[:, :2], 50.0 * wander / wander.std()])
+    wrong, model = tmp_path / "wrong.npz", tmp_path / "model.yaml"
+    write_recording(wrong, replace(fine, tau=tau))
+    made = run("identify", wrong, "--as-declared", "--not-periodic", "-o", model)
+    assert made.code == 0
+    first = made.err.splitlines()[0]
+    assert "not usable: on the recordings that it was fitted to" in first and "joint_3" in first
+    assert "joint_1" not in first
+    for option, target in (("--c", tmp_path / "code"), ("--urdf", tmp_path / "arm.urdf")):
+        refused = run("export", model, option, target)
+        assert refused.code == 2 and "not usable" in refused.err and "--anyway" in refused.err
+        assert not target.exists()
+    assert "not usable" in run("compare", model, wrong).err.splitlines()[0]

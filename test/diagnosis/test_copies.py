@@ -68,3 +68,9 @@ def rolled(measured: Measurement, samples: int) -> Measurement:
         np.roll(x, samples, axis=0) for x in (motion.q, motion.dq, motion.ddq, measured.torque, measured.used)
     )
     return replace(measured, motion=replace(motion, q=q, dq=dq, ddq=ddq), torque=torque, used=used)
+
+
+def test_a_commanded_torque_may_stand_in_two_motions(bench: Any) -> None:
+    (one,) = bench.measure((), [0], noise=1.0)
+    elsewhere = replace(one, source="elsewhere", motion=replace(one.motion, q=one.motion.q + 26.0))
+    compare(bench.model([one]), [one, elsewhere])
