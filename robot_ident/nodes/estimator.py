@@ -212,7 +212,9 @@ class Estimator(BaseNode):
 
     def _identify(self, recording: Recording, options: dict[str, Any], provisional: bool) -> tuple[bool, str]:
         begun = time.monotonic()
-        model = identify([recording], self._robot, **options)
+        # what is said on the way has no time for a choice
+        robot = replace(self._robot, base="declared") if provisional else self._robot
+        model = identify([recording], robot, **options)
         if self.ended:
             return False, "the node ends"
         provenance = {

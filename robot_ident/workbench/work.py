@@ -25,16 +25,15 @@ from robot_ident.diagnosis.residual_lines import residual_lines
 from robot_ident.effects import make_effect
 from robot_ident.errors import InputError
 from robot_ident.estimation.effort_checks import contradictions, taken_as_declared
-from robot_ident.estimation.estimate_gains import with_known_gains
 from robot_ident.estimation.gains_anew import extended, measured_anew
-from robot_ident.estimation.identify import estimate
+from robot_ident.estimation.identify import with_base
 from robot_ident.estimation.unusable import refuse_misdeclared
 from robot_ident.files import whole, write_text
 from robot_ident.model.model import Model
 from robot_ident.model.model_file import read_model, write_model
 from robot_ident.model.structure import Structure
 from robot_ident.motion import Array
-from robot_ident.recording.measurement import Measurement
+from robot_ident.recording.measurement import Measurement, Processing
 from robot_ident.robot import Robot
 from robot_ident.workbench import documents
 from robot_ident.workbench.commands import model_name
@@ -81,9 +80,9 @@ class Work:
         tell(0.6, "identifying the model")
         doubts = contradictions(training, robot, otherwise=_OTHERWISE)
         structure = Structure.build(robot)
-        known, structure, gains = with_known_gains(self.inputs.recordings(robot), training, structure, None)
-        model = estimate(known, structure, gains=gains)
-        return replace(model, notes=(*doubts, *model.notes), provenance=self.inputs.provenance())
+        chosen = with_base(self.inputs.recordings(robot), training, structure, Processing())
+        model = chosen.model(estimator="wls", physical=False, notes=doubts)
+        return replace(model, provenance=self.inputs.provenance())
 
     def diagnose(self, tell: Tell, number: int) -> None:
         """Find what a step's model lacks, and what each candidate would do."""
