@@ -103,10 +103,7 @@ def _with_candidates(structure: Structure) -> Structure:
 def _ways(
     parts: Sequence[Recording], default: Sequence[Measurement], structure: Structure, asked: Processing, band: float
 ) -> list[_Way]:
-    """Return the ways to process that are compared: as one pass of several bandwidths, and averaged where all repeats.
-
-    Cycles of production are averaged without comparison.
-    """
+    """Return the ways to process that are compared: one pass of several bandwidths, and averages where all repeats."""
     robot = structure.robot
     passes = [
         [thin_rows(part, robot, asked, band, wider=wider) for part in parts] for wider in _differentiation(asked, band)
@@ -114,7 +111,7 @@ def _ways(
     # the same rows for every candidate
     used = [np.logical_and.reduce([way[k].used for way in passes]) for k in range(len(parts))]
     places = [_Places.of(one, rows, here) for one, rows, here in zip(default, passes[0], used, strict=True)]
-    asks_periods = asked.periodic is True or any(one.cycles is not None for one in default)
+    asks_periods = asked.periodic is True
     out = []
     for way in passes:
         columns = [rows.columns(structure) for rows in way]
@@ -180,10 +177,17 @@ class _Places:
 
     @classmethod
     def of(cls, default: Measurement, rows: ThinRows, used: Mask) -> _Places:
-        """Divide what is used of a recording: by the period's phase where its periods are averaged, else by time."""
+        """Divide what is used of a recording: by the place in the period or cycle that is averaged, else by time."""
         t = np.arange(len(used)) * rows.dt
         inside = np.full(len(t), -1)
-        if default.base_frequency is not None and default.cycles is None:
+        if default.cycles is not None:
+            first = next(k for k in range(default.cycles.count) if k + 1 not in default.left_out)
+            start = default.cycles.begins[first, 0] - default.motion.began[0]
+            phase = default.cycles.phase(t + start) / default.cycles.length
+            found = np.isfinite(phase)
+            inside[found] = np.minimum(phase[found] * PIECES, PIECES - 1)
+            return cls(inside, np.where(found, phase, 0.0))
+        if default.base_frequency is not None:
             phase = np.zeros(len(t))
             for began in default.motion.began:
                 here = (t >= began) & (t < began + 1.0 / default.base_frequency)
