@@ -29,7 +29,7 @@ from robot_ident.robot.robot import Robot
 
 DIFFERENTIATION = (0.5, 0.7, 1.0, 2.0)  # times the band
 ROWS = (0.5, 1.0)  # times the band: the low pass of the rows that are fitted
-_LONGEST = 100_000  # samples of a recording that are looked at
+_LONGEST = 200_000  # samples of a recording that are looked at: columns of seven joints take a gigabyte
 _SHOWN = (1.0, 2.0, 4.0)  # times the band: the low pass of predictions
 _KEPT = 4.0  # rows in a period of their low pass
 _OWN = 1e-6  # of a column's square that no other column makes, below which the data can't tell it
@@ -48,8 +48,8 @@ def choose_base(
         return Choice(asked)
     plain, _ = Structure.build(robot, effects).with_only(lambda e: not (e.uses_torque or e.inner or e.needs_time))
     known = [one for one in recordings if one.conditions.payload is not None or not one.conditions.estimated]
-    parts = [recording[:_LONGEST] for recording in known or recordings]
-    default = [process(part, robot, asked) for part in parts]
+    looked_at = [_looked_at(recording, robot, asked) for recording in known or recordings]
+    parts, default = [part for part, _ in looked_at], [measured for _, measured in looked_at]
     most = min(
         chain_of(robot, asked.anti_alias, part.source, 1.0 / one.dt, 0.0).bandwidth
         for part, one in zip(parts, default, strict=True)
@@ -75,6 +75,19 @@ def choose_base(
     if untold:
         notes.append(f"left out of the base model, since these data can't tell them: {', '.join(untold)}")
     return Choice(used, taken, band, tuple(candidates), tuple(notes))
+
+
+def _looked_at(recording: Recording, robot: Robot, asked: Processing) -> tuple[Recording, Measurement]:
+    """Return as much of a recording as a choice needs, and what is made of it as asked; all of it where its beginning
+    can't be used: too short for two periods, at rest.
+    """
+    part = recording[:_LONGEST] if recording.samples > _LONGEST else recording
+    try:
+        return part, process(part, robot, asked)
+    except InputError:
+        if part is recording:
+            raise
+        return recording, process(recording, robot, asked)
 
 
 @dataclass(frozen=True)
@@ -137,7 +150,9 @@ def _ways(
             out.append(_Way(asked if asks_periods else processing, False, fitted, judged, share))
     if all(place.phase is not None for place in places):
         averaged = _averaged(default, passes[0], places, used, structure, band)
-        return [replace(averaged, processing=asked)] if asks_periods else [*out, replace(averaged, processing=asked)]
+        # what is longer than a choice looks at is averaged: as one pass, its rows would be more than they tell
+        only = asks_periods or any(part.samples == _LONGEST for part in parts)
+        return [replace(averaged, processing=asked)] if only else [*out, replace(averaged, processing=asked)]
     return out[:1] if asks_periods else out
 
 

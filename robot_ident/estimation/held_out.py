@@ -10,10 +10,10 @@ from dataclasses import dataclass
 
 import numpy as np
 
+from robot_ident.effects.torque_scale import SPREAD
 from robot_ident.motion import Array, Mask
 
 FAINT = 0.01  # weight of the piece that is left out: directions which it alone excites stay bounded
-PRIOR = 0.2  # standard deviation of ln a before data: what drives of one kind differ by
 _RIDGE = 1e-10  # of a column's square, added: below the rank that identify itself asks for
 _ROUNDS = 6  # of weights and scales, from the fit to everything
 _FIRST_ROUNDS = 15
@@ -78,14 +78,15 @@ def fit(
     """Return the least weighted squared error over pieces of weight [F], each joint by the variance that it leaves.
 
     independent: share of the rows that count as independent of each other. rigid [P]: columns that joints share.
-    free [n]: joints whose scale is found, by Gauss-Newton, ln a ~ N(0, PRIOR^2); the others' is 1.
+    free [n]: joints whose scale is found, by Gauss-Newton, ln a ~ N(0, SPREAD^2); the others' is 1.
     """
     xx, xy = np.tensordot(weight, grams.xx, 1), np.tensordot(weight, grams.xy, 1)
     yy, rows = weight @ grams.yy, weight @ grams.rows
     n, p = xy.shape
     whole = Grams(xx[None], xy[None], yy[None], rows[None])
     theta, scale = (np.zeros(p), np.ones(n)) if start is None else (start.theta, start.scale)
-    variance = np.maximum(yy, 1e-300) / np.maximum(rows, 1.0) if start is None else start.variance
+    blank = (rows == 0.0) | (yy <= 0.0)  # joints that say nothing, and weigh nothing
+    variance = np.where(blank, np.inf, yy / np.maximum(rows, 1.0)) if start is None else start.variance
     searched = np.flatnonzero(free & (rows > 0))
     for _ in range(_FIRST_ROUNDS if start is None else _ROUNDS):
         per = independent / variance
@@ -94,19 +95,19 @@ def fit(
         r = per @ (d * xy)
         if not theta.any() or not len(searched):
             theta = _solved(h, r)
-        else:  # a Y theta = a0 Y theta + (a - a0) Y theta0, and ln a0 + (a - a0) / a0 ~ N(0, PRIOR^2)
+        else:  # a Y theta = a0 Y theta + (a - a0) Y theta0, and ln a0 + (a - a0) / a0 ~ N(0, SPREAD^2)
             shared = np.where(rigid, theta, 0.0)
             along = xx @ shared
             cross = (per[:, None] * d * along)[searched].T
-            own = per * (along @ shared) + 1.0 / (PRIOR * scale) ** 2
-            pull = per * (xy @ shared) - np.log(scale) / (PRIOR**2 * scale)
+            own = per * (along @ shared) + 1.0 / (SPREAD * scale) ** 2
+            pull = per * (xy @ shared) - np.log(scale) / (SPREAD**2 * scale)
             both = np.block([[h, cross], [cross.T, np.diag(own[searched])]])
             step = _solved(both, np.concatenate([r, pull[searched]]))
             theta, scale, most = step[:p], scale.copy(), _STEP * scale[searched]
             scale[searched] = np.clip(scale[searched] + np.clip(step[p:], -most, most), *_BOUNDS)
         now = Fitted(theta, scale, variance)
-        left = np.maximum(loss(whole, now, rigid)[0], 1e-9 * np.maximum(yy, 1e-300))
-        variance = left / np.maximum(rows, 1.0)
+        left = np.maximum(loss(whole, now, rigid)[0], 1e-9 * yy)
+        variance = np.where(blank, np.inf, left / np.maximum(rows, 1.0))
     return Fitted(theta, scale, variance)
 
 

@@ -84,6 +84,17 @@ def test_pieces_left_out_are_judged_as_a_fit_without_them_does() -> None:
         np.testing.assert_allclose(error[out], expected, rtol=1e-6)
 
 
+def test_a_joint_without_rows_weighs_nothing() -> None:
+    rng = np.random.default_rng(2)
+    columns, piece = rng.standard_normal((80, 2, 3)), np.arange(80) // 10
+    torque = columns @ np.array([1.0, -2.0, 0.5]) + 0.01 * rng.standard_normal((80, 2))
+    used = np.tile([True, False], (80, 1))
+    sums = Grams.of(columns, torque, piece, used, 8)
+    error, fitted = held_out(sums, sums, 1.0, np.ones(3, dtype=bool), np.array([False, True]))
+    np.testing.assert_allclose(fitted.theta, [1.0, -2.0, 0.5], atol=0.02)
+    assert np.all(error[:, 1] == 0.0) and np.all(error[:, 0] > 0.0)
+
+
 def test_offsets_are_found_and_named(robot: Robot) -> None:
     model = identify([recorded(robot, 1, offset=OFFSET)], robot)
     found = {p.name: (v, s) for p, v, s in zip(model.parameters, model.values, model.std, strict=True)}
@@ -177,3 +188,19 @@ def test_short_recordings_work(robot: Robot) -> None:
     model = identify([recorded(robot, 7, offset=OFFSET, seconds=4.0)], robot)
     assert model.base is not None
     assert all(fit.relative is not None and fit.relative < 0.5 for fit in model.residual.values())
+
+
+def test_a_beginning_that_tells_nothing_is_no_obstacle(robot: Robot) -> None:
+    """More samples at rest than a choice looks at."""
+    moving = recorded(robot, 8, offset=OFFSET, rate=1000.0)
+    rest = np.arange(200_500) / 1000.0
+    still = OFFSET + NOISE * np.random.default_rng(3).standard_normal((len(rest), robot.n))
+    whole = Recording(
+        robot.joints,
+        np.concatenate([rest, rest[-1] + 0.001 + moving.t]),
+        np.concatenate([np.repeat(moving.q[:1], len(rest), axis=0), moving.q]),
+        np.concatenate([still, moving.tau]),
+        source="late",
+    )
+    choice = choose_base([whole], robot)
+    assert f"torque_offset@{robot.joints[0]}" in choice.effects
