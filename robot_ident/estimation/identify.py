@@ -90,9 +90,24 @@ class Chosen:
             for parameter, value, std in zip(made.parameters, made.values, made.std, strict=True)
             if parameter.effect == TorqueScale.name
         }
-        told = torque_scale_notes(self.choice, scales)
+        told = [*torque_scale_notes(self.choice, scales), *_lagging(made, self.choice.effects)]
         first = [made.trouble] if made.trouble else []
         return replace(made, base=self.choice.to_dict(), notes=(*first, *notes, *self.choice.notes, *told, *made.notes))
+
+
+def _lagging(model: Model, chosen: Sequence[str]) -> list[str]:
+    """Return a line on rotor inertias that prediction asked for and that come out below zero, beyond two sigma."""
+    below = [
+        parameter.joint or ""
+        for parameter, value, std in zip(model.parameters, model.values, model.std, strict=True)
+        if parameter.name in chosen and parameter.effect == "rotor_inertia" and value < -2.0 * std
+    ]
+    if not below:
+        return []
+    return [
+        f"the rotor inertia of {', '.join(below)} is below zero: it predicts, but is none; a low pass or a delay in the"
+        " effort, or an elastic gear, looks alike"
+    ]
 
 
 def with_base(

@@ -204,3 +204,16 @@ def test_a_beginning_that_tells_nothing_is_no_obstacle(robot: Robot) -> None:
     )
     choice = choose_base([whole], robot)
     assert f"torque_offset@{robot.joints[0]}" in choice.effects
+
+
+def test_a_rotor_below_zero_is_said_to_be_none(robot: Robot) -> None:
+    """What an inertia too much in the torque's record would take off again: the sensor sees less than the link."""
+    late = recorded(robot, 9, offset=OFFSET)
+    motion = motion_at(late.t, 9)
+    joint = 4
+    tau = late.tau.copy()
+    tau[:, joint] -= 0.08 * motion.ddq[:, joint]
+    model = identify([replace(late, tau=tau)], robot, as_declared=True)
+    rotor = [k for k, p in enumerate(model.parameters) if p.name == f"rotor_inertia@{robot.joints[joint]}"]
+    assert rotor and model.values[rotor[0]] < -2.0 * model.std[rotor[0]]
+    assert any("is below zero: it predicts, but is none" in note for note in model.notes)
