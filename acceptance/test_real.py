@@ -51,7 +51,7 @@ def plain_fit(case: Case) -> Model:
 
 
 def error(model: Model, case: Case) -> tuple[Array, float]:
-    """Return the relative error [n] and in all of what `predict` gives on the recording kept aside, at the band."""
+    """Return the relative error [n] and in all of what `predict` gives on the validation recording, at the band."""
     predicted = predict(model, case.test)
     dt = float(np.mean(np.diff(predicted.t)))
     filter_ = butter(4, case.band, fs=1.0 / dt, output="sos")

@@ -25,7 +25,7 @@ def add_common(parser: argparse.ArgumentParser) -> None:
 
 
 def add_validation(parser: argparse.ArgumentParser) -> None:
-    """Add the recordings that are kept aside: several after one option, or one after each."""
+    """Add the recordings of the validation: several after one option, or one after each."""
     parser.add_argument(
         "--validation",
         action="extend",

@@ -71,7 +71,7 @@ class Choice:
 
     @property
     def effects(self) -> tuple[str, ...]:
-        """Offsets and rotor inertias that belong to the base model."""
+        """Offsets, rotor inertias and torque scales that belong to the base model."""
         return () if self.taken is None else self.taken.effects
 
     @property
@@ -174,6 +174,6 @@ def torque_scale_notes(choice: Choice, scales: Mapping[str, tuple[float, float]]
 
 def _one_pass(processing: Processing) -> str:
     if processing.low_pass is None:
-        return "processed as before"
+        return "processed as asked"
     wide = processing.derivative_bandwidth or 4.0 * processing.low_pass
     return f"one pass, rows low-passed at {processing.low_pass:.3g} Hz, positions differentiated to {wide:.3g} Hz"

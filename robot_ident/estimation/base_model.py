@@ -7,7 +7,7 @@ sum over joints of the logarithm of the squared error.
 
 from __future__ import annotations
 
-from collections.abc import Iterable, Sequence
+from collections.abc import Sequence
 from dataclasses import dataclass, replace
 from itertools import product
 
@@ -16,7 +16,7 @@ import numpy as np
 from robot_ident.errors import InputError
 from robot_ident.estimation.base_choice import OFFSET, PIECES, ROTOR, SCALE, Candidate, Choice, best_of, note_of
 from robot_ident.estimation.coherent_band import coherent_band
-from robot_ident.estimation.held_out import Grams, held_out
+from robot_ident.estimation.held_out import Grams, held_out, total
 from robot_ident.estimation.thin_rows import ThinRows, thin_rows
 from robot_ident.model.structure import Structure
 from robot_ident.motion import Array, Mask
@@ -38,7 +38,8 @@ _OWN = 1e-6  # of a column's square that no other column makes, below which the 
 def choose_base(
     recordings: Sequence[Recording], robot: Robot, effects: Sequence[str] = (), processing: Processing | None = None
 ) -> Choice:
-    """Return how recordings are best processed and which offsets and rotor inertias belong to the base model.
+    """Return how recordings are best processed and which offsets, rotor inertias and torque scales belong to the
+    base model.
 
     What `processing` states is kept, and so is all where the robot's base is declared. Raises InputError on recordings
     that can't be used.
@@ -58,7 +59,7 @@ def choose_base(
     band = coherent_band(parts, full, asked, most)
     ways = _ways(parts, default, full, asked, band)
     labels = [effect.label for effect in full.effects[len(plain.effects) :]]
-    told, untold = _told(ways[0].judged, full, labels)
+    told, open_ = _identifiable(ways[0].judged, full, labels)
     # a stated payload's torque is taken off in Nm, before any scale
     loaded = any(part.conditions.payload is not None for part in parts)
     scaled = () if robot.ampere_joints or loaded else robot.joints[1:]
@@ -72,8 +73,8 @@ def choose_base(
         rows = [thin_rows(part, robot, asked, band, wider=wide / band) for part in parts]
         used = replace(used, derivative_bandwidth=wide, band=_shown(rows, full, taken, band))
     notes = [note_of(taken, candidates, band)]
-    if untold:
-        notes.append(f"left out of the base model, since these data can't tell them: {', '.join(untold)}")
+    if open_:
+        notes.append(f"left out of the base model, since these data can't tell them: {', '.join(open_)}")
     return Choice(used, taken, band, tuple(candidates), tuple(notes))
 
 
@@ -130,7 +131,7 @@ def _ways(
         columns = [rows.columns(structure) for rows in way]
 
         def sums(cutoff: float, way: list[ThinRows] = way, columns: list[Array] = columns) -> Grams:
-            return _sum(
+            return total(
                 Grams.of(rows.passed(x, cutoff), rows.torque(cutoff), place.piece, here, PIECES)
                 for rows, x, place, here in zip(way, columns, places, used, strict=True)
             )
@@ -151,7 +152,7 @@ def _ways(
     if all(place.phase is not None for place in places):
         averaged = _averaged(default, passes[0], places, used, structure, band)
         # what is longer than a choice looks at is averaged: as one pass, its rows would be more than they tell
-        only = asks_periods or any(part.samples == _LONGEST for part in parts)
+        only = asks_periods or any(part.samples >= _LONGEST for part in parts)
         return [replace(averaged, processing=asked)] if only else [*out, replace(averaged, processing=asked)]
     return out[:1] if asks_periods else out
 
@@ -174,13 +175,6 @@ def _every(asked: Processing, rows: Sequence[ThinRows], cutoff: float) -> int:
     """Return every how many samples a row is kept: four in a period of their low pass [Hz] say all that it leaves."""
     rate = min(1.0 / one.sample_dt for one in rows)
     return asked.decimate if asked.decimate != 1 else max(1, int(rate / (_KEPT * cutoff)))
-
-
-def _sum(parts: Iterable[Grams]) -> Grams:
-    first, *rest = parts
-    for one in rest:
-        first = first + one
-    return first
 
 
 @dataclass(frozen=True)
@@ -238,14 +232,12 @@ def _averaged(
         share = (at - low)[:, None, None]
         along = (1.0 - share) * smooth[low % count] + share * smooth[(low + 1) % count]
         judged.append(Grams.of(along, row.torque(band), place.piece, here, PIECES))
-    return _Way(Processing(), averaged=True, fitted=_sum(fitted), judged=_sum(judged))
+    return _Way(Processing(), averaged=True, fitted=total(fitted), judged=total(judged))
 
 
 def _shown(rows: Sequence[ThinRows], structure: Structure, taken: Candidate, band: float) -> float:
     """Return the low pass [Hz] that brings the model's torque nearest to the record, whatever that passed itself."""
-    rigid = taken.kept < len(structure.base.columns)
-    theta, scale = taken.fitted.theta, taken.fitted.scale
-    whole = np.where(rigid[None, :], scale[:, None] * theta, theta[None, :])
+    whole = taken.fitted.by_joint(taken.kept < len(structure.base.columns))
     torques = [np.einsum("kjp,jp->kj", one.columns(structure)[:, :, taken.kept], whole) for one in rows]
     most = min(0.4 / one.sample_dt for one in rows)
     cutoffs = [min(share * band, most) for share in _SHOWN]
@@ -258,14 +250,14 @@ def _shown(rows: Sequence[ThinRows], structure: Structure, taken: Candidate, ban
     return float(cutoffs[int(np.argmin(errors))])
 
 
-def _told(sums: Grams, structure: Structure, labels: Sequence[str]) -> tuple[np.ndarray, list[str]]:
+def _identifiable(sums: Grams, structure: Structure, labels: Sequence[str]) -> tuple[np.ndarray, list[str]]:
     """Return which columns [P] the data can tell, all but candidates that the others span, and the labels of those."""
     weight = 1.0 / np.maximum(sums.yy.sum(axis=0), 1e-300)
     square = np.tensordot(weight, sums.xx.sum(axis=0), 1)
     size = np.sqrt(np.maximum(np.diag(square), 1e-300))
     square = square / size / size[:, None]
     kept = np.ones(len(structure.names), dtype=bool)
-    untold = []
+    open_ = []
     for label in reversed(labels):
         place = structure.names.index(label)
         others = np.flatnonzero(kept & (np.arange(len(kept)) != place))
@@ -273,8 +265,8 @@ def _told(sums: Grams, structure: Structure, labels: Sequence[str]) -> tuple[np.
         own = square[place, place] - square[place, others] @ np.linalg.solve(among, square[others, place])
         if own < _OWN:
             kept[place] = False
-            untold.append(label)
-    return kept, untold[::-1]
+            open_.append(label)
+    return kept, open_[::-1]
 
 
 def _judged(

@@ -7,7 +7,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from robot_ident.estimation.held_out import Grams, fit
+from robot_ident.estimation.held_out import Grams, fit, total
 from robot_ident.estimation.thin_rows import ThinRows, thin_rows
 from robot_ident.model.structure import Structure
 from robot_ident.motion import Array
@@ -55,13 +55,11 @@ def _once(
     first = [thin_rows(recording, structure.robot, processing, band, wider=_WIDER) for recording in recordings]
     top = min(most, *(_WIDEST / one.sample_dt for one in first))
     cutoff = min(band, top)
-    grams: Grams | None = None
     columns = [one.columns(structure) for one in first]
-    for one, x in zip(first, columns, strict=True):
-        whole = np.zeros(len(x), dtype=int)
-        sums = Grams.of(one.passed(x, cutoff), one.torque(cutoff), whole, one.used, 1)
-        grams = sums if grams is None else grams + sums
-    assert grams is not None
+    grams = total(
+        Grams.of(one.passed(x, cutoff), one.torque(cutoff), np.zeros(len(x), dtype=int), one.used, 1)
+        for one, x in zip(first, columns, strict=True)
+    )
     rigid = np.arange(len(structure.names)) < len(structure.base.columns)
     theta = fit(grams, np.ones(1), 1.0, rigid, np.zeros(structure.robot.n, dtype=bool)).theta
     longest = min(_WINDOW, min(one.dt * len(x) for one, x in zip(first, columns, strict=True)) / 3.0)

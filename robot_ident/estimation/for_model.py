@@ -8,6 +8,7 @@ from pathlib import Path
 from robot_ident.estimation.at_pose import at_pose
 from robot_ident.estimation.payload import bare, identify_payload
 from robot_ident.model.model import Model
+from robot_ident.recording.clock import read_clock
 from robot_ident.recording.conditions import KnownPayload
 from robot_ident.recording.measurement import Measurement, Processing
 from robot_ident.recording.process import process
@@ -25,6 +26,11 @@ def measured_for(model: Model, recording: Recording) -> Measurement:
 def processing_of(model: Model) -> Processing:
     """Return how a model's recordings were processed."""
     return Processing(**dict(model.processing)) if model.processing else Processing()
+
+
+def within_rate(low_pass: float, recording: Recording) -> float:
+    """Return a low pass [Hz] that a recording can take: four fifths of half of its sample rate at most."""
+    return min(low_pass, 0.4 / read_clock(recording).dt)
 
 
 def with_payload_found(model: Model, recording: Recording) -> Recording:

@@ -6,6 +6,7 @@ reported, own what belongs to its row alone. Any choice of columns is fitted and
 
 from __future__ import annotations
 
+from collections.abc import Iterable
 from dataclasses import dataclass
 
 import numpy as np
@@ -61,10 +62,22 @@ class Fitted:
     scale: Array
     variance: Array
 
+    def by_joint(self, rigid: Mask) -> Array:
+        """Return the parameters [n, P] as each joint's rows take them, those of rigid columns [P] in its scale."""
+        return np.asarray(np.where(rigid[None, :], self.scale[:, None] * self.theta, self.theta[None, :]))
+
+
+def total(parts: Iterable[Grams]) -> Grams:
+    """Return the sums over the rows of all parts."""
+    first, *rest = parts
+    for one in rest:
+        first = first + one
+    return first
+
 
 def loss(grams: Grams, fitted: Fitted, rigid: Mask) -> Array:
     """Return the squared error [F, n] of parameters in every piece."""
-    whole = np.where(rigid[None, :], fitted.scale[:, None] * fitted.theta, fitted.theta[None, :])
+    whole = fitted.by_joint(rigid)
     return np.asarray(
         grams.yy
         - 2.0 * np.sum(grams.xy * whole, axis=2)

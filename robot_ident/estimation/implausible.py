@@ -37,6 +37,6 @@ def implausible_notes(structure: Structure, equations: Equations, values: Array,
     ]
     more = f", and {len(found) - _NAMED} more" if len(found) > _NAMED else ""
     return [
-        f"no arm of this size has {'; '.join(words)}{more}: others take it off again; suspect the URDF's axes and the"
+        f"no arm of this size has {'; '.join(words)}{more}: others take it off again; check the URDF's axes and the"
         " effort's unit first (robot_ident info BAG --robot)"
     ]

@@ -8,7 +8,7 @@ from dataclasses import dataclass, replace
 import numpy as np
 
 from robot_ident.estimation.at_pose import at_pose
-from robot_ident.estimation.for_model import payload_in, processing_of
+from robot_ident.estimation.for_model import payload_in, processing_of, within_rate
 from robot_ident.model.model import Model
 from robot_ident.motion import Array, Motion
 from robot_ident.recording.process import process
@@ -51,7 +51,7 @@ def predict(model: Model, recording: Recording) -> Prediction:
     recording = at_pose(model, recording)
     used = replace(processing_of(model), periodic=False, base_frequency=None, decimate=1)
     if used.band is not None:
-        used = replace(used, low_pass=used.band)
+        used = replace(used, low_pass=within_rate(used.band, recording))
     measured = process(recording, model.robot, used, motion_only=True)
     motion = measured.motion
     std = standard_deviation(model, motion, measured.passed)

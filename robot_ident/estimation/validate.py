@@ -9,7 +9,7 @@ from typing import Any
 import numpy as np
 
 from robot_ident.errors import InputError
-from robot_ident.estimation.for_model import processing_of, with_payload_found
+from robot_ident.estimation.for_model import processing_of, with_payload_found, within_rate
 from robot_ident.estimation.identify import fit
 from robot_ident.estimation.unusable import unusable
 from robot_ident.model.model import Fit, Model
@@ -55,7 +55,8 @@ def validate(model: Model, recording: Recording, *, low_pass: float | None = Non
     Raises InputError where the recording isn't of the model's robot, of another pose than it holds, or never moves.
     """
     recording = with_payload_found(model, recording)
-    cutoff = low_pass or max(processing_of(model).band or 0.0, DEFAULT_LOW_PASS)
+    band = processing_of(model).band or 0.0
+    cutoff = low_pass or max(within_rate(band, recording) if band else 0.0, DEFAULT_LOW_PASS)
     measured = _measured(model, recording, cutoff)
     predicted = measured.passed(model.predict(measured.motion))
     torque = measured.passed(measured.torque)

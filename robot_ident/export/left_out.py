@@ -11,10 +11,16 @@ from robot_ident.motion import Array, Motion
 
 
 def torque_of(model: Model, labels: Collection[str], motion: Motion) -> dict[str, Array]:
-    """Return the rms torque [n] of the effects `labels` of a model along a motion."""
-    columns = model.structure.columns(motion, model.linear)
-    return {
-        effect.label: np.sqrt(np.mean((columns[:, :, own] @ model.linear[own]) ** 2, axis=0))
-        for effect, own in model.structure.placed
-        if effect.label in labels
-    }
+    """Return the rms torque [n] that a model loses along a motion without each of the effects `labels`."""
+    columns, linked = model.structure.columns(motion, model.linear), len(model.structure.base.columns)
+    links, scales = columns[:, :, :linked] @ model.linear[:linked], model.structure.scales
+    out = {}
+    for effect, own in model.structure.placed:
+        if effect.label not in labels:
+            continue
+        torque = columns[:, :, own] @ model.linear[own]
+        if effect.scales_links:  # it has no column: what it makes of the links' torque, a tauL - tauL
+            torque = torque.copy()
+            torque[:, effect.joint] = links[:, effect.joint] * (1.0 - 1.0 / scales[effect.joint])
+        out[effect.label] = np.sqrt(np.mean(torque**2, axis=0))
+    return out

@@ -12,6 +12,8 @@ from robot_ident.estimation.base_model import choose_base
 from robot_ident.estimation.held_out import FAINT, Grams, held_out
 from robot_ident.estimation.identify import identify
 from robot_ident.estimation.predict import predict
+from robot_ident.estimation.validate import validate
+from robot_ident.export.left_out import torque_of
 from robot_ident.model.expressions import columns_function
 from robot_ident.model.model_file import read_model, write_model
 from robot_ident.model.structure import Structure
@@ -217,3 +219,21 @@ def test_a_rotor_below_zero_is_said_to_be_none(robot: Robot) -> None:
     rotor = [k for k, p in enumerate(model.parameters) if p.name == f"rotor_inertia@{robot.joints[joint]}"]
     assert rotor and model.values[rotor[0]] < -2.0 * model.std[rotor[0]]
     assert any("is below zero: it predicts, but is none" in note for note in model.notes)
+
+
+def test_a_recording_of_a_lower_rate_is_predicted_and_validated(robot: Robot) -> None:
+    model = identify([recorded(robot, 2, offset=OFFSET, rate=500.0)], robot)
+    model = replace(model, processing={**model.processing, "band": 60.0})
+    slow = recorded(robot, 3, offset=OFFSET, rate=50.0)
+    assert predict(model, slow).torque.shape == slow.tau.shape
+    assert validate(model, slow).low_pass_hz == pytest.approx(20.0)
+
+
+def test_what_a_format_without_scales_loses_is_told(robot: Robot) -> None:
+    scale = np.array([1.0, 1.3, 0.8, 1.2, 0.9, 1.1])
+    model = identify([recorded(robot, 4, scale=scale)], robot, as_declared=True)
+    motion = motion_at(np.linspace(0.0, 10.0, 200), 12)
+    lost = torque_of(model, ["torque_scale@joint_2"], motion)["torque_scale@joint_2"]
+    links = robot.rigid.inverse_dynamics(motion)[:, 1]
+    assert lost[1] == pytest.approx(0.3 * float(np.sqrt(np.mean(links**2))), rel=0.1)
+    assert np.all(lost[[0, 2, 3, 4, 5]] == 0.0)
