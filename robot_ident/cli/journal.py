@@ -4,28 +4,46 @@ from __future__ import annotations
 
 import json
 from pathlib import Path
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING, Any, Generic, Protocol, TypeVar
 
 from pydantic import ValidationError
 
 from robot_ident.errors import InputError, one_line
 
 if TYPE_CHECKING:
-    from robot_ident.diagnosis.trial import Case, Outcome
+    from collections.abc import Callable, Mapping
 
+    from robot_ident.diagnosis.trial import Case
+
+
+class Outcome(Protocol):
+    """What a case gave, as the file keeps it."""
+
+    @property
+    def seed(self) -> int:
+        """The seed of its case."""
+
+    def to_dict(self) -> dict[str, Any]:
+        """Return it as data."""
+
+
+Kept = TypeVar("Kept", bound=Outcome)
 SCHEMA = "robot_ident/trial_cases/2"
 
 
-class Journal:
+class Journal(Generic[Kept]):
     """Finished cases, on disk a line each below a header that says which trial they are of."""
 
     def __init__(self, path: Path | None) -> None:
         self.path = path
-        self.outcomes: dict[Case, Outcome] = {}
+        self.outcomes: dict[Case, Kept] = {}
 
     @classmethod
-    def open(cls, path: str | None, settings: dict[str, Any]) -> Journal:
-        """Return what is finished; InputError where the file belongs to another trial, or is none of cases.
+    def open(
+        cls, path: str | None, settings: dict[str, Any], of_dict: Callable[[Mapping[str, Any]], Kept]
+    ) -> Journal[Kept]:
+        """Return what is finished, each outcome by `of_dict`; InputError where the file belongs to another trial, or is
+        none of cases.
 
         A line without its end was torn off when it was written. A file is only written to once it is known to be one of
         cases, or empty.
@@ -44,7 +62,7 @@ class Journal:
         elif not json.dumps(settings).startswith(header):
             raise InputError(f"{path}: is no file of cases ({SCHEMA!r})")
         for number, line in enumerate(lines[:-1], 2):
-            case, outcome = _case(_parsed(line, path, number), path, number)
+            case, outcome = _case(_parsed(line, path, number), of_dict, path, number)
             journal.outcomes[case] = outcome
         if not whole:
             journal._write("w", json.dumps(settings) + "\n")
@@ -52,7 +70,7 @@ class Journal:
             journal._write("w", "\n".join([header, *lines[:-1], ""]))
         return journal
 
-    def add(self, case: Case, outcome: Outcome) -> None:
+    def add(self, case: Case, outcome: Kept) -> None:
         """Keep an outcome; InputError where it can't be written."""
         self.outcomes[case] = outcome
         self._write("a", json.dumps({**outcome.to_dict(), "asked": case.kind}) + "\n")
@@ -75,13 +93,15 @@ def _parsed(line: str, path: str | None, number: int) -> Any:
         raise InputError(f"{path}: {what} ({error})") from error
 
 
-def _case(data: Any, path: str | None, number: int) -> tuple[Case, Outcome]:
+def _case(
+    data: Any, of_dict: Callable[[Mapping[str, Any]], Kept], path: str | None, number: int
+) -> tuple[Case, Kept]:
     """Return a case and its outcome; InputError on a line that holds another thing."""
-    from robot_ident.diagnosis.trial import Case, Outcome
+    from robot_ident.diagnosis.trial import Case
 
     try:
         asked = data.pop("asked")
-        outcome = Outcome.of_dict(data)
+        outcome = of_dict(data)
         return Case(outcome.seed, asked), outcome
     except (AttributeError, KeyError, TypeError) as error:
         raise InputError(f"{path}: line {number} is no case ({type(error).__name__}: {error})") from error

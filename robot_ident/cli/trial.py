@@ -11,17 +11,18 @@ from functools import partial
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
-from robot_ident.cli.journal import SCHEMA, Journal
+from robot_ident.cli.journal import SCHEMA, Journal, Kept
 from robot_ident.cli.output import Progress, add_cluster, add_json, add_robot, print_json, say, table, tell
 from robot_ident.errors import InputError, did_you_mean
 
 if TYPE_CHECKING:
-    from robot_ident.diagnosis.trial import Case, Outcome, Setting
+    from robot_ident.diagnosis.trial import Case, Outcome
     from robot_ident.excitation.excitation import Excitation
     from robot_ident.robot.robot import Robot
 
 _TRAINING = 3  # motions that are identified and diagnosed; one more is kept unseen
-_STOPPED = 130
+STOPPED = 130
+"""The exit code of a trial that Ctrl-C ended."""
 _ROWS = {
     "named_right": "named right, effect and joint",
     "truth_in_tie_group": "truth in the tie group",
@@ -48,9 +49,10 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
     )
     parser.add_argument(
         "--family",
-        choices=("effects", "measurement"),
+        choices=("effects", "measurement", "real"),
         default="effects",
-        help="what is hidden: effects of the arm, or faults of what is measured (default %(default)s)",
+        help="what is hidden: effects of the arm, or faults of what is measured; real: recordings with the lag, noise,"
+        " rates, offsets and scales of real ones, the base model alone beside fixed filters (default %(default)s)",
     )
     parser.add_argument(
         "--noise", type=float, default=1.0, help="factor on the robot's noise variances (default %(default)s)"
@@ -77,7 +79,7 @@ def run(args: argparse.Namespace) -> int:
     """Hide effects, diagnose them, and print how often they were named."""
     if args.open:
         return _open(args)
-    from robot_ident.diagnosis.trial import Setting
+    from robot_ident.diagnosis.trial import Outcome, Setting, run_case
     from robot_ident.robot import load_robot
     from robot_ident.simulation.scenario import usual_sizes
 
@@ -89,16 +91,16 @@ def run(args: argparse.Namespace) -> int:
     if args.workers is not None and args.workers < 1:
         raise InputError(f"--workers {args.workers}: at least 1")
     robot = load_robot(args.robot)
+    if args.family == "real":
+        from robot_ident.cli.trial_base import run_base
+
+        return run_base(args, cases, robot)
     motions = _motions(args, robot)
     series = tuple(motion.series for motion in motions)
     setting = Setting(robot, series[:-1], series[-1], args.periods, args.noise)
-    done = Journal.open(args.cases_file, _settings(args, motions))
-    try:
-        _run_cases(cases, setting, done, args.workers)
-    except KeyboardInterrupt:
-        kept = f"are kept in {args.cases_file}; the same command goes on" if args.cases_file else "are lost"
-        tell(f"robot_ident trial: stopped; {len(done.outcomes)} finished cases {kept}")
-        return _STOPPED
+    done = Journal.open(args.cases_file, _settings(args, motions), Outcome.of_dict)
+    if not run_cases(partial(run_case, setting=setting), cases, done, args):
+        return STOPPED
     _report(args, [done.outcomes[case] for case in cases], usual_sizes(robot)[0])
     return 0
 
@@ -129,7 +131,7 @@ def _cases(args: argparse.Namespace) -> list[Case]:
     from robot_ident.diagnosis.trial import MEASUREMENT, Case
     from robot_ident.simulation.scenario import KINDS
 
-    if args.family == "measurement" and args.kind:
+    if args.family != "effects" and args.kind:
         raise InputError(f"--kind {args.kind[0]}: is for --family effects")
 
     for kind in args.kind:
@@ -188,18 +190,25 @@ def _settings(args: argparse.Namespace, motions: Sequence[Excitation]) -> dict[s
     }
 
 
-def _run_cases(cases: Sequence[Case], setting: Setting, done: Journal, workers: int | None) -> None:
+def run_cases(
+    work: Callable[[Case], Kept], cases: Sequence[Case], done: Journal[Kept], args: argparse.Namespace
+) -> bool:
+    """Run what isn't done yet and keep each outcome; say so and return False where Ctrl-C ends it."""
     from contextlib import closing
 
-    from robot_ident.diagnosis.trial import run_case
     from robot_ident.parallel import completed
 
     left = [case for case in cases if case not in done.outcomes]
-    work: Callable[[Case], Outcome] = partial(run_case, setting=setting)
-    with Progress("trial", len(cases)) as bar, closing(completed(work, left, workers)) as results:
-        for index, outcome in results:
-            done.add(left[index], outcome)
-            bar.reach(len(cases) - len(left) + sum(case in done.outcomes for case in left))
+    try:
+        with Progress("trial", len(cases)) as bar, closing(completed(work, left, args.workers)) as results:
+            for index, outcome in results:
+                done.add(left[index], outcome)
+                bar.reach(len(cases) - len(left) + sum(case in done.outcomes for case in left))
+    except KeyboardInterrupt:
+        kept = f"are kept in {args.cases_file}; the same command goes on" if args.cases_file else "are lost"
+        tell(f"robot_ident trial: stopped; {len(done.outcomes)} finished cases {kept}")
+        return False
+    return True
 
 
 def _report(args: argparse.Namespace, outcomes: Sequence[Outcome], least: float) -> None:

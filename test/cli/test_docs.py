@@ -101,6 +101,7 @@ WORDS: dict[str, list[str]] = {
     "add": ["MODEL", "torque_offset@joint_2", "--bag", "OTHER"],
     "effects": [],
     "trial": ["--excitation", "EXC", "EXC2", "--seeds", "0:1", "--kind", "null", "--periods", "4"],
+    "trial --family real": ["--seeds", "3018:3019"],
     "export": ["MODEL", "--urdf", "OUT", "--validation", "OTHER"],
     "montecarlo": ["EXC", "--runs", "20"],
 }
@@ -122,7 +123,7 @@ def test_every_key_is_documented(
         "OTHER": other,
         "OUT": tmp_path / "out",
     }
-    done = run(verb, *[places.get(word, word) for word in WORDS[verb]], "--json")
+    done = run(*verb.split(), *[places.get(word, word) for word in WORDS[verb]], "--json")
     assert done.code == 0, done.err
     schema, keys = documented(text, verb)
     assert done.json["schema"] == schema

@@ -36,10 +36,10 @@ OUTCOME = Outcome(
 
 def test_what_was_kept_is_read_again(tmp_path: Path) -> None:
     path = str(tmp_path / "cases")
-    journal = Journal.open(path, SETTINGS)
+    journal = Journal.open(path, SETTINGS, Outcome.of_dict)
     journal.add(Case(1, "single"), OUTCOME)
     journal.add(Case(2), replace(OUTCOME, seed=2, error_before=None, error_after=None))
-    again = Journal.open(path, SETTINGS)
+    again = Journal.open(path, SETTINGS, Outcome.of_dict)
     assert again.outcomes == journal.outcomes
     assert again.outcomes[Case(1, "single")] == OUTCOME
 
@@ -49,16 +49,16 @@ def test_a_header_that_was_torn_off_is_written_anew(tmp_path: Path, start: str) 
     """As a full disk leaves it."""
     path = tmp_path / "cases"
     path.write_text(start)
-    Journal.open(str(path), SETTINGS).add(Case(1, "single"), OUTCOME)
-    assert Journal.open(str(path), SETTINGS).outcomes == {Case(1, "single"): OUTCOME}
+    Journal.open(str(path), SETTINGS, Outcome.of_dict).add(Case(1, "single"), OUTCOME)
+    assert Journal.open(str(path), SETTINGS, Outcome.of_dict).outcomes == {Case(1, "single"): OUTCOME}
 
 
 def test_a_torn_case_is_taken_off(tmp_path: Path) -> None:
     path = tmp_path / "cases"
-    Journal.open(str(path), SETTINGS).add(Case(1, "single"), OUTCOME)
+    Journal.open(str(path), SETTINGS, Outcome.of_dict).add(Case(1, "single"), OUTCOME)
     whole = path.read_text()
     path.write_text(whole + '{"seed": 2, "kin')
-    assert list(Journal.open(str(path), SETTINGS).outcomes) == [Case(1, "single")]
+    assert list(Journal.open(str(path), SETTINGS, Outcome.of_dict).outcomes) == [Case(1, "single")]
     assert path.read_text() == whole
 
 
@@ -67,7 +67,7 @@ def test_another_file_stays_as_it_is(tmp_path: Path, text: str) -> None:
     path = tmp_path / "notes"
     path.write_text(text)
     with pytest.raises(InputError, match="is no file of cases"):
-        Journal.open(str(path), SETTINGS)
+        Journal.open(str(path), SETTINGS, Outcome.of_dict)
     assert path.read_text() == text
 
 
@@ -78,14 +78,14 @@ def test_a_damaged_line_is_named(tmp_path: Path, line: str) -> None:
     path = tmp_path / "cases"
     path.write_text(f"{json.dumps(SETTINGS)}\n{line}\n")
     with pytest.raises(InputError, match="line 2 is no case"):
-        Journal.open(str(path), SETTINGS)
+        Journal.open(str(path), SETTINGS, Outcome.of_dict)
 
 
 def test_cases_of_another_trial_are_refused(tmp_path: Path) -> None:
     path = str(tmp_path / "cases")
-    Journal.open(path, SETTINGS)
+    Journal.open(path, SETTINGS, Outcome.of_dict)
     with pytest.raises(InputError, match=r"holds cases of noise 1.0, not 0.5"):
-        Journal.open(path, {**SETTINGS, "noise": 0.5})
+        Journal.open(path, {**SETTINGS, "noise": 0.5}, Outcome.of_dict)
 
 
 @pytest.mark.skipif(not os.path.exists("/dev/full"), reason="no /dev/full here")

@@ -1,6 +1,7 @@
 """Simulated recordings with what real ones have: servo lag, encoder noise and steps, drivers' rates, scales, offsets.
 
-Apart from the package: the motion is a servo's answer to its reference, torque recursive Newton-Euler by Pinocchio.
+Apart from the plant and from what identifies: the motion is a servo's answer to its reference, the torque is
+Pinocchio's recursive Newton-Euler.
 """
 
 from __future__ import annotations
