@@ -33,6 +33,6 @@ def refuse_unchecked(args: argparse.Namespace, margins: Margins) -> None:
     """Raise CheckFailed where something was not checked and nobody has accepted that."""
     from robot_ident.excitation.margins import unchecked_refusal
 
-    refusal = unchecked_refusal(margins.unknown, _OPTION)
+    refusal = unchecked_refusal(margins.unknown, f"give {_OPTION}")
     if refusal and not args.accept_unchecked:
         raise CheckFailed(refusal)

@@ -110,9 +110,9 @@ def not_checked(unknown: Iterable[str]) -> str:
 
 
 def unchecked_refusal(unknown: Iterable[str], accept: str) -> str:
-    """Return why a motion with something unchecked is refused; `accept` is what lets it pass. Empty where all is."""
+    """Return why a motion with something unchecked is refused, empty where all is checked; accept: what else to do."""
     line = not_checked(unknown)
-    return f"{line}; add this to the robot YAML, or accept the risk with {accept}" if line else ""
+    return f"{line}; write the facts into the robot YAML, or {accept}" if line else ""
 
 
 def worst_of(parts: Iterable[Margins]) -> Margins:

@@ -304,7 +304,7 @@ def _unchecked(
     if "workspace" not in file.model_fields_set:
         out.append("surroundings (no workspace rule)")
     guessed = [rule.text for record, rule in zip(file.workspace, rules, strict=True) if record.guess]
-    return (*out, *(f"the guessed workspace rule '{text}'" for text in guessed))
+    return (*out, *(f"whether '{text}' is true (guess: true in workspace)" for text in guessed))
 
 
 def _geometry(

@@ -56,8 +56,7 @@ def test_check_fails_until_it_is_accepted(run: Run, motion: Path, tmp_path: Path
     assert done.out.count("not checked") == 1
     assert "every limit that was checked is kept" in done.out
     assert done.err.strip() == (
-        f"robot_ident check: not checked: {both}; add this to the robot YAML, or accept the risk with"
-        " --accept-unchecked"
+        f"robot_ident check: not checked: {both}; write the facts into the robot YAML, or give --accept-unchecked"
     )
     accepted = run("check", motion, "--robot", robot, "--accept-unchecked")
     assert (accepted.code, accepted.err, accepted.out) == (0, "", done.out)
@@ -77,7 +76,7 @@ def test_what_the_yaml_says_is_checked(run: Run, motion: Path, tmp_path: Path) -
         (
             "workspace: []",
             "workspace:\n  - {kind: half_space, normal: [0, 0, 1], guess: true}",
-            "guessed workspace rule",
+            "beyond 0 m along [0.0, 0.0, 1.0]' is true (guess: true in workspace)",
         ),
         ("acceleration: 3.0, ", "", "acceleration of joint_1, joint_2, joint_3"),
     ],
@@ -112,7 +111,7 @@ def test_design_writes_its_file_all_the_same(run: Run, tmp_path: Path) -> None:
     done = run("design", "--robot", robot, *SHORT, "-o", file)
     assert done.code == 3
     assert done.out.startswith("not checked: self-collision")
-    assert done.err.strip().splitlines()[-1].endswith("accept the risk with --accept-unchecked")
+    assert done.err.strip().splitlines()[-1].endswith("into the robot YAML, or give --accept-unchecked")
     assert Excitation.read(file).robot == "arm"
     accepted = run("design", "--robot", robot, *SHORT, "-o", file, "--force", "--accept-unchecked", "--json")
     assert accepted.code == 0
