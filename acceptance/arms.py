@@ -37,6 +37,7 @@ def write_arm(name: str, folder: Path) -> Path:
         "name": name,
         "urdf": str(_robots() / URDF[name]),
         "joints": drives,
+        "workspace": [],
         "effects": [f"rotor_inertia@{joint}" for joint in JOINTS[name]],
         "simulation": {"viscous": dict(friction), "coulomb": dict(friction)},
     }

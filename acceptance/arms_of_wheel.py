@@ -63,10 +63,10 @@ def whole_way(arm: str, folder: Path, *, seconds: float, periods: int = 6) -> di
     for seed, motion in enumerate((first, second), 1):
         _run(
             "design", "--robot", robot, "--seed", seed, "--starts", 1, "--time-limit", seconds,
-            "-o", motion,
+            "--accept-unchecked", "-o", motion,
         )  # fmt: skip
         _run("simulate", motion, "--robot", robot, "--periods", periods, "-o", folder / f"run_{seed}")
-    _run("check", first, "--robot", robot)
+    _run("check", first, "--robot", robot, "--accept-unchecked")
     model = folder / "model.yaml"
     identified = _run("identify", folder / "run_1", "--robot", robot, "-o", model, "--json")
     validated = _run("validate", model, folder / "run_2", "--json")

@@ -26,6 +26,7 @@ ARGUMENTS = {
     "managed": ("false", "true: the publisher waits for `ros2 lifecycle set` configure and activate"),
     "simulation": ("false", "true: start the simulated robot; false: the driver of a real one is running"),
     "autostart": ("false", "true: the robot MOVES as soon as it is there; false: by trajectory_publisher/start"),
+    "accept_unchecked": ("false", "true: play although limits or surroundings could not be checked"),
     "bag": ("", "folder of the bag, made by the recorder (empty: a name from date and time)"),
     "model": ("", "model.yaml to write after the identification (empty: none)"),
     "config": (
@@ -95,6 +96,7 @@ def generate_launch_description() -> LaunchDescription:
                     "trajectory": trajectory,
                     "periods": argument("periods", int),
                     "speed": argument("speed", float),
+                    "accept_unchecked": argument("accept_unchecked", bool),
                     "autostart": argument("autostart", bool),
                     "managed": argument("managed", bool),
                     "output": argument("output", str),

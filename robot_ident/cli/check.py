@@ -9,6 +9,7 @@ from typing import TYPE_CHECKING
 from robot_ident.cli.margin_table import margin_table
 from robot_ident.cli.output import add_json, add_robot, print_json, say, within
 from robot_ident.cli.precision import Precision, add_precision, precision, precision_json, say_precision
+from robot_ident.cli.unchecked import add_accept_unchecked, refuse_unchecked, say_unchecked
 from robot_ident.errors import CheckFailed, InputError
 
 if TYPE_CHECKING:
@@ -35,11 +36,12 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
     )
     parser.add_argument("--model", metavar="MODEL", help="with --precision: model.yaml whose parameters count")
     add_precision(parser)
+    add_accept_unchecked(parser)
     add_json(parser)
 
 
 def run(args: argparse.Namespace) -> int:
-    """Certify a motion and its way in and out; exit with 3 when a limit is not kept."""
+    """Certify a motion and its way in and out; exit with 3 when a limit is not kept or not known."""
     from robot_ident.excitation.point_to_point import load_motion
     from robot_ident.robot import load_robot
 
@@ -54,15 +56,18 @@ def run(args: argparse.Namespace) -> int:
     if args.json:
         data = {"schema": "robot_ident/check/1", "kept": not violations, "margins": margins.to_json()}
         names = ("blend_in", "blend_out", "approach")
+        data |= {"not_checked": list(margins.unknown)}
         data |= {"played": played.to_json() if played else None, "precision": precision_json(needed)}
         print_json(data | {name: parts[name].to_json() if name in parts else None for name in names})
     else:
+        say_unchecked(margins)
         _show(margins, parts)
         say_precision(needed)
     if violations:
         raise CheckFailed(f"{args.excitation}: {violations[0]}")
     if not args.json:
         say("\nevery limit that was checked is kept" if margins.unknown else "\nevery limit is kept")
+    refuse_unchecked(args, margins)
     return 0
 
 
@@ -125,4 +130,4 @@ def _show(margins: Margins, parts: dict[str, Margins]) -> None:
     say(margin_table(margins))
     for name, part in parts.items():
         say(f"\n{name.replace('_', '-')}")
-        say(margin_table(replace(part, unknown=(), notes=())))
+        say(margin_table(replace(part, notes=())))

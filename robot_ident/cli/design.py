@@ -24,6 +24,7 @@ from robot_ident.cli.margin_table import margin_table
 from robot_ident.cli.output import Progress, add_cluster, add_json, add_output, print_json, say, tell, within
 from robot_ident.cli.precision import add_precision, check_precision, precision, precision_json, say_precision
 from robot_ident.cli.some_joints import add_joints, held_for_design, held_note
+from robot_ident.cli.unchecked import add_accept_unchecked, refuse_unchecked, say_unchecked
 from robot_ident.errors import InputError
 
 if TYPE_CHECKING:
@@ -106,6 +107,7 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
     parser.add_argument("--seed", type=within(0, 2**31, int), default=0, help="of the starts (default %(default)s)")
     add_cluster(parser)
     add_bound_arguments(parser)
+    add_accept_unchecked(parser)
     add_output(parser, "EXCITATION", "excitation.yaml to write")
     add_json(parser)
 
@@ -159,11 +161,13 @@ def run(args: argparse.Namespace) -> int:
     if args.json:
         more = {"bound": bound_json(bound, found), "page": args.page, "held": held, "waypoints": None}
         print_json({**_json(found, files), **more, "precision": precision_json(needed)})
+        refuse_unchecked(args, found.margins)
         return 0
     for note in (*held_note(whole, held), *found.notes):
         tell(note)
     if found.interrupted:
         tell("stopped early; this is the best so far")
+    say_unchecked(found.margins)
     together = f" of {len(found.excitations)} motions together" if len(found.excitations) > 1 else ""
     beside = ", the earlier recordings included" if args.prior else ""
     say(
@@ -176,6 +180,7 @@ def run(args: argparse.Namespace) -> int:
     say(margin_table(found.margins))
     for file in [*files, *([args.page] if args.page else [])]:
         say(f"written: {file}")
+    refuse_unchecked(args, found.margins)
     return 0
 
 
@@ -301,6 +306,7 @@ def _json(found: DesignResult, files: Sequence[str]) -> dict[str, Any]:
         "condition_number": found.condition_number,
         "seconds": found.seconds,
         "margins": found.margins.to_json(),
+        "not_checked": list(found.margins.unknown),
         "sigma": dict(zip(found.parameters, found.sigma.tolist(), strict=True)),
         "notes": list(found.notes),
         "tell": None,

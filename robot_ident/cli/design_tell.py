@@ -8,6 +8,7 @@ from typing import TYPE_CHECKING, Any
 
 from robot_ident.cli.margin_table import margin_table
 from robot_ident.cli.output import Progress, print_json, say, tell
+from robot_ident.cli.unchecked import refuse_unchecked, say_unchecked
 from robot_ident.errors import InputError
 
 if TYPE_CHECKING:
@@ -57,9 +58,11 @@ def run_tell(
         excitation.write(file, force=args.force)
     if args.json:
         print_json(_tell_json(found, target, files, args.tell))
+        refuse_unchecked(args, found.margins)
         return 0
     for note in target.notes:
         tell(note)
+    say_unchecked(found.margins)
     state = "enough" if found.separable else f"not separable by motion: {NEEDED:g} is needed"
     say(f"{first} against {second}: noncentrality {found.noncentrality:.1f}, {state} (a motion of kind: {found.kind})")
     for label, text in found.otherwise.items():
@@ -67,6 +70,7 @@ def run_tell(
     say(margin_table(found.margins))
     for file in files:
         say(f"written: {file}")
+    refuse_unchecked(args, found.margins)
     return 0
 
 
@@ -81,6 +85,7 @@ def _tell_json(found: Telling, target: Target, files: Sequence[str], labels: Seq
         "condition_number": values.condition_number,
         "seconds": found.seconds,
         "margins": found.margins.to_json(),
+        "not_checked": list(found.margins.unknown),
         "bound": None,
         "page": None,
         "held": {},

@@ -9,6 +9,7 @@ from typing import TYPE_CHECKING
 
 from robot_ident.cli.margin_table import margin_table
 from robot_ident.cli.output import Progress, print_json, say, tell, within
+from robot_ident.cli.unchecked import refuse_unchecked, say_unchecked
 from robot_ident.errors import InputError
 
 if TYPE_CHECKING:
@@ -82,6 +83,7 @@ def run_waypoints(args: argparse.Namespace, target: Target, files: Sequence[str]
                 "condition_number": values.condition_number,
                 "seconds": seconds,
                 "margins": tour.margins.to_json(),
+                "not_checked": list(tour.margins.unknown),
                 "sigma": dict(zip(target.structure.names, values.sigma.tolist(), strict=True)),
                 "notes": notes,
                 "tell": None,
@@ -97,9 +99,11 @@ def run_waypoints(args: argparse.Namespace, target: Target, files: Sequence[str]
                 },
             }
         )
+        refuse_unchecked(args, tour.margins)
         return 0
     for note in notes:
         tell(note)
+    say_unchecked(tour.margins)
     say(f"{len(tour.paces)} moves, {args.repeats} times, {tour.motion.duration:.4g} s: {' - '.join(tour.names)}")
     say("at " + ", ".join(f"{100 * pace:g} %" for pace in tour.paces) + " of the speed")
     say(
@@ -109,4 +113,5 @@ def run_waypoints(args: argparse.Namespace, target: Target, files: Sequence[str]
     say(margin_table(tour.margins))
     for file in files:
         say(f"written: {file}")
+    refuse_unchecked(args, tour.margins)
     return 0

@@ -5,6 +5,7 @@ from __future__ import annotations
 import argparse
 import os
 from dataclasses import replace
+from functools import partial
 from pathlib import Path
 from typing import TYPE_CHECKING
 
@@ -59,7 +60,8 @@ def run(args: argparse.Namespace) -> int:
     moving = [j.name for j in inventory.chain if j.name not in held and (not evidence or j.name in evidence.joints)]
     if not moving:
         raise InputError(f"{args.bag or source}: none of {', '.join(j.name for j in inventory.chain)} is left to move")
-    draft = draft_robot(
+    drafted = partial(
+        draft_robot,
         inventory,
         os.path.relpath(urdf, output.parent or "."),
         name=name,
@@ -70,18 +72,20 @@ def run(args: argparse.Namespace) -> int:
         evidence=evidence,
         topic=topic,
     )
+    draft = drafted(height=_height(drafted().text, text, output))
     if not args.urdf:
         write_text(urdf, text, force=args.force)
     write_text(output, draft.text, force=args.force)
     robot = _check(output)
     if robot is not None:
         draft = replace(draft, missing=(*draft.missing, *_weightless(robot)))
+    unchecked = _unchecked(robot)
     if robot is not None and args.bag:
         _test_effort(output, args.bag, topic)
     if args.json:
-        print_json(_to_dict(draft, inventory, name, output))
+        print_json(_to_dict(draft, inventory, name, output) | {"not_checked": unchecked})
         return 0
-    _print(draft, inventory, output)
+    _print(draft, inventory, unchecked, output)
     return 0
 
 
@@ -175,6 +179,43 @@ def _check(output: Path) -> Robot | None:
         return None
 
 
+def _height(draft: str, urdf: str, output: Path) -> float | None:
+    """Return where the end effector of a draft is along the base's z axis [m] with every joint in the middle of its
+    range, None where the draft can't be used yet.
+    """
+    import numpy as np
+
+    from robot_ident.configuration import load_yaml
+    from robot_ident.robot.load import robot_of
+    from robot_ident.robot.robot import Definition
+
+    try:
+        robot = robot_of(Definition(load_yaml(draft), urdf), str(output))
+    except InputError:
+        return None
+    known = np.isfinite(robot.limits.lower) & np.isfinite(robot.limits.upper)
+    middle = np.zeros(robot.n)
+    middle[known] = 0.5 * (robot.limits.lower[known] + robot.limits.upper[known])
+    return float(robot.rigid.frame_position(middle[None, :], robot.end_effector)[0, 2])
+
+
+def _unchecked(robot: Robot | None) -> list[str]:
+    """Return what no motion of a robot is certified for: what `design` and `check` say, and what they never see."""
+    from robot_ident.excitation.limits import Certifier
+
+    if robot is None:
+        return ["anything: the file can't be used yet"]
+    out = list(Certifier(robot).unknown)
+    if robot.workspace:
+        out.append(
+            f"surroundings other than the workspace rule, and any part of the arm but {robot.end_effector} there"
+        )
+    friction = {"viscous", "coulomb"} & set(robot.simulation)
+    return (
+        out if friction else [*out, "friction in the torque (it counts as zero until the YAML's simulation gives it)"]
+    )
+
+
 def _weightless(robot: Robot) -> list[str]:
     """Return what the URDF lacks of the links that move: mass, or moments of inertia about the centre of mass."""
     import numpy as np
@@ -225,7 +266,7 @@ def _to_dict(draft: Draft, inventory: Inventory, name: str, output: Path) -> dic
     }
 
 
-def _print(draft: Draft, inventory: Inventory, output: Path) -> None:
+def _print(draft: Draft, inventory: Inventory, unchecked: list[str], output: Path) -> None:
     say(f"moving:  {', '.join(draft.moving)}")
     for joint, why in draft.held.items():
         say(f"held:    {joint} ({why})")
@@ -236,4 +277,6 @@ def _print(draft: Draft, inventory: Inventory, output: Path) -> None:
         say(f"guessed: {guess}")
     for what in draft.missing:
         say(f"missing: {what}")
+    for what in unchecked:
+        say(f"not checked: {what}")
     say(f"written: {output}")

@@ -49,6 +49,25 @@ class Certifier:
         return self
 
     @cached_property
+    def unknown(self) -> tuple[str, ...]:
+        """What no motion of the robot is checked for, in words: the robot's files don't give it."""
+        robot, limits = self._robot, self._robot.limits
+        known = {
+            "position": np.isfinite(limits.lower) & np.isfinite(limits.upper),
+            "velocity": np.isfinite(limits.velocity),
+            "acceleration": np.isfinite(limits.acceleration),
+            "torque": np.isfinite(limits.torque),
+        }
+        missing = {
+            what: [name for name, is_known in zip(robot.joints, of, strict=True) if not is_known]
+            for what, of in known.items()
+        }
+        out = [f"{what} of {', '.join(names)}" for what, names in missing.items() if names]
+        if not np.any(robot.rigid.parameters):
+            out.append("torque (the URDF has no inertias)")
+        return (*out, *self._links[1], *robot.unchecked)
+
+    @cached_property
     def poses(self) -> PoseLimits:
         """What a pose of the robot has to keep."""
         return PoseLimits(self._robot, self._links[0])
@@ -64,18 +83,17 @@ class Certifier:
         return {name: self._margins([piece for piece in pieces if piece.name == name]) for name in names}
 
     def _margins(self, pieces: Sequence[Piece]) -> Margins:
-        items, unknown = _joint_margins(pieces, self._robot)
+        items = _joint_margins(pieces, self._robot)
         items += self._workspace_margins(pieces)
         items += self._link_margins(pieces)
         items += self._torque_margins(pieces)
-        unknown += self._links[1]
         shapes = self._links[0].shapes if self._links[0] is not None else None
-        return Margins(tuple(items), tuple(unknown), shapes.notes if shapes is not None else ())
+        return Margins(tuple(items), self.unknown, shapes.notes if shapes is not None else ())
 
     def keeps(self, motion: Excitation | Certifiable, *, torque: bool = True) -> bool:
         """Return whether a motion keeps all limits, without the rest of the work once one is broken."""
         pieces = _pieces(motion, self._robot)
-        if not Margins(tuple(_joint_margins(pieces, self._robot)[0])).kept:
+        if not Margins(tuple(_joint_margins(pieces, self._robot))).kept:
             return False
         rules = [(rule, self._kinematics[rule.frame]) for rule in self._robot.workspace]
         if not all(keeps_rule(rule, kinematics, piece) for rule, kinematics in rules for piece in pieces):
@@ -151,8 +169,8 @@ def _pieces(motion: Excitation | Certifiable, robot: Robot) -> Sequence[Piece]:
     return motion.pieces()
 
 
-def _joint_margins(pieces: Sequence[Piece], robot: Robot) -> tuple[list[Margin], list[str]]:
-    limits, items, unknown = robot.limits, [], []
+def _joint_margins(pieces: Sequence[Piece], robot: Robot) -> list[Margin]:
+    limits, items = robot.limits, []
     ranges = {
         "position": (limits.lower, limits.upper),
         "velocity": (-limits.velocity, limits.velocity),
@@ -161,7 +179,6 @@ def _joint_margins(pieces: Sequence[Piece], robot: Robot) -> tuple[list[Margin],
     for (quantity, (lower, upper)), index in zip(ranges.items(), range(3), strict=True):
         for joint, name in enumerate(robot.joints):
             if not (np.isfinite(lower[joint]) and np.isfinite(upper[joint])):
-                unknown.append(f"{quantity} of {name}")
                 continue
             found = [
                 _range_margin(piece.extremes[index], joint, float(lower[joint]), float(upper[joint]))
@@ -172,7 +189,7 @@ def _joint_margins(pieces: Sequence[Piece], robot: Robot) -> tuple[list[Margin],
             unit = ("m" if robot.prismatic[joint] else "rad") + ("", "/s", "/s^2")[index]
             relative = margin / (0.5 * float(upper[joint] - lower[joint]))
             items.append(Margin(quantity, name, margin, value, limit, time, unit, relative))
-    return items, unknown
+    return items
 
 
 def _range_margin(extremes: Extremes, joint: int, lower: float, upper: float) -> tuple[float, float, float, float]:

@@ -71,6 +71,11 @@ class Margins:
         return all(item.kept for item in self.items)
 
     @property
+    def not_checked(self) -> str:
+        """What was not checked, as one line; empty where everything was."""
+        return not_checked(self.unknown)
+
+    @property
     def tightest(self) -> Margin | None:
         """The limit that comes nearest, relative to its size."""
         return min(self.items, key=lambda item: item.relative, default=None)
@@ -96,6 +101,18 @@ class Margins:
         if self.notes:
             out["notes"] = list(self.notes)
         return out
+
+
+def not_checked(unknown: Iterable[str]) -> str:
+    """Return what no certificate covers as one line; empty where there is nothing."""
+    words = "; ".join(unknown)
+    return f"not checked: {words}" if words else ""
+
+
+def unchecked_refusal(unknown: Iterable[str], accept: str) -> str:
+    """Return why a motion with something unchecked is refused, empty where all is checked; accept: what else to do."""
+    line = not_checked(unknown)
+    return f"{line}; write the facts into the robot YAML, or {accept}" if line else ""
 
 
 def worst_of(parts: Iterable[Margins]) -> Margins:

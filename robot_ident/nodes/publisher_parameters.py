@@ -52,6 +52,12 @@ TABLE: tuple[Parameter, ...] = (
         " and anything else stops the motion ('' for none)",
         until_configured=True,
     ),
+    Parameter(
+        "accept_unchecked",
+        False,
+        "play a motion although limits or surroundings could not be checked, which are named",
+        until_configured=True,
+    ),
     Parameter("autostart", False, "start as soon as the robot is there; otherwise by ~/start"),
     MANAGED,
     Parameter("exit_when_done", False, "end the node after the motion (exit code 3 where it was stopped for a reason)"),

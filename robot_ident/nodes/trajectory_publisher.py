@@ -12,6 +12,7 @@ from rclpy.task import Future
 from std_srvs.srv import Trigger
 
 from robot_ident.errors import CheckFailed, InputError
+from robot_ident.excitation.margins import not_checked, unchecked_refusal
 from robot_ident.nodes.common import ERROR, OK, WARN, run
 from robot_ident.nodes.managed import ManagedNode
 from robot_ident.nodes.parameters import Parameter
@@ -70,8 +71,10 @@ class TrajectoryPublisher(ManagedNode):
             speed=self.value("speed"),
             rehearsals=self.value("rehearsal"),
         )
-        for text in plan.unchecked:
-            self.get_logger().warning(f"not checked: {text}")
+        if plan.unchecked and not self.value("accept_unchecked"):
+            raise CheckFailed(f"{path}: {unchecked_refusal(plan.unchecked, 'set accept_unchecked:=true')}")
+        if plan.unchecked:
+            self.get_logger().warning(not_checked(plan.unchecked))
         self._session = Session(self, plan, self._refuse)
         for text in self._session.warnings:
             self.get_logger().warning(text)

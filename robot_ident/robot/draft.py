@@ -15,6 +15,7 @@ MOUNTS: dict[str, tuple[float, float, float]] = {  # gravity in the base frame, 
     "ceiling": (0.0, 0.0, GRAVITY),
     "wall": (-GRAVITY, 0.0, 0.0),
 }
+_ROOM = 0.1  # m that the end effector has above the guessed plane where every joint is in its middle
 
 
 @dataclass(frozen=True)
@@ -64,7 +65,7 @@ class _Page:
     def guess(self, text: str, why: str) -> None:
         """Write a line whose value is a guess."""
         self.lines.append(f"{text}  # GUESS: {why}")
-        self.guesses.append(f"{text.strip()}: {why}")
+        self.guesses.append(f"{text.strip().removeprefix('- ')}: {why}")
 
     def lacks(self, text: str, what: str, why: str) -> None:
         """Write, as a comment, a line that a person has to fill in."""
@@ -83,12 +84,14 @@ def draft_robot(
     held: Mapping[str, float] | None = None,
     evidence: Evidence | None = None,
     topic: str | None = None,
+    height: float | None = None,
 ) -> Draft:
     """Return the draft of a robot YAML.
 
     urdf: as it shall stand in the file. gravity [3] m/s^2, or the mount that implies it; held: angles at which joints
     of the chain are locked; acceleration: limits by joint, rad/s^2. evidence: what a recording says; joints of the
-    chain that it lacks are held. topic: of the joint states, where bags hold several.
+    chain that it lacks are held. topic: of the joint states, where bags hold several. height: of the end
+    effector along the base's z axis with every joint in the middle of its range, m.
     """
     told = dict(held or {})
     present = None if evidence is None else set(evidence.joints)
@@ -112,7 +115,8 @@ def draft_robot(
         _joint(page, joint, (acceleration or {}).get(joint.name), evidence)
     reasons = _held(page, inventory, {joint.name for joint in moving}, told, evidence)
     page.found("")
-    page.found("# further sections: workspace, springs, effects, anti_alias, self_collision (see the README)")
+    _workspace(page, inventory.end_effector, mount, gravity, height)
+    page.found("# further sections: springs, effects, anti_alias, self_collision (see the README)")
     names = tuple(joint.name for joint in moving)
     return Draft("\n".join(page.lines) + "\n", names, reasons, tuple(page.guesses), tuple(page.missing))
 
@@ -126,6 +130,36 @@ def _gravity(page: _Page, mount: str | None, gravity: Sequence[float] | None) ->
         page.guess(text, "the base's x axis points up the wall (else --gravity)")
     else:
         page.found(text, "as told")
+
+
+def _workspace(
+    page: _Page, frame: str, mount: str | None, gravity: Sequence[float] | None, height: float | None
+) -> None:
+    """Write the plane on which the base is mounted as the one thing that is known to be around the robot.
+
+    The base's z axis leads away from it, on the floor, under the ceiling and on a wall. Where gravity points along
+    another axis and no mount is given, nobody knows which way the plane lies.
+    """
+    upright = mount is not None or gravity is None or not any(gravity[:2])
+    if not upright:
+        page.lacks(
+            "workspace: [{kind: half_space, normal: [X, Y, Z], offset: 0}]",
+            "the floor: how the base stands on it",
+            "normal: up, or away from what the base is mounted on; offset: m along it",
+        )
+        page.found("")
+        return
+    name = {"wall": "wall", "ceiling": "ceiling"}.get(mount or "", "ceiling" if gravity and gravity[2] > 0 else "floor")
+    offset = 0.0 if height is None else min(0.0, round(height - _ROOM, 3))
+    why = f"{frame} stays on the arm's side of the {name} that the base is mounted on"
+    if offset < 0.0:
+        why += (
+            f"; {-offset:g} m beyond it, for {frame} is at {height:.3g} m with every joint in its middle: write what is"
+            " really there"
+        )
+    page.found("workspace:  # what the robot could hit; check, then take guess: true away")
+    page.guess(f"  - {{kind: half_space, normal: [0, 0, 1], offset: {offset:g}, guess: true}}", why)
+    page.found("")
 
 
 def _joint(page: _Page, joint: UrdfJoint, acceleration: float | None, evidence: Evidence | None) -> None:

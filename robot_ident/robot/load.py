@@ -93,6 +93,7 @@ class RuleFile(Closed):
     inside: bool | None = Field(
         None, description="cylinder (default false) and box (default true): stay inside or outside"
     )
+    guess: bool = Field(False, description="true: init's guess, which nobody has confirmed; take it away when you have")
 
     def rule(self, end_effector: str) -> workspace.WorkspaceRule:
         """Return the rule; ValueError where a field is missing or of the wrong form."""
@@ -140,7 +141,9 @@ class RobotFile(Closed):
         {}, description="the joints that move, in the order of the chain; others are locked"
     )
     locked: dict[str, float] = Field({}, description="angles at which other joints of the URDF are held, rad")
-    workspace: list[RuleFile] = Field([], description="rules on the position of frames")
+    workspace: list[RuleFile] = Field(
+        [], description="rules on the position of frames; an empty list says that there is nothing to hit"
+    )
     self_collision: SelfCollisionFile | None = Field(
         None, description="distance between links; looked at wherever the URDF has collision geometry"
     )
@@ -247,6 +250,7 @@ def _build(file: RobotFile, text: str, path: Path, definition: Definition | None
         if not model.existFrame(rule.frame):
             raise InputError(f"{path}: workspace: frame {rule.frame!r} is not in the URDF")
     limits = _limits(model, records)
+    geometry = _geometry(file, text, urdf, path, joints, limits)
     return Robot(
         name=file.name,
         source=str(path),
@@ -254,7 +258,7 @@ def _build(file: RobotFile, text: str, path: Path, definition: Definition | None
         joints=joints,
         rigid=RigidBody(model),
         limits=limits,
-        geometry=_geometry(file, text, urdf, path, joints, limits),
+        geometry=geometry,
         drives=Drives(
             gear_ratio=_column(record.gear_ratio for record in records),
             armature=_column(record.armature for record in records),
@@ -267,6 +271,7 @@ def _build(file: RobotFile, text: str, path: Path, definition: Definition | None
         ),
         end_effector=end_effector,
         workspace=rules,
+        unchecked=_unchecked(file, rules, geometry, len(joints)),
         springs={joint: Spring(spring.length, spring.lever) for joint, spring in file.springs.items()},
         simulation=_simulation(file, joints, path),
         known_effects=at_every_joint(file.effects, joints),
@@ -287,6 +292,19 @@ def _build(file: RobotFile, text: str, path: Path, definition: Definition | None
             if record.torque_curve is not None
         },
     )
+
+
+def _unchecked(
+    file: RobotFile, rules: tuple[workspace.WorkspaceRule, ...], geometry: Geometry | None, axes: int
+) -> tuple[str, ...]:
+    """Return what a robot's files leave out or only guess, in words."""
+    out = []
+    if geometry is None and file.self_collision is None and axes > 1:
+        out.append("self-collision (no collision geometry in the URDF)")
+    if "workspace" not in file.model_fields_set:
+        out.append("surroundings (no workspace rule)")
+    guessed = [rule.text for record, rule in zip(file.workspace, rules, strict=True) if record.guess]
+    return (*out, *(f"whether '{text}' is true (guess: true in workspace)" for text in guessed))
 
 
 def _geometry(

@@ -16,6 +16,7 @@ URDF = """<robot name="slider"><link name="base"/>
 <link name="carriage"><inertial><mass value="5"/><inertia ixx="1" ixy="0" ixz="0" iyy="1" iyz="0" izz="1"/></inertial>
 </link></robot>"""
 YAML = """schema: robot_ident/robot/1
+workspace: []
 name: slider
 urdf: slider.urdf
 joints:

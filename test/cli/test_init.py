@@ -172,6 +172,64 @@ def test_lines_edited_by_hand(run: Run, robots_folder: Path, tmp_path: Path, fil
         np.testing.assert_allclose(load_robot(out).rigid.model.gravity.linear, gravity)
 
 
+PLANE = "- {kind: half_space, normal: [0, 0, 1], offset: "
+
+
+@pytest.mark.parametrize(
+    ("words", "plane"),
+    [
+        ([], "floor"),
+        (["--mount", "floor"], "floor"),
+        (["--mount", "ceiling"], "ceiling"),
+        (["--mount", "wall"], "wall"),
+        (["--gravity", "0,0,9.81"], "ceiling"),
+    ],
+)
+def test_the_mounting_plane_is_guessed(run: Run, tmp_path: Path, words: list[str], plane: str) -> None:
+    out = tmp_path / "robot.yaml"
+    data = run("init", "--urdf", KUKA, "--acceleration", 3, *words, "-o", out, "--json").json
+    (line,) = (text for text in out.read_text().splitlines() if "half_space" in text)
+    assert line.strip().startswith(f"{PLANE}0, guess: true}}  # GUESS: flange stays")
+    assert f"of the {plane} that the base is mounted on" in line
+    assert any("half_space" in guess for guess in data["guesses"])
+    robot = load_robot(out)
+    (rule,) = robot.workspace
+    assert rule.frame == "flange"
+    np.testing.assert_allclose(rule.margin(np.array([[0.0, 0.0, 0.3], [0.0, 0.0, -0.2]])), [0.3, -0.2])
+    assert list(robot.unchecked) == data["not_checked"][:2], "one source says what isn't checked"
+    assert any("surroundings other than" in what for what in data["not_checked"])
+
+
+def test_no_plane_where_nobody_knows_which_way_it_lies(run: Run, tmp_path: Path) -> None:
+    out = tmp_path / "robot.yaml"
+    done = run("init", "--urdf", KUKA, "--acceleration", 3, "--gravity", "0,-9.81,0", "-o", out)
+    assert "missing: the floor: how the base stands on it" in done.out
+    assert "not checked: surroundings (no workspace rule)" in done.out
+    assert load_robot(out).workspace == ()
+
+
+@pytest.mark.parametrize(
+    ("file", "lowered"),
+    [("ur_description/urdf/ur5_joint_limited_robot.urdf", True), ("panda_description/urdf/panda.urdf", False)],
+)
+def test_the_guessed_floor_leaves_room_in_the_middle(
+    run: Run, robots_folder: Path, tmp_path: Path, file: str, lowered: bool
+) -> None:
+    out = tmp_path / "robot.yaml"
+    done = run("init", "--urdf", robots_folder / file, "--acceleration", 5, "-o", out)
+    assert ("write what is really there" in done.out) is lowered
+    robot = load_robot(out)
+    middle = 0.5 * (robot.limits.lower + robot.limits.upper)
+    (rule,) = robot.workspace
+    assert rule.margin(robot.rigid.frame_position(middle[None, :], rule.frame))[0] > 0.09
+    designed = run("design", "--robot", out, "--starts", 1, "--time-limit", 8, "-o", tmp_path / "x.yaml", "--json")
+    assert designed.code == 3
+    assert designed.json["margins"]["kept"]
+    assert len(designed.json["not_checked"]) == 1
+    out.write_text(out.read_text().replace(", guess: true", ""))
+    assert run("check", tmp_path / "x.yaml", "--robot", out, "--json").json["not_checked"] == []
+
+
 def changed(tmp_path: Path, old: str, new: str) -> Path:
     """Return the KUKA's URDF with another text at the first place where one stands."""
     text = Path(KUKA).read_text()

@@ -149,6 +149,32 @@ def test_no_robot(start: Callable[..., Any], trajectory: Path) -> None:
     assert "not started within 0.5 s: no joint_states" in publisher.text
 
 
+def test_what_is_not_checked_is_refused_unless_accepted(
+    start: Callable[..., Any], trajectory: Path, checkout: Path, tmp_path: Path
+) -> None:
+    source = (checkout / "config/robots/kuka_ir361.yaml").read_text(encoding="utf-8")
+    source = source.replace("kuka_ir361.urdf", str(checkout / "config/robots/kuka_ir361.urdf"))
+    robot = tmp_path / "arm.yaml"
+    robot.write_text(source.replace("self_collision:", "# self_collision:"), encoding="utf-8")
+    refused = start("trajectory_publisher", trajectory=trajectory, robot=robot)
+    assert refused.wait() == 3
+    what = "not checked: self-collision (no collision geometry in the URDF)"
+    assert f"{what}; write the facts into the robot YAML, or set accept_unchecked:=true" in refused.text
+    plant = start("simulated_kuka")
+    accepted = start(
+        "trajectory_publisher",
+        trajectory=trajectory,
+        robot=robot,
+        periods=1,
+        accept_unchecked=True,
+        autostart=True,
+        exit_when_done=True,
+    )
+    assert accepted.wait() == 0, accepted.text
+    assert f"{what}\n" in accepted.text
+    assert plant.end()[0] == 0
+
+
 def test_a_trajectory_beyond_the_limits_is_refused(start: Callable[..., Any], trajectory: Path, tmp_path: Path) -> None:
     fast = tmp_path / "fast.yaml"
     fast.write_text(trajectory.read_text().replace("base_frequency: 1.0", "base_frequency: 1.5"))
