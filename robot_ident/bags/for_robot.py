@@ -12,6 +12,7 @@ from robot_ident.bags.read import read_recording
 from robot_ident.bags.tables import refuse_unnamed
 from robot_ident.bags.topics import named_topic
 from robot_ident.recording.conditions import read_conditions
+from robot_ident.recording.payload_checks import refuse_payload
 from robot_ident.recording.recording import Recording
 from robot_ident.robot import Robot
 from robot_ident.robot.effort import EffortSource
@@ -27,6 +28,7 @@ def read_for(path: Path | str, robot: Robot, *, topic: str | None = None) -> Rec
     InputError in one line as of `read_recording`, and where a topic or field holds no effort of a joint.
     """
     path = Path(path)
+    refuse_payload(read_conditions(path), robot, path)
     states = topic or robot.effort.topic
     if form_of(path) in TABLES:
         refuse_unnamed(path, robot.n)

@@ -30,12 +30,13 @@ def run(args: argparse.Namespace) -> int:
     from robot_ident.cli.extended import staircase, steps_of
     from robot_ident.cli.loop import read_inputs
     from robot_ident.files import refuse_existing
-    from robot_ident.model.model_file import is_model, write_model
+    from robot_ident.model.model_file import is_model, read_model, write_model
 
     if args.output:
         refuse_existing(args.output, force=args.force)
     if not is_model(args.model):
         raise InputError(f"{args.model}: not a model; make one by robot_ident identify ... -o model.yaml")
+    read_model(args.model).structure.with_further(args.effects)  # what it refuses, it refuses before it reads BAG
     inputs = read_inputs([args.model, *args.bag], args.validation, args.topic)
     extended = inputs.models[0].structure.with_further(args.effects)
     effects = extended.effects[len(inputs.models[0].structure.effects) :]

@@ -56,6 +56,7 @@ def run(args: argparse.Namespace) -> int:
     from robot_ident.cli.compare_models import change_between, check_unchanged, say_change
     from robot_ident.cli.loop import read_inputs
     from robot_ident.diagnosis.comparison import compare
+    from robot_ident.diagnosis.likely_reason import likely_reason
     from robot_ident.diagnosis.profile import ALONG
     from robot_ident.files import refuse_existing
 
@@ -69,11 +70,15 @@ def run(args: argparse.Namespace) -> int:
     _same_joints(inputs)
     change = change_between(inputs, asked=args.fail_on_change)
     found = [compare(model, inputs.measurements) for model in inputs.models] if inputs.measurements else []
+    reason = likely_reason(inputs.models[0], inputs.measurements)
     if args.mcap:
         _write_mcap(args, inputs)
     if args.json:
-        print_json(_to_dict(inputs, found, args.mcap) | {"change": None if change is None else change.to_dict()})
+        changed = None if change is None else change.to_dict()
+        print_json(_to_dict(inputs, found, args.mcap) | {"change": changed, "likely_reason": reason})
     else:
+        if reason:
+            tell(f"likely reason: {reason}")
         if found:
             _print(inputs, found)
             if args.over is not None:

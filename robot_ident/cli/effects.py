@@ -87,7 +87,7 @@ def page(effect: type[Effect]) -> str:
         ("in time", _SYMMETRY[effect.symmetry]),
         ("in a residual", effect.signature),
         ("evidence", effect.evidence),
-        ("seen from", "the motor side of the gear only" if "link" not in effect.seen_from else ""),
+        ("seen from", f"motor and joint side; {effect.before_sensor}" if "link" not in effect.seen_from else ""),
         ("confused with", ", ".join((*effect.confused_with, *effect.also_like))),
         ("told by", effect.experiment),
         ("usual size", effect.magnitude + (" (industrial arm / cobot)" if effect.magnitude else "")),

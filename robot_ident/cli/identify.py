@@ -53,6 +53,7 @@ def run(args: argparse.Namespace) -> int:
     """Identify and print the parameters with their uncertainty."""
     from robot_ident.bags import read_for
     from robot_ident.cli.processing import AS_DECLARED, at_its_speed, processing_of
+    from robot_ident.effects import refuse_unseen
     from robot_ident.estimation.effort_checks import contradictions
     from robot_ident.estimation.identify import with_base
     from robot_ident.files import refuse_existing, refuse_twice
@@ -72,6 +73,7 @@ def run(args: argparse.Namespace) -> int:
         refuse_existing(args.output, force=args.force)
     whole = load_robot(args.robot)
     refuse_twice(args.bags)
+    refuse_unseen(args.effect, whole)
     recordings = [read_for(bag, whole, topic=args.topic) for bag in args.bags]
     refuse_same_rows(recordings)
     robot, recordings, held = held_in_recordings(args, whole, recordings)

@@ -129,8 +129,7 @@ def _conclude(
     robot, members, first = whole.structure.robot, found.members, found.first
     failing = [j for j, fit in enumerate(found.given.fits) if fit.fails]
     failing += [j for m in members for j in m.columns.joints if j not in failing and m.held_out_by_joint[j] >= GAIN / 2]
-    # friction shows in the motor's torque
-    shown = [j for j, name in enumerate(robot.joints) if robot.side(j) != "link" and f"{DRIFT}@{name}" not in trending]
+    shown = [j for j, name in enumerate(robot.joints) if f"{DRIFT}@{name}" not in trending]
     drifting = {j: test for j, test in enumerate(drift_tests(whole)) if test.told and j in shown}
     trusted = _trusted(found, failing)
     why = doubted(trusted, first, found.last)

@@ -160,7 +160,7 @@ class Diagnosis:
             return self
         kinds = dict.fromkeys(name for names in hidden.values() for name in names)
         line = (
-            f"{', '.join(hidden)}: effort is measured behind the gear, where {', '.join(kinds)} don't show; they may be"
+            f"{', '.join(hidden)}: effort is measured behind the gear, where {', '.join(kinds)} can't show; they may be"
             " there and were not looked for"
         )
         return replace(self, hidden_from_sensor=hidden, notes=(*self.notes, line))

@@ -2,7 +2,16 @@
 
 from __future__ import annotations
 
-from robot_ident.effects.catalogue import CATALOGUE, beside, candidates_of, holder, make_effect, register, unseen_of
+from robot_ident.effects.catalogue import (
+    CATALOGUE,
+    beside,
+    candidates_of,
+    holder,
+    make_effect,
+    refuse_unseen,
+    register,
+    unseen_of,
+)
 from robot_ident.effects.effect import Coefficient, Course, Effect, Inner, Mathematics, Sensitivity, Signals, Torques
 from robot_ident.effects.load_file import load_effects
 
@@ -21,6 +30,7 @@ __all__ = [
     "holder",
     "load_effects",
     "make_effect",
+    "refuse_unseen",
     "register",
     "unseen_of",
 ]

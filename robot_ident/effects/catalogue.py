@@ -111,6 +111,18 @@ def make_effect(label: str, robot: Robot, setting: Mapping[str, float] | None = 
     return kind(robot, place, setting)
 
 
+def refuse_unseen(labels: Iterable[str], robot: Robot) -> None:
+    """Raise InputError on effects (`name@joint`) that a robot can't have or that its sensors can't show: it takes no
+    recording to say so.
+    """
+    for label in labels:
+        if label.endswith("@*"):
+            continue
+        unseen = make_effect(label, robot).unseen
+        if unseen:
+            raise InputError(f"effect {label!r}: {unseen}")
+
+
 def holder(effect: Effect, labels: Iterable[str]) -> str | None:
     """Return which effect of a model (`name@joint`) holds the column of another one already, or None."""
     for label in labels:

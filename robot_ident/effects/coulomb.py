@@ -5,7 +5,7 @@ from __future__ import annotations
 from collections.abc import Sequence
 from typing import Any
 
-from robot_ident.effects.effect import DRIVE_SIDE, Coefficient, Effect, Mathematics, Signals
+from robot_ident.effects.effect import Coefficient, Effect, Mathematics, Signals
 
 
 class Coulomb(Effect):
@@ -20,7 +20,6 @@ class Coulomb(Effect):
     confused_with = ("presliding", "stribeck")
     experiment = "constant speeds in both directions, extrapolated to zero"
     magnitude = "5-50 / 0.5-5 Nm"
-    seen_from = DRIVE_SIDE
     steps = True
 
     def full_terms(self, x: Signals, m: Mathematics) -> Sequence[dict[int, Any]]:

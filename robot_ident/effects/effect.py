@@ -23,9 +23,8 @@ Symmetry = Literal["dissipative", "conservative", "memory", "mixed"]
 Scope = Literal["joint", "robot", "joint_or_robot"]
 
 DRIVE_SIDE: tuple[Side, ...] = ("motor", "joint")
-"""Where the losses and the inertia of motor and gear show: in the motor's torque, not behind the gear."""
-
 EVERYWHERE: tuple[Side, ...] = (*DRIVE_SIDE, "link")
+"""Friction shows on the link side, too: bearings, seals and cables lie beyond that sensor. The motor's own doesn't."""
 
 
 class Mathematics(Protocol):
@@ -195,9 +194,9 @@ class Effect(ABC):
     the design of excitations takes instead. brief: its torque comes in bursts far shorter than the motion's own time
     scale. over_position: its torque is a curve over its joint's position and depends on nothing else. scales_links: it
     multiplies its joint's rows of the links' columns and has none of its own. seen_from: where effort may be measured
-    for it to show. contains: effects whose column it holds too -> its coefficient. candidate: it may be what a model
-    lacks. measuring: a fault of what is measured, to be put right in the robot YAML rather than added to the model.
-    regression: a column shows it; else `evidence` says what does.
+    for it to show; before_sensor: why it can't elsewhere. contains: effects whose column it holds too -> coefficient.
+    candidate: it may be what a model lacks. measuring: a fault of what is measured, to be put right in the robot YAML
+    rather than added to the model. regression: a column shows it; else `evidence` says what does.
     """
 
     name: ClassVar[str]
@@ -222,6 +221,7 @@ class Effect(ABC):
     over_position: ClassVar[bool] = False
     scales_links: ClassVar[bool] = False
     seen_from: ClassVar[tuple[Side, ...]] = EVERYWHERE
+    before_sensor: ClassVar[str] = ""
     contains: ClassVar[Mapping[str, str]] = {}
     candidate: ClassVar[bool] = True
     measuring: ClassVar[bool] = False
@@ -335,7 +335,7 @@ class Effect(ABC):
         joints = range(self.robot.n) if self.whole else (self.joint,)
         if any(self.robot.side(joint) in self.seen_from for joint in joints):
             return None
-        return f"effort is measured on the {self.robot.side(self.joint)} side, where it does not show"
+        return f"effort is measured on the {self.robot.side(self.joint)} side: {self.before_sensor}"
 
     @property
     def label(self) -> str:

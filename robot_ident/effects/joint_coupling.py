@@ -6,7 +6,7 @@ from collections.abc import Sequence
 from dataclasses import replace
 from typing import Any
 
-from robot_ident.effects.effect import DRIVE_SIDE, Coefficient, Effect, Inner, Mathematics, Signals
+from robot_ident.effects.effect import Coefficient, Effect, Inner, Mathematics, Signals
 from robot_ident.robot.robot import Robot
 
 
@@ -29,7 +29,6 @@ class JointCoupling(Effect):
     confused_with = ("wrist_coupling", "coulomb", "viscous", "rotor_inertia")
     experiment = "move one joint at a time, the other at rest"
     magnitude = "6-40 % of Coulomb friction / the same"
-    seen_from = DRIVE_SIDE
 
     @classmethod
     def available(cls, robot: Robot, joint: int | None) -> str | None:

@@ -5,7 +5,7 @@ from __future__ import annotations
 from collections.abc import Sequence
 from typing import Any
 
-from robot_ident.effects.effect import DRIVE_SIDE, Coefficient, Effect, Inner, Mathematics, Signals
+from robot_ident.effects.effect import Coefficient, Effect, Inner, Mathematics, Signals
 
 _LOAD, _DRIVE = 0.0, 1.0  # forms; where none is given, the middle of the grid is taken: the load
 _LOCKS = 0.5  # of what the drive gives: a gear that loses more can't be driven back
@@ -33,7 +33,6 @@ class LoadFriction(Effect):
     confused_with = ("position_friction", "torque_saturation")
     experiment = "the same motion with and without a payload: load friction grows with it"
     magnitude = "2-12 % of the load / the same"
-    seen_from = DRIVE_SIDE
     uses_torque = True
 
     def full_terms(self, x: Signals, m: Mathematics) -> Sequence[dict[int, Any]]:

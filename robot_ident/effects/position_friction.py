@@ -5,7 +5,7 @@ from __future__ import annotations
 from collections.abc import Sequence
 from typing import Any
 
-from robot_ident.effects.effect import DRIVE_SIDE, Coefficient, Effect, Inner, Mathematics, Signals
+from robot_ident.effects.effect import Coefficient, Effect, Inner, Mathematics, Signals
 
 
 class PositionFriction(Effect):
@@ -21,7 +21,6 @@ class PositionFriction(Effect):
     confused_with = ("load_friction",)
     experiment = "the same motion with a payload: it stays, where load friction grows"
     magnitude = "8-50 % of Coulomb friction / the same"
-    seen_from = DRIVE_SIDE
     steps = True
 
     def full_terms(self, x: Signals, m: Mathematics) -> Sequence[dict[int, Any]]:

@@ -7,7 +7,7 @@ from typing import Any
 
 import numpy as np
 
-from robot_ident.effects.effect import DRIVE_SIDE, Coefficient, Course, Effect, Inner, Mathematics, Signals, Torques
+from robot_ident.effects.effect import Coefficient, Course, Effect, Inner, Mathematics, Signals, Torques
 from robot_ident.effects.hysteresis import ELEMENTS, dahl, maxwell_slip
 from robot_ident.motion import Array, Motion
 
@@ -46,7 +46,6 @@ class Presliding(Effect):
     confused_with = ("stribeck", "time_delay", "coulomb")
     experiment = "small reversals at two speeds: a scale of position stays, a scale of time moves with speed"
     magnitude = "up to 2 Fc at reversals: 10-70 / 0.5-5 Nm, over 0.5-50 mrad"
-    seen_from = DRIVE_SIDE
     needs_time = True
     symbolic = False
     brief = True

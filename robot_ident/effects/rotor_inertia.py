@@ -24,6 +24,7 @@ class RotorInertia(Effect):
     experiment = "fast small motions of this joint alone, where acceleration outweighs gravity"
     magnitude = "0.5-5 / 0.05-1 kg m^2"
     seen_from = DRIVE_SIDE
+    before_sensor = "the motor turns its rotor before any torque reaches the sensor"
 
     def full_terms(self, x: Signals, m: Mathematics) -> Sequence[dict[int, Any]]:
         """Return ddq."""

@@ -5,7 +5,7 @@ from __future__ import annotations
 from collections.abc import Sequence
 from typing import Any
 
-from robot_ident.effects.effect import DRIVE_SIDE, Coefficient, Effect, Inner, Mathematics, Signals
+from robot_ident.effects.effect import Coefficient, Effect, Inner, Mathematics, Signals
 
 _STILL = 1e-12  # (rad/s)^2 that keep the derivative of |v|^d finite at standstill
 
@@ -37,7 +37,6 @@ class Stribeck(Effect):
     confused_with = ("viscous_nonlinear", "presliding", "viscous_asymmetric")
     experiment = "constant speeds from 0.005 to 0.3 rad/s: friction falls as speed rises, wherever the joint stands"
     magnitude = "5-30 / 0.2-3 Nm"
-    seen_from = DRIVE_SIDE
     steps = True
 
     def full_terms(self, x: Signals, m: Mathematics) -> Sequence[dict[int, Any]]:

@@ -8,7 +8,7 @@ from typing import Any
 import numpy as np
 
 from robot_ident.effects.along_time import step
-from robot_ident.effects.effect import DRIVE_SIDE, Coefficient, Course, Effect, Inner, Mathematics, Signals, Torques
+from robot_ident.effects.effect import Coefficient, Course, Effect, Inner, Mathematics, Signals, Torques
 from robot_ident.errors import InputError
 from robot_ident.motion import Array, Motion
 
@@ -35,7 +35,6 @@ class TemperatureDrift(Effect):
     also_like = ("wear",)
     experiment = "repeat the recording warm: wear stays, temperature's part is gone"
     magnitude = "20-60 % of viscous friction / the same"
-    seen_from = DRIVE_SIDE
     needs_time = True
     trends = True
     symbolic = False

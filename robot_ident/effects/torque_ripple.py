@@ -5,7 +5,7 @@ from __future__ import annotations
 from collections.abc import Sequence
 from typing import Any
 
-from robot_ident.effects.effect import DRIVE_SIDE, Coefficient, Effect, Inner, Mathematics, Signals
+from robot_ident.effects.effect import Coefficient, Effect, Inner, Mathematics, Signals
 from robot_ident.robot.robot import Robot
 
 
@@ -13,7 +13,8 @@ class TorqueRipple(Effect):
     """Cogging, current-sensor and gear ripple in step with the motor's angle n q, n the gear ratio: tau = a cos(h n q)
     + b sin(h n q).
 
-    h = 2 is a strain-wave gear's wave generator, h = 1 an eccentric motor, 1/2 and 4 their neighbours.
+    h = 2 is a strain-wave gear's wave generator, h = 1 an eccentric motor, 1/2 and 4 their neighbours. Behind the gear
+    the drive's own ripple doesn't show, but that of strain gauges on a flexspline does, which the wave generator bends.
     """
 
     name = "torque_ripple"
@@ -27,7 +28,6 @@ class TorqueRipple(Effect):
     confused_with = ("encoder_eccentricity",)
     experiment = "two speeds: ripple's frequency follows the speed, a disturbance's stays"
     magnitude = "1-6 / 0.1-1 Nm"
-    seen_from = DRIVE_SIDE
 
     @classmethod
     def available(cls, robot: Robot, joint: int | None) -> str | None:

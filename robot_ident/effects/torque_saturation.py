@@ -21,6 +21,7 @@ class TorqueSaturation(Effect):
     experiment = "high torque at low speed: holding poses with a payload"
     magnitude = "1-8 % at the peak / the same"
     seen_from = DRIVE_SIDE
+    before_sensor = "the motor's current saturates, and the sensor measures no current"
     uses_torque = True
 
     def full_terms(self, x: Signals, m: Mathematics) -> Sequence[dict[int, Any]]:

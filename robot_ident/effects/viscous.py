@@ -5,7 +5,7 @@ from __future__ import annotations
 from collections.abc import Sequence
 from typing import Any
 
-from robot_ident.effects.effect import DRIVE_SIDE, Coefficient, Effect, Mathematics, Signals
+from robot_ident.effects.effect import Coefficient, Effect, Mathematics, Signals
 
 
 class Viscous(Effect):
@@ -20,7 +20,6 @@ class Viscous(Effect):
     confused_with = ("viscous_nonlinear", "temperature_drift")
     experiment = "constant speeds over the whole range: their torques lie on a straight line"
     magnitude = "5-50 / 0.5-5 Nm s/rad"
-    seen_from = DRIVE_SIDE
 
     def full_terms(self, x: Signals, m: Mathematics) -> Sequence[dict[int, Any]]:
         """Return dq."""

@@ -5,7 +5,7 @@ from __future__ import annotations
 from collections.abc import Sequence
 from typing import Any
 
-from robot_ident.effects.effect import DRIVE_SIDE, Coefficient, Effect, Mathematics, Signals
+from robot_ident.effects.effect import Coefficient, Effect, Mathematics, Signals
 
 
 class ViscousAsymmetric(Effect):
@@ -20,7 +20,6 @@ class ViscousAsymmetric(Effect):
     confused_with = ("stribeck", "cable", "torque_offset")
     experiment = "two constant speeds in both directions: the difference between directions grows with speed"
     magnitude = "1-5 / 0.1-0.5 Nm s/rad"
-    seen_from = DRIVE_SIDE
 
     def full_terms(self, x: Signals, m: Mathematics) -> Sequence[dict[int, Any]]:
         """Return |dq|."""

@@ -6,7 +6,7 @@ from collections.abc import Sequence
 from math import inf
 from typing import Any
 
-from robot_ident.effects.effect import DRIVE_SIDE, Coefficient, Effect, Inner, Mathematics, Signals
+from robot_ident.effects.effect import Coefficient, Effect, Inner, Mathematics, Signals
 from robot_ident.motion import Motion
 
 _STILL = 1e-12  # (rad/s)^2 that keep the derivative of |v|^p finite at standstill
@@ -44,7 +44,6 @@ class ViscousNonlinear(Effect):
     confused_with = ("stribeck", "temperature_drift")
     experiment = "constant speeds over a wider range, slowest and fastest included"
     magnitude = "2-15 / 0.5-5 Nm at full speed"
-    seen_from = DRIVE_SIDE
 
     def settings(self, motion: Motion | None = None) -> Sequence[dict[str, float]]:
         """Return exponents for the power and speeds for the tanh."""

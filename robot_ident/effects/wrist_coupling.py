@@ -31,6 +31,7 @@ class WristCoupling(Effect):
     experiment = "move one of the two joints at a time: a shared motor acts on the one that stands still"
     magnitude = "as the joint's own friction and rotor inertia / the same"
     seen_from = DRIVE_SIDE
+    before_sensor = "the shared motor stands before the sensors of both joints"
     candidate = False  # joint_coupling finds it; that one motor is behind it says the maker's drawing
 
     @classmethod

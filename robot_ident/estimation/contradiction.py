@@ -60,7 +60,20 @@ def contradiction(judged: Sequence[Declared], robot: Robot) -> Contradiction | N
     if behind and min(d.friction for d in behind) > _LOST:
         return Contradiction("effort.side", "link", "effort: {side: joint}", {d.joint: d.share for d in behind})
     scaled = [d for d in trusted if d.verdict == "factor" and _scaled(d) and not robot.in_ampere(_index(robot, d))]
-    return _factor(scaled, robot, alone=len(scaled) == len(trusted)) if scaled else None
+    alone = len(scaled) == len(trusted) or _one_message(scaled, trusted, robot)
+    return _factor(scaled, robot, alone=alone) if scaled else None
+
+
+def _one_message(scaled: Sequence[Declared], trusted: Sequence[Declared], robot: Robot) -> bool:
+    """Return whether joints whose effort is far too small for Nm speak for all: several do, all efforts come by one
+    message, and no other joint's weight is that of the URDF in Nm. Inertia alone says nothing against it, for it may be
+    a rotor's.
+    """
+    effort = robot.effort
+    alike = not effort.sources and all(effort.of(joint) == effort.common for joint in robot.joints)
+    small = len(scaled) > 1 and all(d.share < 1.0 / _FAR for d in scaled)
+    in_torque = [d for d in trusted if d not in scaled and np.isfinite(d.gravity) and abs(d.gravity - 1.0) < _NEAR]
+    return alike and small and effort.common.quantity == "torque" and not in_torque
 
 
 def _turned(d: Declared) -> bool:
@@ -118,7 +131,8 @@ def _factor(scaled: Sequence[Declared], robot: Robot, *, alone: bool) -> Contrad
         return _constants(scaled, constant, share)
     if np.all(sizes < 1.0 / _FAR) and np.ptp(np.log(sizes)) < np.log(_FAR * 10) and sizes.max() > 2e-3:
         fit = ", ".join(f"{d.joint} {1 / d.share:.3g}" for d in scaled)
-        hint = f"{change('current')}, with torque_constant by joint if known ({fit} Nm/A would fit)"
+        every = " for all joints of the message" if where == "effort" and len(scaled) < robot.n else ""
+        hint = f"{change('current')}{every}, with torque_constant by joint if known ({fit} Nm/A would fit)"
         return Contradiction(f"{where}.quantity", "torque", hint, share)
     each = sizes if where != "effort" else np.exp(np.mean(np.log(sizes), keepdims=True))
     gains = [_told_gain(effort, float(size)) for effort, size in zip(declared, each, strict=False)]

@@ -21,6 +21,7 @@ from robot_ident.errors import InputError
 from robot_ident.estimation.contradiction import Contradiction, contradiction
 from robot_ident.estimation.coupling import coupling_contradiction
 from robot_ident.estimation.declaration import clock_notes, clustered, judge_all
+from robot_ident.estimation.unsigned import in_words, unsigned_joints
 from robot_ident.motion import Array
 from robot_ident.recording.arm_alone import with_payload
 from robot_ident.recording.conditions import sidecar
@@ -32,10 +33,7 @@ _MOVES = 0.02  # rad or m
 _NOTHING = 0.05  # of an effort's power that its motion must explain
 _SEEN = 4.0  # standard deviations from which on weight, inertia or friction is seen in an effort
 _BLOCK = 0.5  # s within which residuals depend on each other
-_NEGATIVE = 0.02  # of the largest effort, by which a filtered absolute value may fall below zero
-_TURNED = 0.1  # share of the samples whose sign is lost
 _FITS = 0.8  # of an effort that must be explained before anything is said about what it is
-_BETTER = 0.3  # of the power left over before, that may be left over by a better reading
 _FOLLOWS = 0.9  # of an effort that another joint's motion must explain
 _MUCH_LESS = 0.25  # of what its own motion leaves over, that it may leave
 _LEAST_INERTIA = 0.3  # share of the URDF's inertial torque: below it, effort is no torque or has another sign
@@ -158,7 +156,7 @@ class EffortChecks:
         """Return which joints' efforts are none of this motion, in a sentence that says what they look like; or
         nothing.
         """
-        return self._first(lambda rows: [*_noise(rows), *_absolute(rows)])
+        return self._first(_not_of_this_motion)
 
     def exchanged(self) -> str:
         """Return which joints' efforts follow each other's motion, in a sentence; or nothing."""
@@ -209,10 +207,18 @@ def undecided_directions(measured: Measurement, robot: Robot) -> str:
     )
 
 
-def _noise(rows: _Rows) -> list[str]:
+def _not_of_this_motion(rows: _Rows) -> list[str]:
+    """Say which joints' efforts are none of this motion, or have lost their sign: of all of them at once."""
+    lost = unsigned_joints(rows)
+    names = [rows.robot.joints[joint] for joint in lost]
+    noise = _noise(rows, [joint for joint in rows.moving if joint not in lost])
+    return [*noise, in_words(names, all_moving=len(lost) == len(rows.moving))] if lost else noise
+
+
+def _noise(rows: _Rows, joints: Sequence[int]) -> list[str]:
     """Say of which joints the effort holds nothing of the motion."""
     nothing = []
-    for joint in rows.moving:
+    for joint in joints:
         explained, seen = _explained(*rows.of(joint), rows.block)
         if explained < _NOTHING and seen < _SEEN:
             nothing.append(f"{rows.robot.joints[joint]} ({100 * max(explained, 0.0):.1f} %)")
@@ -235,36 +241,6 @@ def _explained(columns: Array, tau: Array, block: int) -> tuple[float, float]:
     power = float(np.sum((tau - tau.mean()) ** 2))
     spread = np.sqrt(np.maximum(np.diag(clustered(scaled, left, block)), 1e-300))
     return 1.0 - float(left @ left) / power if power > 0 else 0.0, float(np.abs(solved[:-1] / spread[:-1]).max())
-
-
-def _absolute(rows: _Rows) -> list[str]:
-    """Say of which joints the effort has lost its sign."""
-    lost = []
-    for joint in rows.moving:
-        columns, tau = rows.of(joint)
-        sign = np.sign(tau.mean()) or 1.0
-        if (sign * tau).min() < -_NEGATIVE * np.abs(tau).max():
-            continue
-        before = _left(columns, tau)
-        turn = np.sign(columns[:, 0] + columns[:, 1])
-        for _ in range(20):
-            solved, *_ = np.linalg.lstsq(columns, np.abs(tau) * turn, rcond=1e-9)
-            turn = np.sign(columns @ solved)
-        after, power = _left(columns, np.abs(tau) * turn), float(np.sum(tau**2))
-        turned = min(np.mean(turn > 0), np.mean(turn < 0))
-        if turned > _TURNED and after < _BETTER * before and after < (1.0 - _FITS) * power:
-            lost.append(rows.robot.joints[joint])
-    if not lost:
-        return []
-    return [
-        f"the effort of {', '.join(lost)} never changes its sign and fits the motion far better where it does: the"
-        " driver reports absolute values; record effort with its sign"
-    ]
-
-
-def _left(columns: Array, tau: Array) -> float:
-    solved, *_ = np.linalg.lstsq(columns, tau, rcond=1e-9)
-    return float(np.sum((tau - columns @ solved) ** 2))
 
 
 def _exchanged(rows: _Rows) -> list[str]:

@@ -118,7 +118,9 @@ class Structure:
                 continue
             at = [label for label in at_every_joint([item], self.robot.joints) if self._lacks(label)]
             if not at:
-                raise InputError(f"effect {item!r}: no joint's column is left to add")
+                every = [make_effect(label, self.robot) for label in at_every_joint([item], self.robot.joints)]
+                unseen = next((f": {e.unseen}" for e in every if e.unseen), "")
+                raise InputError(f"effect {item!r}: no joint's column is left to add{unseen}")
             out += at
         return out
 
@@ -296,8 +298,8 @@ def _behind_the_gear(robot: Robot) -> list[str]:
     if not names:
         return []
     return [
-        f"{', '.join(names)}: effort is measured behind the gear; viscous and coulomb are those of bearings and seals"
-        " beyond the sensor and of its own hysteresis, near zero as a rule, and no rotor inertia is in the links"
+        f"{', '.join(names)}: effort is measured behind the gear; friction is that of bearings, seals and cables beyond"
+        " the sensor and of its own hysteresis, and no rotor inertia is in the links"
     ]
 
 

@@ -27,6 +27,8 @@ def arm_alone(measured: Measurement, conditions: Conditions, robot: Robot) -> Me
         extra += _beyond_base(robot, motion)
     extra += _of_payload(conditions, motion, robot)
     notes = conditions.notes(off=bool(robot.compares_with_newton_metres.any()))
+    if conditions.assumed:
+        notes = tuple(f"{measured.source}: {note}" for note in notes)
     alone = _less(measured, extra)
     return replace(alone, motion=motion, notes=(*measured.notes, *notes), conditions=conditions)
 

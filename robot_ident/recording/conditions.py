@@ -19,6 +19,7 @@ Positive = Annotated[float, Field(gt=0)]
 Vector = tuple[float, float, float]
 SCHEMA = "robot_ident/conditions/1"
 _ENDINGS = (".npz", ".csv", ".mcap", ".db3")  # of recordings that are one file
+_FAR = 2.0  # m from the flange: no hand holds a body so far away
 _GRAVITY = 1.5, 30.0  # m/s^2, from the Moon's to far beyond the Earth's
 
 
@@ -70,7 +71,8 @@ class Conditions:
 
     payload: in the hand and known, None where there is none. estimated: it is not known, or `part` alone, and `payload`
     what recordings told of it, None as long as they have not; unknown payloads of one `body` are the same. gravity:
-    m/s^2 in the base's frame, None: the robot's. temperature: deg C. day: of the recording, as written.
+    m/s^2 in the base's frame, None: the robot's. temperature: deg C. day: of the recording, as written. assumed: what
+    of the payload (centre, inertia) the sidecar leaves out, and is taken for zero.
     """
 
     payload: KnownPayload | None = None
@@ -82,6 +84,7 @@ class Conditions:
     note: str = ""
     body: str = ""
     part: PayloadPart = PayloadPart()
+    assumed: tuple[str, ...] = ()
 
     def to_dict(self) -> dict[str, Any]:
         """Return the sidecar's contents."""
@@ -89,7 +92,7 @@ class Conditions:
         if self.estimated:
             data["payload"] = {"estimate": self.body, **_plain(self.part)} if self.body else "estimate"
         elif self.payload is not None:
-            data["payload"] = _plain(self.payload)
+            data["payload"] = {k: v for k, v in _plain(self.payload).items() if k not in self.assumed}
         for key in ("tool", "temperature", "day", "note"):
             value = getattr(self, key)
             if value not in ("", None):
@@ -103,7 +106,7 @@ class Conditions:
         named = f" {self.body}" if self.body else ""
         found = f"payload{named} of {self.payload.mass:g} kg{' taken off' if off else ''}" if self.payload else ""
         words = [
-            found,
+            found + self._assumptions,
             f"payload{named} {self._lacking}" if self.estimated and not self.payload else "",
             f"tool {self.tool}" if self.tool else "",
             "" if self.gravity is None else f"gravity {', '.join(f'{g:g}' for g in self.gravity)} m/s^2",
@@ -112,6 +115,20 @@ class Conditions:
         ]
         said = "; ".join(word for word in words if word)
         return (f"conditions: {said}",) if said else ()
+
+    @property
+    def _assumptions(self) -> str:
+        """What is assumed of the payload, and how it is given or found instead."""
+        if self.payload is None or not self.assumed:
+            return ""
+        if "centre" not in self.assumed:
+            return ", no inertia about its centre assumed"
+        kept = "" if "inertia" in self.assumed else ", inertia: [...]"
+        point = "" if kept else " and no inertia about it"
+        return (
+            f", its centre at the origin of the end effector's frame{point} assumed: give centre: [x, y, z] m, or"
+            f" payload: {{estimate: box, mass: {self.payload.mass:g}{kept}}} beside a recording without it finds it"
+        )
 
     @property
     def _lacking(self) -> str:
@@ -215,12 +232,17 @@ def read_conditions(bag: Path | str) -> Conditions:
         raise InputError(f"{bag}: its conditions stand in {' and in '.join(twice)}; keep one of them")
     file = read(ConditionsFile, path)
     payload, part = None, PayloadPart()
+    assumed: tuple[str, ...] = ()
     if isinstance(file.payload, OpenPayloadFile):
         part = PayloadPart(file.payload.mass, file.payload.centre, file.payload.inertia)
         _check_part(part, path)
     if isinstance(file.payload, PayloadFile):
         payload = KnownPayload(file.payload.mass, file.payload.centre, file.payload.inertia)
+        assumed = tuple(name for name in ("centre", "inertia") if name not in file.payload.model_fields_set)
         _check_inertia(payload, path)
+    centre = part.centre if payload is None else payload.centre
+    if centre is not None and np.linalg.norm(centre) > _FAR:
+        raise InputError(f"{path}: {in_metres(centre)}")
     if file.gravity is not None and not _GRAVITY[0] <= np.linalg.norm(file.gravity) <= _GRAVITY[1]:
         raise InputError(
             f"{path}: gravity = {list(file.gravity)}: m/s^2 in the base's frame was expected, 9.81 of them towards down"
@@ -236,7 +258,14 @@ def read_conditions(bag: Path | str) -> Conditions:
         file.note,
         named,
         part,
+        assumed,
     )
+
+
+def in_metres(centre: Vector) -> str:
+    """Return in words that a centre lies too far from the flange to be one in metres."""
+    told, metres = (", ".join(f"{x * unit:g}" for x in centre) for unit in (1.0, 1e-3))
+    return f"centre: [{told}] m lies {np.linalg.norm(centre):.3g} m from the flange: millimetres? write [{metres}]"
 
 
 def _check_part(part: PayloadPart, path: Path) -> None:

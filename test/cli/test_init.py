@@ -145,6 +145,9 @@ def test_a_bag_that_contradicts_the_drafted_effort_is_told(run: Run, arm: Any, t
     told = run(*words, str(tmp_path / "ampere.npz")).err
     line = next(n for n, text in enumerate(out.read_text().splitlines(), 1) if text.startswith("effort:"))
     assert f"{out}:{line}: effort.quantity is torque, which the data contradict" in told
+    some = replace(record, tau=record.tau * [0.5, 0.08, 0.09])
+    write_recording(tmp_path / "some.npz", some)
+    assert "'effort: current for all joints of the message" in run(*words, str(tmp_path / "some.npz")).err
 
 
 @pytest.mark.parametrize(

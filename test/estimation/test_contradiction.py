@@ -19,7 +19,7 @@ from robot_ident.estimation.declaration import judge_all
 from robot_ident.motion import Motion
 from robot_ident.recording import Processing, Recording, process
 from robot_ident.robot import Robot, load_robot
-from robot_ident.robot.effort import Effort, Efforts
+from robot_ident.robot.effort import Effort, Efforts, EffortSource
 
 
 @pytest.fixture(scope="module")
@@ -51,6 +51,24 @@ def test_current_declared_as_torque(arm: Any, recording: Any) -> None:
     assert (told.entry, told.now) == ("effort.quantity", "torque")
     assert told.change.startswith("effort: current, with torque_constant")
     assert found(ampere, declared(arm.robot, quantity="current")) is None
+
+
+def test_some_joints_tell_the_unit_of_all_that_come_by_one_message(arm: Any, recording: Any) -> None:
+    """The first joint's share holds a rotor that the URDF lacks: a half of its torque, which alone tells nothing."""
+    told = found(replace(recording, tau=recording.tau * [0.5, 0.08, 0.09]), arm.robot)
+    assert told is not None
+    assert told.entry == "effort.quantity"
+    assert told.change.startswith("effort: current for all joints of the message, with torque_constant by joint")
+    assert set(told.share) == {"joint_2", "joint_3"}
+    nm = found(replace(recording, tau=recording.tau * [0.08, 0.08, 1.0]), arm.robot)
+    assert nm is not None
+    assert nm.change.startswith("joint_1: {effort: current}, joint_2: {effort: current}"), (
+        "joint 3 lifts its weight in Nm"
+    )
+    elsewhere = replace(arm.robot, effort=Efforts(sources={"joint_1": EffortSource("/other")}))
+    apart = found(replace(recording, tau=recording.tau * [0.5, 0.08, 0.09]), elsewhere)
+    assert apart is not None
+    assert "all joints" not in apart.change
 
 
 def test_torque_declared_as_current(arm: Any, recording: Any) -> None:

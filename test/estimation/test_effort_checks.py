@@ -73,6 +73,21 @@ def test_absolute_values(arm: Any, recording: Any, measured: Any) -> None:
     assert EffortChecks(measured(replace(recording, tau=lifted)), arm.robot).foreign() == "", "an offset is none"
 
 
+def test_all_joints_without_a_sign_stand_in_one_line(arm: Any, recording: Any, measured: Any) -> None:
+    """One of them is so far from its model that no reading of its effort fits: it is named beside the others."""
+    t = recording.t
+    far = np.array(recording.tau)
+    far[:, 1] += 1.2 * np.abs(far[:, 1]).max() * np.sin(2 * np.pi * 0.3 * t)
+    told = EffortChecks(measured(replace(recording, tau=np.abs(far))), arm.robot).foreign()
+    assert told.count("never changes its sign") == 1
+    assert "all 3 joints that move (joint_1, joint_2, joint_3)" in told
+    assert "record effort with its sign" in told and "not made by the motion" not in told
+    one = np.array(recording.tau)
+    one[:, 2] = np.abs(one[:, 2])
+    told = EffortChecks(measured(replace(recording, tau=one)), arm.robot).foreign()
+    assert "the effort of joint_3 never changes its sign" in told and "joint_1" not in told
+
+
 def test_exchanged(arm: Any, recording: Any, measured: Any) -> None:
     told = EffortChecks(measured(replace(recording, tau=recording.tau[:, [0, 2, 1]])), arm.robot).exchanged()
     assert "joint_2 follows the motion of joint_3" in told and "joint_3 follows the motion of joint_2" in told

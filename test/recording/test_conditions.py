@@ -8,12 +8,13 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from robot_ident.bags import read_recording, write_recording
+from robot_ident.bags import read_for, read_recording, write_recording
 from robot_ident.errors import InputError
 from robot_ident.excitation.fourier import FourierSeries
 from robot_ident.motion import Array, Motion
 from robot_ident.recording import Recording, process
 from robot_ident.recording.conditions import Conditions, KnownPayload, PayloadPart, hand, read_conditions, sidecar
+from robot_ident.recording.payload_checks import reach_of, refuse_payload
 from robot_ident.robot import Robot, load_robot
 from robot_ident.robot.rigid_body import RigidBody
 from robot_ident.simulation.calibrate import standard_motions
@@ -117,6 +118,8 @@ def test_the_sidecar_is_read_with_its_bag(robot: Robot, series: FourierSeries, t
         ("payload: {estimate: box, mass: 5, inertia: [1, 0, 1, 0, 0, 5]}", "no body has these moments"),
         ("payload: {estimate: box, mass: 5, centre: [0, 0, 0], inertia: [1, 0, 1, 0, 0, 1]}", "are all given"),
         ("payload: {mass: 5, centre: estimate}", "left out beside a name: payload: {estimate: box, mass: 2.0}"),
+        ("payload: {mass: 5, centre: [20, 0, 80]}", "lies 82.5 m from the flange: millimetres? write [0.02, 0, 0.08]"),
+        ("payload: {estimate: box, centre: [20, 0, 80]}", "82.5 m from the flange: millimetres? write [0.02, 0, 0.08]"),
         ("payload: heavy", "yaml: payload = 'heavy': "),
         ("payload: {mass: 5 kg}", "yaml: payload.mass = '5 kg': "),
         ("payload: {mas: 5}", "'payload.mass' is missing; unknown key 'payload.mas'"),
@@ -147,3 +150,54 @@ def test_a_sidecar_by_the_name_without_its_ending(tmp_path: Path, name: str) -> 
             InputError, match=f"{name}: its conditions stand in .*{name}.conditions.yaml and in .*keep one"
         ):
             read_conditions(tmp_path / name)
+
+
+def test_what_a_sidecar_leaves_out_of_a_payload_is_said(robot: Robot, series: FourierSeries, tmp_path: Path) -> None:
+    bag = tmp_path / "run.npz"
+    write_recording(bag, periods_of(robot, series, robot.rigid.inverse_dynamics(one_period(series)), Conditions()))
+    told = {}
+    for text in ("mass: 2", "mass: 2, centre: [0, 0, 0]", "mass: 2, centre: [0, 0, 0], inertia: [0, 0, 0, 0, 0, 0]"):
+        sidecar(bag).write_text(f"schema: robot_ident/conditions/1\npayload: {{{text}}}\n", encoding="utf-8")
+        read = read_conditions(bag)
+        told[text] = next(note for note in process(read_for(bag, robot), robot).notes if "payload" in note)
+        sidecar(bag).write_text(read.text(), encoding="utf-8")
+        assert read_conditions(bag) == read, "nothing is stated that was not"
+    first, second, third = told.values()
+    assert str(bag) in first
+    assert "origin of the end effector's frame and no inertia about it assumed: give centre: [x, y, z] m" in first
+    assert "{estimate: box, mass: 2}" in first
+    assert "no inertia about its centre assumed" in second
+    assert "assumed" not in third
+
+
+def test_a_centre_beyond_the_arm_s_own_length_is_refused(robot: Robot, tmp_path: Path) -> None:
+    reach = reach_of(robot)
+    assert 1.0 < reach < 2.0
+    for centre, far in ((0.9 * reach, False), (1.1 * reach, True)):
+        stated = Conditions(KnownPayload(2.0, (0.0, 0.0, centre)))
+        if not far:
+            refuse_payload(stated, robot, "bag")
+            continue
+        with pytest.raises(InputError, match="bag.conditions.yaml: centre: .* millimetres.*the whole arm is"):
+            refuse_payload(stated, robot, "bag")
+
+
+def test_a_payload_beyond_a_joint_that_follows_another_is_refused(tmp_path: Path) -> None:
+    def joint(number: int, more: str = "") -> str:
+        return (
+            f"<joint name='j{number}' type='revolute'><parent link='l{number - 1}'/><child link='l{number}'/>"
+            "<origin xyz='0.4 0 0'/><axis xyz='0 1 0'/>"
+            f"<limit lower='-1' upper='1' velocity='1' effort='9'/>{more}</joint>"
+        )
+
+    mass = "<inertial><mass value='1'/><inertia ixx='1' ixy='0' ixz='0' iyy='1' iyz='0' izz='1'/></inertial>"
+    links = "".join(f"<link name='l{k}'>{mass}</link>" for k in range(4))
+    joints = joint(1) + joint(2) + joint(3, "<mimic joint='j2' multiplier='-1'/>")
+    (tmp_path / "arm.urdf").write_text(f"<robot name='p'>{links}{joints}</robot>", encoding="utf-8")
+    path = tmp_path / "arm.yaml"
+    path.write_text("schema: robot_ident/robot/1\nname: p\nurdf: arm.urdf\nlocked: {j3: 0}\n", encoding="utf-8")
+    arm = load_robot(path)
+    refuse_payload(Conditions(), arm, "bag")
+    for stated in (Conditions(KnownPayload(2.0)), Conditions(estimated=True)):
+        with pytest.raises(InputError, match="can't hold a payload: on the way to the flange j3 follows another joint"):
+            refuse_payload(stated, arm, "bag")
