@@ -93,9 +93,7 @@ def _parsed(line: str, path: str | None, number: int) -> Any:
         raise InputError(f"{path}: {what} ({error})") from error
 
 
-def _case(
-    data: Any, of_dict: Callable[[Mapping[str, Any]], Kept], path: str | None, number: int
-) -> tuple[Case, Kept]:
+def _case(data: Any, of_dict: Callable[[Mapping[str, Any]], Kept], path: str | None, number: int) -> tuple[Case, Kept]:
     """Return a case and its outcome; InputError on a line that holds another thing."""
     from robot_ident.diagnosis.trial import Case
 

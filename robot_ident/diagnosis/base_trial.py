@@ -1,7 +1,7 @@
 """Recordings with the faults of real ones: is the base model that is chosen as good as the best fixed filter?
 
 Each case draws a servo, its encoders, friction, offsets and scales, identifies without an option, and predicts the
-exact torque of another path; beside it stand models of fixed filters, which are told which offsets and scales there are.
+exact torque of another path; beside it stand models of fixed filters that are told which offsets and scales there are.
 """
 
 from __future__ import annotations

@@ -30,7 +30,7 @@ from robot_ident.robot.robot import Robot
 DIFFERENTIATION = (0.5, 0.7, 1.0, 2.0)  # times the band
 ROWS = (0.5, 1.0)  # times the band: the low pass of the rows that are fitted
 _LONGEST = 200_000  # samples of a recording that are looked at: columns of seven joints take a gigabyte
-_SHOWN = (1.0, 2.0, 4.0)  # times the band: the low pass of predictions
+_SHOWN = (1.0, 2.0, 4.0, 8.0)  # times the band: the low pass of predictions
 _KEPT = 4.0  # rows in a period of their low pass
 _OWN = 1e-6  # of a column's square that no other column makes, below which the data can't tell it
 
@@ -68,10 +68,15 @@ def choose_base(
     passes = [one for one in candidates if not one.averaged and one.processing.derivative_bandwidth is not None]
     used = taken.processing
     if passes and asked.low_pass is None:
-        near = min(passes, key=lambda one: one.score) if taken.averaged else taken
-        wide = near.processing.derivative_bandwidth or band
-        rows = [thin_rows(part, robot, asked, band, wider=wide / band) for part in parts]
-        used = replace(used, derivative_bandwidth=wide, band=_shown(rows, full, taken, band))
+        # what is fitted as one pass is differentiated in one way; averages leave it to predictions
+        own = taken.processing.derivative_bandwidth
+        wider = _differentiation(asked, band) if taken.averaged or own is None else [own / band]
+        shown = [
+            _shown([thin_rows(part, robot, asked, band, wider=one) for part in parts], full, taken, band)
+            for one in wider
+        ]
+        best = int(np.argmin([error for error, _ in shown]))
+        used = replace(used, derivative_bandwidth=wider[best] * band, band=shown[best][1])
     notes = [note_of(taken, candidates, band)]
     if open_:
         notes.append(f"left out of the base model, since these data can't tell them: {', '.join(open_)}")
@@ -235,8 +240,10 @@ def _averaged(
     return _Way(Processing(), averaged=True, fitted=total(fitted), judged=total(judged))
 
 
-def _shown(rows: Sequence[ThinRows], structure: Structure, taken: Candidate, band: float) -> float:
-    """Return the low pass [Hz] that brings the model's torque nearest to the record, whatever that passed itself."""
+def _shown(rows: Sequence[ThinRows], structure: Structure, taken: Candidate, band: float) -> tuple[float, float]:
+    """Return the low pass [Hz] that brings the model's torque nearest to the record, whatever that passed itself, after
+    the error that it leaves: sum over joints of ln of its square.
+    """
     whole = taken.fitted.by_joint(taken.kept < len(structure.base.columns))
     torques = [np.einsum("kjp,jp->kj", one.columns(structure)[:, :, taken.kept], whole) for one in rows]
     most = min(0.4 / one.sample_dt for one in rows)
@@ -247,7 +254,7 @@ def _shown(rows: Sequence[ThinRows], structure: Structure, taken: Candidate, ban
         for one, torque in zip(rows, torques, strict=True):
             left += np.sum(((one.torque(None) - one.passed(torque, cutoff)) * one.used) ** 2, axis=0)
         errors.append(float(np.sum(np.log(np.maximum(left, 1e-300)))))
-    return float(cutoffs[int(np.argmin(errors))])
+    return min(zip(errors, cutoffs, strict=True))
 
 
 def _identifiable(sums: Grams, structure: Structure, labels: Sequence[str]) -> tuple[np.ndarray, list[str]]:
