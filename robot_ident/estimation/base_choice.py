@@ -87,6 +87,11 @@ class Choice:
         """Whether the recordings that are fitted are processed as they were before the choice."""
         return self.taken is None or self.taken.averaged or self.taken.processing.periodic is not False
 
+    @property
+    def scale_spread(self) -> Array | None:
+        """Standard errors [n] of torque scales over the pieces, None where there are none."""
+        return self.taken.fitted.scale_spread if self.taken is not None and self.taken.scaled else None
+
     def to_dict(self) -> dict[str, Any] | None:
         """Return what `identify --json` prints of it: what was taken, what was compared, how much worse it was."""
         taken = self.taken

@@ -65,18 +65,17 @@ def choose_base(
     scaled = () if robot.ampere_joints or loaded else robot.joints[1:]
     candidates = [made for way in ways for made in _judged(way, full, labels, told, scaled)]
     taken = best_of(candidates)
-    passes = [one for one in candidates if not one.averaged and one.processing.derivative_bandwidth is not None]
     used = taken.processing
-    if passes and asked.low_pass is None:
-        # what is fitted as one pass is differentiated in one way; averages leave it to predictions
-        own = taken.processing.derivative_bandwidth
-        wider = _differentiation(asked, band) if taken.averaged or own is None else [own / band]
+    if asked.low_pass is None:
         shown = [
-            _shown([thin_rows(part, robot, asked, band, wider=one) for part in parts], full, taken, band)
-            for one in wider
+            _shown([thin_rows(part, robot, asked, band, wider=wider) for part in parts], full, taken, band)
+            for wider in _differentiation(asked, band)
         ]
-        best = int(np.argmin([error for error, _ in shown]))
-        used = replace(used, derivative_bandwidth=wider[best] * band, band=shown[best][1])
+        own = [one for one in shown if one.wide == used.derivative_bandwidth]
+        # another differentiation than that of the fit, where no joint pays for it
+        free = [one for one in shown if not own or np.all(one.error <= own[0].error)]
+        near = min(free, key=lambda one: one.score)
+        used = replace(used, band=near.low_pass, band_derivative=near.wide)
     notes = [note_of(taken, candidates, band)]
     if open_:
         notes.append(f"left out of the base model, since these data can't tell them: {', '.join(open_)}")
@@ -240,21 +239,34 @@ def _averaged(
     return _Way(Processing(), averaged=True, fitted=total(fitted), judged=total(judged))
 
 
-def _shown(rows: Sequence[ThinRows], structure: Structure, taken: Candidate, band: float) -> tuple[float, float]:
-    """Return the low pass [Hz] that brings the model's torque nearest to the record, whatever that passed itself, after
-    the error that it leaves: sum over joints of ln of its square.
+@dataclass(frozen=True)
+class _Shown:
+    """How predictions are processed, low pass and differentiation [Hz], and what squared error [n] of the record they
+    leave.
     """
+
+    low_pass: float
+    wide: float
+    error: Array
+
+    @property
+    def score(self) -> float:
+        """Sum over joints of ln of the squared error."""
+        return float(np.sum(np.log(np.maximum(self.error, 1e-300))))
+
+
+def _shown(rows: Sequence[ThinRows], structure: Structure, taken: Candidate, band: float) -> _Shown:
+    """Return the low pass that brings the model's torque nearest to the record, whatever that passed itself."""
     whole = taken.fitted.by_joint(taken.kept < len(structure.base.columns))
     torques = [np.einsum("kjp,jp->kj", one.columns(structure)[:, :, taken.kept], whole) for one in rows]
     most = min(0.4 / one.sample_dt for one in rows)
-    cutoffs = [min(share * band, most) for share in _SHOWN]
-    errors = []
-    for cutoff in cutoffs:
+    found = []
+    for cutoff in (min(share * band, most) for share in _SHOWN):
         left = np.zeros(structure.robot.n)
         for one, torque in zip(rows, torques, strict=True):
             left += np.sum(((one.torque(None) - one.passed(torque, cutoff)) * one.used) ** 2, axis=0)
-        errors.append(float(np.sum(np.log(np.maximum(left, 1e-300)))))
-    return min(zip(errors, cutoffs, strict=True))
+        found.append(_Shown(float(cutoff), rows[0].wide, left))
+    return min(found, key=lambda one: one.score)
 
 
 def _identifiable(sums: Grams, structure: Structure, labels: Sequence[str]) -> tuple[np.ndarray, list[str]]:

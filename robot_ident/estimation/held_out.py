@@ -7,7 +7,7 @@ reported, own what belongs to its row alone. Any choice of columns is fitted and
 from __future__ import annotations
 
 from collections.abc import Iterable
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 
@@ -56,11 +56,14 @@ class Grams:
 
 @dataclass(frozen=True)
 class Fitted:
-    """Parameters [P] and scales [n], and the variance [n] that they leave in a row."""
+    """Parameters [P] and scales [n], and the variance [n] that they leave in a row; scale_spread [n]: standard error of
+    the scales by what they are without one piece of the path or another (jackknife), whatever colour the rest has.
+    """
 
     theta: Array
     scale: Array
     variance: Array
+    scale_spread: Array | None = None
 
     def by_joint(self, rigid: Mask) -> Array:
         """Return the parameters [n, P] as each joint's rows take them, those of rigid columns [P] in its scale."""
@@ -135,8 +138,11 @@ def held_out(fitted: Grams, judged: Grams, independent: float, rigid: Mask, free
     pieces = len(fitted.yy)
     everything = fit(fitted, np.ones(pieces), independent, rigid, free)
     out = np.empty(judged.yy.shape)
+    scales = np.empty((pieces, len(free)))
     for f in range(pieces):
         weight = np.ones(pieces)
         weight[f] = FAINT
-        out[f] = loss(judged, fit(fitted, weight, independent, rigid, free, everything), rigid)[f]
-    return out, everything
+        without = fit(fitted, weight, independent, rigid, free, everything)
+        out[f], scales[f] = loss(judged, without, rigid)[f], without.scale
+    spread = np.sqrt((pieces - 1) * np.var(scales, axis=0))
+    return out, replace(everything, scale_spread=spread)

@@ -49,7 +49,7 @@ def predict(model: Model, recording: Recording) -> Prediction:
     or of another pose than it holds.
     """
     recording = at_pose(model, recording)
-    used = replace(processing_of(model), periodic=False, base_frequency=None, decimate=1)
+    used = processing_of(model).for_prediction
     if used.band is not None:
         used = replace(used, low_pass=within_rate(used.band, recording))
     measured = process(recording, model.robot, used, motion_only=True)

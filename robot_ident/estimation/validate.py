@@ -83,12 +83,13 @@ def validate(model: Model, recording: Recording, *, low_pass: float | None = Non
 
 def _measured(model: Model, recording: Recording, cutoff: float) -> Measurement:
     """Return the mean cycle of production data, anything else as one pass, low-passed at `cutoff` [Hz]."""
-    used = replace(processing_of(model), base_frequency=None, low_pass=cutoff, decimate=1)
-    if used.periodic is not False:
-        found = process(recording, model.robot, replace(used, periodic=None))
+    own = processing_of(model)
+    if own.periodic is not False:
+        cycles = replace(own, base_frequency=None, low_pass=cutoff, decimate=1, periodic=None)
+        found = process(recording, model.robot, cycles)
         if found.cycles is not None:
             return found
-    return process(recording, model.robot, replace(used, periodic=False))
+    return process(recording, model.robot, replace(own.for_prediction, low_pass=cutoff))
 
 
 def _noise_of_cycles(model: Model, measured: Measurement) -> Array:

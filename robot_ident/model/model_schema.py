@@ -58,6 +58,7 @@ class ProcessingFile(Closed):
     minimum_speed: list[NotNegative] | None = None
     anti_alias: tuple[NotNegative, NotNegative] | None = None
     band: Positive | None = None
+    band_derivative: Positive | None = None
 
 
 class PhysicalFile(Closed):

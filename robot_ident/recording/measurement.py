@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from typing import Any, Literal
 
 import numpy as np
@@ -30,9 +30,9 @@ class Processing:
     every column; None = none on periodic recordings, 10 Hz on others. derivative_bandwidth: Hz of the differentiation
     of non-periodic positions; None = 4 low_pass. decimate: every how many rows one is kept after the low pass.
     minimum_speed: rad/s below which samples are left out; None = the robot's own. anti_alias: (order, Hz) of the filter
-    in the torque channel, order 0: there is none; None = what the robot declares. band: Hz that
-    the model's torque is low-passed at to be nearest to the record, where that was found; beyond 10 Hz validations
-    reach up to it.
+    in the torque channel, order 0: there is none; None = what the robot declares. band, band_derivative: Hz
+    of the low pass and of the differentiation that bring the model's torque nearest to the record, where these were
+    found; predictions and validations take them, validations up to 10 Hz at least.
     """
 
     base_frequency: float | None = None
@@ -43,6 +43,13 @@ class Processing:
     minimum_speed: tuple[float, ...] | None = None
     anti_alias: tuple[float, float] | None = None
     band: float | None = None
+    band_derivative: float | None = None
+
+    @property
+    def for_prediction(self) -> Processing:
+        """As one pass, differentiated as brings the model's torque nearest to the record."""
+        wide = self.band_derivative or self.derivative_bandwidth
+        return replace(self, periodic=False, base_frequency=None, decimate=1, derivative_bandwidth=wide)
 
 
 @dataclass(frozen=True)

@@ -122,7 +122,7 @@ def _silence(joints: list[str]) -> list[str]:
 
 
 def _unused(processing: Processing) -> list[str]:
-    if processing.derivative_bandwidth is None or processing.band is not None:
+    if processing.derivative_bandwidth is None:
         return []
     return ["--derivative-bandwidth is for what does not repeat; here velocity and acceleration come from the lines"]
 

@@ -20,6 +20,7 @@ from robot_ident.model.structure import Structure
 from robot_ident.motion import Array, Motion
 from robot_ident.recording import Processing, Recording
 from robot_ident.robot import Robot, load_robot
+from robot_ident.simulation.like_real import like_real
 
 VISCOUS = np.array([8.0, 9.0, 6.0, 1.2, 1.1, 0.7])
 COULOMB = np.array([6.0, 7.0, 5.0, 1.0, 0.9, 0.6])
@@ -237,3 +238,18 @@ def test_what_a_format_without_scales_loses_is_told(robot: Robot) -> None:
     links = robot.rigid.inverse_dynamics(motion)[:, 1]
     assert lost[1] == pytest.approx(0.3 * float(np.sqrt(np.mean(links**2))), rel=0.1)
     assert np.all(lost[[0, 2, 3, 4, 5]] == 0.0)
+
+
+def test_predictions_are_differentiated_as_comes_nearest_to_the_record() -> None:
+    """With noisy encoders the fit takes positions up to twice the band; a prediction would amplify their noise."""
+    robot = replace(load_robot(), base="prediction")
+    case = like_real(robot, 3041)
+    model = identify([case.train], robot, as_declared=True)
+    own, near = model.processing["derivative_bandwidth"], model.processing["band_derivative"]
+    assert near < own
+    as_fitted = replace(model, processing={**model.processing, "band_derivative": None})
+    ends = slice(round(0.5 * case.rate), -round(0.5 * case.rate))
+    nearest, plain = (
+        np.sqrt(np.mean((predict(one, case.test).torque - case.exact)[ends] ** 2)) for one in (model, as_fitted)
+    )
+    assert nearest < 0.8 * plain
