@@ -21,6 +21,8 @@ if TYPE_CHECKING:
     from robot_ident.robot.robot import Robot
 
 _TRAINING = 3  # motions that are identified and diagnosed; one more is kept unseen
+PERIODS = 16
+"""Steady periods of each motion, unless told."""
 STOPPED = 130
 """The exit code of a trial that Ctrl-C ended."""
 _ROWS = {
@@ -57,7 +59,9 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
     parser.add_argument(
         "--noise", type=float, default=1.0, help="factor on the robot's noise variances (default %(default)s)"
     )
-    parser.add_argument("--periods", type=int, default=16, help="steady periods of each motion (default %(default)s)")
+    parser.add_argument(
+        "--periods", type=int, default=PERIODS, help="steady periods of each motion (default %(default)s)"
+    )
     parser.add_argument(
         "--excitation",
         nargs="+",

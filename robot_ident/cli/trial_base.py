@@ -9,7 +9,7 @@ from typing import TYPE_CHECKING
 
 from robot_ident.cli.journal import SCHEMA, Journal
 from robot_ident.cli.output import print_json, say, table
-from robot_ident.cli.trial import STOPPED, run_cases
+from robot_ident.cli.trial import PERIODS, STOPPED, run_cases
 from robot_ident.errors import InputError
 
 if TYPE_CHECKING:
@@ -26,9 +26,10 @@ def run_base(args: argparse.Namespace, cases: Sequence[Case], robot: Robot) -> i
         ("--excitation", args.excitation),
         ("--folder", args.folder),
         ("--noise", args.noise != 1.0),
+        ("--periods", args.periods != PERIODS),
     ):
         if changed:
-            raise InputError(f"{option}: means nothing with --family real, which draws its own motions and noise")
+            raise InputError(f"{option}: means nothing with --family real, which draws motions and noise itself")
     settings = {"schema": SCHEMA, "robot": robot.name, "family": "real"}
     done = Journal.open(args.cases_file, settings, BaseOutcome.of_dict)
     if not run_cases(partial(_one, robot=robot), cases, done, args):

@@ -14,7 +14,8 @@ from typing import Any
 import numpy as np
 from pydantic import TypeAdapter
 
-from robot_ident.diagnosis.score import wilson
+from robot_ident.diagnosis.score import Rate
+from robot_ident.effects.torque_scale import TorqueScale
 from robot_ident.errors import InputError
 from robot_ident.estimation.identify import identify
 from robot_ident.estimation.predict import predict
@@ -47,8 +48,8 @@ class BaseOutcome:
     kind: str
     rate: float
     error: float | None
-    fixed: float | None
-    best: tuple[float, float] | None
+    fixed: float
+    best: tuple[float, float]
     scaled: bool
     scales: Mapping[str, tuple[float, float, float]]
     chosen: Mapping[str, Any]
@@ -58,9 +59,7 @@ class BaseOutcome:
     @property
     def ratio(self) -> float:
         """Error over that of the best fixed filter; infinite where there is no model."""
-        if self.error is None or self.fixed is None:
-            return float("inf")
-        return self.error / self.fixed
+        return float("inf") if self.error is None else self.error / self.fixed
 
     def to_dict(self) -> dict[str, Any]:
         """Return it as data."""
@@ -77,33 +76,22 @@ def run_base_case(seed: int, robot: Robot) -> BaseOutcome:
     case = like_real(robot, seed)
     scaled = bool(case.scale.std() > 0)
     fixed = {(low, low * wide): _fixed(case, robot, low, low * wide) for low, wide in FILTERS}
-    errors = {key: value for key, value in fixed.items() if value is not None}
-    best = min(errors, key=lambda key: errors[key]) if errors else None
+    best, least = min(((key, value) for key, value in fixed.items() if value is not None), key=lambda one: one[1])
+    drawn = BaseOutcome(seed, case.kind, case.rate, None, least, best, scaled, {}, {}, 0.0)
     started = time.process_time()
     try:
         model = identify([case.train], replace(robot, base="prediction"), as_declared=True)
     except InputError as error:
-        return BaseOutcome(
-            seed, case.kind, case.rate, None, errors.get(best) if best else None, best, scaled, {}, {}, 0.0, str(error)
-        )
+        return replace(drawn, refused=str(error))
     seconds = time.process_time() - started
     truth = dict(zip(robot.joints, case.scale, strict=True))
-    return BaseOutcome(
-        seed,
-        case.kind,
-        case.rate,
-        _error(model, case),
-        errors.get(best) if best else None,
-        best,
-        scaled,
-        {
-            p.joint: (float(value), float(std), float(truth[p.joint]))
-            for p, value, std in zip(model.parameters, model.values, model.std, strict=True)
-            if p.effect == "torque_scale" and p.joint
-        },
-        dict(model.base or {}) | {"compared": None},
-        seconds,
-    )
+    scales = {
+        p.joint: (float(value), float(std), float(truth[p.joint]))
+        for p, value, std in zip(model.parameters, model.values, model.std, strict=True)
+        if p.effect == TorqueScale.name and p.joint
+    }
+    chosen = {key: value for key, value in (model.base or {}).items() if key != "compared"}
+    return replace(drawn, error=_error(model, case), scales=scales, chosen=chosen, seconds=seconds)
 
 
 def _fixed(case: LikeReal, robot: Robot, low: float, wide: float) -> float | None:
@@ -116,10 +104,8 @@ def _fixed(case: LikeReal, robot: Robot, low: float, wide: float) -> float | Non
     every = max(1, int(case.rate / (4.0 * low)))
     processing = Processing(periodic=False, low_pass=low, derivative_bandwidth=wide, decimate=every)
     declared = replace(robot, base="declared")
-    return _error(
-        identify([case.train], declared, effects=effects, processing=processing, as_declared=True),
-        case,
-    )
+    model = identify([case.train], declared, effects=effects, processing=processing, as_declared=True)
+    return _error(model, case)
 
 
 def _error(model: Model, case: LikeReal) -> float:
@@ -133,6 +119,12 @@ def _error(model: Model, case: LikeReal) -> float:
 
 def _finite(value: float) -> float | None:
     return float(value) if np.isfinite(value) else None
+
+
+def _rate(name: str, happened: Mapping[tuple[int, str], bool], *, hoped: bool) -> Rate:
+    """Return how often something happened, by seed and joint, and the seeds where it didn't go as hoped."""
+    otherwise = sorted({seed for (seed, _), one in happened.items() if one is not hoped})
+    return Rate(name, sum(happened.values()), len(happened), tuple(otherwise))
 
 
 def base_summary(outcomes: Sequence[BaseOutcome]) -> dict[str, Any]:
@@ -157,30 +149,21 @@ def base_summary(outcomes: Sequence[BaseOutcome]) -> dict[str, Any]:
                 }
             )
     scaled = [one for one in outcomes if one.scaled]
-    off = [abs(value - true) / std for one in scaled for value, std, true in one.scales.values()]
-    rows = [
-        ("scales found where there are some", [bool(one.scales) for one in scaled]),
-        ("scales invented where there are none", [bool(one.scales) for one in outcomes if not one.scaled]),
-        ("scales within two sigma", [each < _SIGMAS for each in off]),
+    plain = [one for one in outcomes if not one.scaled]
+    within = {
+        (one.seed, joint): abs(value - true) < _SIGMAS * std
+        for one in scaled
+        for joint, (value, std, true) in one.scales.items()
+    }
+    rates = [
+        _rate("scales found where there are some", {(one.seed, ""): bool(one.scales) for one in scaled}, hoped=True),
+        _rate("scales invented where there are none", {(one.seed, ""): bool(one.scales) for one in plain}, hoped=False),
+        _rate("scales within two sigma", within, hoped=True),
     ]
-    rates = []
-    for name, hits in rows:
-        if hits:
-            lower, upper = wilson(sum(hits), len(hits))
-            rates.append(
-                {
-                    "name": name,
-                    "successes": sum(hits),
-                    "cases": len(hits),
-                    "share": sum(hits) / len(hits),
-                    "lower": lower,
-                    "upper": upper,
-                }
-            )
     seconds = [one.seconds for one in outcomes if not one.refused]
     return {
         "kinds": kinds,
-        "rates": rates,
+        "rates": [rate.to_dict() for rate in rates if rate.cases],
         "seconds": float(np.median(seconds)) if seconds else None,
         "refused": {str(one.seed): one.refused for one in outcomes if one.refused},
     }

@@ -86,7 +86,7 @@ class Chosen:
             gains=self.gains,
         )
         if self.choice.scale_spread is not None:
-            made = replace(made, covariance=with_scale_spread(made, self.choice.scale_spread))
+            made = replace(made, covariance=_with_scale_spread(made, self.choice.scale_spread))
         scales = {
             parameter.joint or "": (float(value), float(std))
             for parameter, value, std in zip(made.parameters, made.values, made.std, strict=True)
@@ -97,7 +97,7 @@ class Chosen:
         return replace(made, base=self.choice.to_dict(), notes=(*first, *notes, *self.choice.notes, *told, *made.notes))
 
 
-def with_scale_spread(model: Model, spread: Array) -> Array:
+def _with_scale_spread(model: Model, spread: Array) -> Array:
     """Return a model's covariance, no torque scale's sigma below its spread [n] over pieces of the path."""
     factor = np.ones(len(model.values))
     for place, (parameter, std) in enumerate(zip(model.parameters, model.std, strict=True)):

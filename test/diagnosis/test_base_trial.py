@@ -64,6 +64,7 @@ def test_a_summary_counts_what_it_says() -> None:
         "scales invented where there are none": (1, 2),
         "scales within two sigma": (1, 2),
     }
+    assert [rate["exceptions"] for rate in data["rates"]] == [[6], [4], [3]]
     assert data["refused"] == {"6": "no"}
 
 
@@ -81,7 +82,7 @@ def test_a_stopped_trial_goes_on(verb: Verb, tmp_path: Path) -> None:
     assert all(0.0 < case["error"] < 0.1 for case in data["cases"]), "of the torque's spread"
 
 
-@pytest.mark.parametrize("words", [("--noise", "2"), ("--folder", "x"), ("--kind", "null")])
+@pytest.mark.parametrize("words", [("--noise", "2"), ("--folder", "x"), ("--periods", "8"), ("--kind", "null")])
 def test_what_means_nothing_is_refused(verb: Verb, words: tuple[str, ...]) -> None:
     code, _, err = verb("trial", "--family", "real", *words)
     assert code == 2
