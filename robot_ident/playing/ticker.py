@@ -136,8 +136,7 @@ class Ticker:
         while self._foreign and self._clock() <= 0.0:  # a clock that has not been heard yet
             if self._ended.wait(_POLL):
                 return
-        start = self._clock()
-        self._seen = start, time.monotonic()
+        start, _ = self._seen = self._look()
         number = 0
         ticks = missed = stalls = 0
         worst = 0.0
@@ -171,16 +170,25 @@ class Ticker:
             return None
         while True:
             before, real_before = self._seen
-            if time.monotonic() - real_before > _STALE:
-                self._await_news(self._clock())
+            now, real = self._look()
+            if real - real_before > _STALE:
+                self._await_news(now)
                 self._woke = time.monotonic()
-            now, real = self._seen = self._clock(), time.monotonic()
+                now, real = self._look()
+            self._seen = now, real
             step = now - before
             # what real time explains is this process standing still, not its clock; nor is what it hears on waking
             if step < 0.0 or step - (real - real_before) > self._stall:
                 return Stall(step, clock_jump=step < 0.0 or real - self._woke > _STALE)
             if now >= deadline or self._ended.wait(_POLL):
                 return None
+
+    def _look(self) -> tuple[float, float]:
+        """Return a foreign clock and the machine's of the same moment: no stop of this process lies between the two."""
+        while True:
+            begun, now, real = time.monotonic(), self._clock(), time.monotonic()
+            if real - begun <= _STALE:
+                return now, real
 
     def _await_news(self, known: float) -> None:
         """Wait until a foreign clock says something new: what it said before this process stood still is old.

@@ -205,6 +205,29 @@ def test_after_a_standstill_the_clock_is_heard_first(silent: float) -> None:
     assert sum(number > 10 and before == 0 for number, before in numbers) <= at_most
 
 
+def test_a_standstill_amid_a_look_at_the_clock_is_none_of_its_jumps() -> None:
+    """A clock that runs twice as fast is read just before the process stands still, and the machine's just after."""
+    stalls: list[Stall] = []
+    stand_still, done = threading.Event(), threading.Event()
+
+    def clock() -> float:
+        now = 2.0 * time.monotonic()
+        if stand_still.is_set():
+            stand_still.clear()
+            time.sleep(1.5)
+        return now
+
+    def tick(number: int) -> None:
+        if number == 10:
+            threading.Timer(0.005, stand_still.set).start()
+        if number == 30:
+            done.set()
+
+    run(Ticker(50.0, tick, late="catch_up", stall=1.0, on_stall=stalls.append, clock=clock), done)
+    assert [stall.clock_jump for stall in stalls] == [False]
+    assert stalls[0].seconds > 2.5
+
+
 def test_an_error_in_a_tick_reaches_the_owner() -> None:
     errors: list[BaseException] = []
     told = threading.Event()
