@@ -123,7 +123,7 @@ def _judged(recording: Recording, robot: Robot) -> tuple[list[Declared], list[st
     told = [
         checks.foreign(),
         checks.exchanged(),
-        gravity and gravity.in_words,
+        gravity and gravity.told(robot),
         undecided_directions(measured, robot),
     ]
     return declared, [*(line for line in told if line), *_coupling(measured, robot)]
@@ -136,7 +136,7 @@ def _coupling(measured: Measurement, robot: Robot) -> list[str]:
     from robot_ident.estimation.coupling import coupling_contradiction
 
     found = coupling_contradiction([measured], robot)
-    return [] if found is None else [f"{found.in_words}; change it to '{found.change}'"]
+    return [] if found is None else [found.told(robot)]
 
 
 def _print(summary: Summary) -> None:

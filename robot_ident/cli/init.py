@@ -234,7 +234,6 @@ def _weightless(robot: Robot) -> list[str]:
 def _test_effort(output: Path, bag: str, topic: str | None) -> None:
     """Say where the recording contradicts what the draft guesses of effort, and what to write instead."""
     from robot_ident.bags import read_recording
-    from robot_ident.configuration import line_of
     from robot_ident.estimation.contradiction import contradiction
     from robot_ident.estimation.declaration import judge_declaration
     from robot_ident.robot import load_robot
@@ -246,10 +245,8 @@ def _test_effort(output: Path, bag: str, topic: str | None) -> None:
         tell(f"what effort means could not be tested: {error}")
         return
     if found is not None:
-        line = line_of(output, found.entry)
-        place = output if line is None else f"{output}:{line}"
         kept = f" (its topic stays: {topic})" if topic and found.entry.startswith("effort") else ""
-        tell(f"{place}: {found.in_words}; change it to '{found.change}'{kept}")
+        tell(f"{found.told(robot)}{kept}")
 
 
 def _to_dict(draft: Draft, inventory: Inventory, name: str, output: Path) -> dict[str, object]:

@@ -63,7 +63,7 @@ def _against_declaration(measured: Measurement, robot: Robot) -> str:
         or checks.gravity()
         or contradiction(judge_all([measured], robot), robot)
     )
-    return f"{found.in_words}; change it to '{found.change}'" if found else ""
+    return found.told(robot) if found else ""
 
 
 def _against_model(model: Model, measured: Measurement, poor: Sequence[int]) -> str:

@@ -105,6 +105,7 @@ class Choice:
             "error": taken.relative,
             "standard_errors_worse_than_best": taken.worse(best),
             "scale_evidence": self.scale_evidence,
+            "scale_spread": None if self.scale_spread is None else self.scale_spread.tolist(),
             "compared": [
                 {
                     "averaged": one.averaged,

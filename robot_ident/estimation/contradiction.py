@@ -7,6 +7,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
+from robot_ident.configuration import line_of
 from robot_ident.estimation.declaration import LOSSES, SHAPE
 from robot_ident.estimation.declared import Declared
 from robot_ident.robot.effort import Effort
@@ -22,7 +23,8 @@ _LOST = 0.2  # share of friction that no bearing behind a gear has
 class Contradiction:
     """An entry of the robot YAML that the data contradict, on some joints: what stands there, and what it should be.
 
-    `share`: of the URDF's torque that is found in the effort, by joint. found: what `share` is, in words.
+    `share`: of the URDF's torque that is found in the effort, by joint. found: what `share` is, in words. file: where
+    the entry stands, of a recording's conditions; the robot's own where it is empty.
     """
 
     entry: str
@@ -30,6 +32,13 @@ class Contradiction:
     change: str
     share: Mapping[str, float]
     found: str = "share of the URDF's torque in it"
+    file: str = ""
+
+    def told(self, robot: Robot) -> str:
+        """Return the contradiction in one line, with the file and its line, and what to write there instead."""
+        file = self.file or str(robot.source)
+        line = line_of(file, self.entry)
+        return f"{file if line is None else f'{file}:{line}'}: {self.in_words}; change it to '{self.change}'"
 
     @property
     def in_words(self) -> str:

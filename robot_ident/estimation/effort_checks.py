@@ -16,14 +16,13 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
-from robot_ident.configuration import line_of
 from robot_ident.errors import InputError
 from robot_ident.estimation.contradiction import Contradiction, contradiction
 from robot_ident.estimation.coupling import coupling_contradiction
 from robot_ident.estimation.declaration import clock_notes, clustered, judge_all
 from robot_ident.estimation.unsigned import in_words, unsigned_joints
 from robot_ident.motion import Array
-from robot_ident.recording.arm_alone import with_payload
+from robot_ident.recording.arm_alone import beyond_base, with_payload
 from robot_ident.recording.conditions import sidecar
 from robot_ident.recording.measurement import Measurement
 from robot_ident.robot.robot import Robot
@@ -91,9 +90,7 @@ def contradictions(
             f"{told}: the effort contradicts this payload; mass is in kg, centre in m in the end effector's frame"
             f"{otherwise}"
         )
-    line = line_of(robot.source, found.entry)
-    place = robot.source if line is None else f"{robot.source}:{line}"
-    raise InputError(f"{place}: {found.in_words}; change it to '{found.change}'{otherwise}")
+    raise InputError(f"{found.told(robot)}{otherwise}")
 
 
 def taken_as_declared(notes: Sequence[str]) -> bool:
@@ -124,7 +121,7 @@ class _Rows:
             return measured.passed(torque)
 
         self.weight = np.stack([passed(one) for one in weight], axis=2)  # [N, n, 3] Nm per m/s^2
-        self.tau = passed(measured.torque)
+        self.tau = passed(measured.torque + beyond_base(motion, robot))
         parts = (inertial, motion.dq, np.sign(motion.dq), motion.ddq, np.ones_like(motion.q))
         self.drive = np.stack([passed(one) for one in parts], axis=2)  # [N, n, 5]
         self.used = measured.used[measured.rows]
@@ -171,7 +168,8 @@ class EffortChecks:
         return ""
 
     def gravity(self) -> Contradiction | None:
-        """Return what the efforts say of gravity where that is far from what the robot YAML declares, or None.
+        """Return what the efforts say of gravity where that is far from what is declared, by the robot YAML or a
+        recording's conditions, or None.
 
         g [3] m/s^2 is fitted to all joints at once, tau_j = s_j I_j + sum_k g_k G_jk + ... Only what two joints or
         more tell counts, and only where one gravity explains their efforts as well as a share of the declared weight
@@ -179,8 +177,12 @@ class EffortChecks:
         """
         if any(self._robot.effort.of(joint).gravity == "removed" for joint in self._robot.joints):
             return None
-        told = (_gravity(rows) for measured, rows in self._measured if not measured.conditions.estimated)
-        return next((found for found in told if found is not None), None)
+        for measured, rows in self._measured:
+            found = None if measured.conditions.estimated else _gravity(rows)
+            if found is not None:
+                stated = measured.conditions.gravity is not None
+                return replace(found, file=str(sidecar(measured.source))) if stated else found
+        return None
 
 
 def undecided_directions(measured: Measurement, robot: Robot) -> str:

@@ -8,7 +8,7 @@ from dataclasses import replace
 import numpy as np
 
 from robot_ident.effects import Effect
-from robot_ident.estimation.identify import estimate
+from robot_ident.estimation.identify import estimate, with_scale_spread
 from robot_ident.model.model import Model
 from robot_ident.motion import Array
 from robot_ident.recording.measurement import Measurement, Processing
@@ -23,7 +23,8 @@ def extend(model: Model, measurements: Sequence[Measurement], effects: Sequence[
         structure = model.structure.with_further(effects[:count])
         fitted = estimate(measurements, structure, estimator=model.estimator, processing=processing)
         labels = [*before, *(effect.label for effect in effects[:count])]
-        steps.append(replace(fitted, provenance={**model.provenance, "added": labels}))
+        fitted = replace(fitted, base=model.base, provenance={**model.provenance, "added": labels})
+        steps.append(with_scale_spread(fitted))
     return steps
 
 

@@ -9,7 +9,7 @@ from typing import Any
 from robot_ident.effects import Effect
 from robot_ident.estimation.estimate_gains import with_known_gains
 from robot_ident.estimation.extend import extend
-from robot_ident.estimation.identify import estimate
+from robot_ident.estimation.identify import estimate, with_scale_spread
 from robot_ident.model.model import Model
 from robot_ident.model.structure import Structure
 from robot_ident.recording.measurement import Measurement, Processing
@@ -65,7 +65,7 @@ def extended_with_gains(model: Model, recordings: Sequence[Recording], labels: S
     known, structure, gains = with_known_gains(recordings, measurements, structure, processing)
     fitted = estimate(known, structure, estimator=model.estimator, processing=processing, gains=gains)
     added = [*model.provenance.get("added", []), *labels]
-    return replace(fitted, provenance={**model.provenance, "added": added})
+    return with_scale_spread(replace(fitted, base=model.base, provenance={**model.provenance, "added": added}))
 
 
 def _estimated(model: Model) -> tuple[str, ...]:

@@ -85,8 +85,7 @@ class Chosen:
             physical=physical,
             gains=self.gains,
         )
-        if self.choice.scale_spread is not None:
-            made = replace(made, covariance=_with_scale_spread(made, self.choice.scale_spread))
+        made = with_scale_spread(replace(made, base=self.choice.to_dict()))
         scales = {
             parameter.joint or "": (float(value), float(std))
             for parameter, value, std in zip(made.parameters, made.values, made.std, strict=True)
@@ -94,16 +93,21 @@ class Chosen:
         }
         told = [*torque_scale_notes(self.choice, scales), *_lagging(made, self.choice.effects)]
         first = [made.trouble] if made.trouble else []
-        return replace(made, base=self.choice.to_dict(), notes=(*first, *notes, *self.choice.notes, *told, *made.notes))
+        return replace(made, notes=(*first, *notes, *self.choice.notes, *told, *made.notes))
 
 
-def _with_scale_spread(model: Model, spread: Array) -> Array:
-    """Return a model's covariance, no torque scale's sigma below its spread [n] over pieces of the path."""
+def with_scale_spread(model: Model) -> Model:
+    """Return a model no torque scale of which has a sigma below the spread over pieces of the path that its base was
+    chosen by.
+    """
+    spread = (model.base or {}).get("scale_spread")
+    if spread is None:
+        return model
     factor = np.ones(len(model.values))
     for place, (parameter, std) in enumerate(zip(model.parameters, model.std, strict=True)):
         if parameter.effect == TorqueScale.name and std > 0.0:
             factor[place] = max(1.0, spread[model.robot.joint_index(parameter.joint or "")] / std)
-    return np.asarray(model.covariance * factor * factor[:, None])
+    return replace(model, covariance=np.asarray(model.covariance * factor * factor[:, None]))
 
 
 def _lagging(model: Model, chosen: Sequence[str]) -> list[str]:

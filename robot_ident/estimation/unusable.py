@@ -84,7 +84,7 @@ def refuse_foreign(measurements: Sequence[Measurement], robot: Robot) -> None:
     if foreign:
         raise InputError(foreign)
     if gravity is not None:
-        raise InputError(f"{robot.source}: {gravity.in_words}; change it to '{gravity.change}' and identify anew")
+        raise InputError(f"{gravity.told(robot)} and identify anew")
 
 
 def refuse_misdeclared(model: Model, measurements: Sequence[Measurement]) -> None:

@@ -21,16 +21,26 @@ def arm_alone(measured: Measurement, conditions: Conditions, robot: Robot) -> Me
     At drives of unknown gain the payload stays: it is what tells the gain.
     """
     motion = measured.motion
-    extra = np.zeros_like(measured.torque)
     if conditions.gravity is not None:
         motion = replace(motion, gravity=conditions.gravity)
-        extra += _beyond_base(robot, motion)
-    extra += _of_payload(conditions, motion, robot)
+    extra = beyond_base(motion, robot) + _of_payload(conditions, motion, robot)
     notes = conditions.notes(off=bool(robot.compares_with_newton_metres.any()))
     if conditions.assumed:
         notes = tuple(f"{measured.source}: {note}" for note in notes)
     alone = _less(measured, extra)
     return replace(alone, motion=motion, notes=(*measured.notes, *notes), conditions=conditions)
+
+
+def beyond_base(motion: Motion, robot: Robot) -> Array:
+    """Return the torque [N, n] Nm that the URDF's links need beyond what their base parameters say, where a motion has
+    another gravity than the robot; 0 elsewhere. `arm_alone` takes it off.
+    """
+    if motion.gravity is None:
+        return np.zeros_like(motion.q)
+    base = reduce_to_base(robot)
+    columns = robot.rigid.regressor(motion)
+    known = base.values(robot.rigid.parameters, np.zeros(robot.n))
+    return np.asarray(columns @ robot.rigid.parameters - columns[:, :, list(base.columns)] @ known)
 
 
 def with_payload(measured: Measurement, robot: Robot) -> Measurement:
@@ -59,11 +69,3 @@ def _of_payload(conditions: Conditions, motion: Motion, robot: Robot) -> Array:
     if conditions.payload is None or not known.any():
         return np.zeros_like(motion.q)
     return np.asarray(known * conditions.payload.torque(robot, motion))
-
-
-def _beyond_base(robot: Robot, motion: Motion) -> Array:
-    """Return the torque [N, n] Nm that the URDF's links need beyond what their base parameters say."""
-    base = reduce_to_base(robot)
-    columns = robot.rigid.regressor(motion)
-    known = base.values(robot.rigid.parameters, np.zeros(robot.n))
-    return np.asarray(columns @ robot.rigid.parameters - columns[:, :, list(base.columns)] @ known)

@@ -9,8 +9,9 @@ import numpy as np
 import pytest
 
 from robot_ident.estimation.base_model import choose_base
+from robot_ident.estimation.extend import extend
 from robot_ident.estimation.held_out import FAINT, Grams, held_out
-from robot_ident.estimation.identify import identify
+from robot_ident.estimation.identify import estimate, identify
 from robot_ident.estimation.predict import predict
 from robot_ident.estimation.validate import validate
 from robot_ident.export.left_out import torque_of
@@ -19,6 +20,7 @@ from robot_ident.model.model_file import read_model, write_model
 from robot_ident.model.structure import Structure
 from robot_ident.motion import Array, Motion
 from robot_ident.recording import Processing, Recording
+from robot_ident.recording.process import process
 from robot_ident.robot import Robot, load_robot
 from robot_ident.simulation.like_real import like_real
 
@@ -150,6 +152,23 @@ def test_scales_are_found_within_their_sigma_and_none_where_all_report_alike(rob
         assert not any(p.effect == "torque_scale" for p in alike.parameters)
     assert 0.5 < np.sqrt(np.mean(np.square(normalised))) < 1.8
     assert np.mean(np.abs(normalised) < 2.0) > 0.8
+
+
+def test_a_scales_sigma_stays_above_its_spread_over_the_path_when_an_effect_is_added(robot: Robot) -> None:
+    scale = np.array([1.0, 1.3, 0.8, 1.2, 0.9, 1.1])
+    recording = recorded(robot, 4, scale=scale)
+    model = identify([recording], robot, as_declared=True)
+    measured = [process(recording, robot, Processing(**dict(model.processing)))]
+    effects = model.structure.with_further(["viscous_nonlinear@joint_1"]).effects[-1:]
+    assert model.base is not None
+    for refitted in extend(model, measured, effects):
+        spread = dict(zip(robot.joints, model.base["scale_spread"], strict=True))
+        scales = {
+            p.joint: s for p, s in zip(refitted.parameters, refitted.std, strict=True) if p.effect == "torque_scale"
+        }
+        assert len(scales) == 5 and all(s >= 0.999 * spread[joint] for joint, s in scales.items())
+        plain = estimate(measured, refitted.structure, processing=Processing(**dict(model.processing)))
+        assert np.any(plain.std < 0.9 * refitted.std)
 
 
 def test_a_model_with_scales_predicts_in_the_unit_that_is_reported(robot: Robot, tmp_path: Path) -> None:

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from dataclasses import replace
+from pathlib import Path
 from typing import Any
 
 import numpy as np
@@ -99,6 +100,20 @@ def test_another_gravity(arm: Any, recording: Any, measured: Any, gravity: list[
     robot = under(arm.robot, gravity)
     found = EffortChecks(measured(recording, robot), robot).gravity()
     assert found is not None and found.change == "gravity: [0, 0, -9.81]"
+
+
+@pytest.mark.parametrize("gravity", [(0.0, 0.0, 9.81), (0.0, 9.81, 0.0), (9.81, 0.0, 0.0)])
+def test_the_gravity_of_a_recordings_conditions_is_judged_where_it_stands(
+    arm: Any, recording: Any, tmp_path: Path, gravity: tuple[float, float, float]
+) -> None:
+    """By the effort as it was measured: what the URDF says of the declared gravity has been taken off it."""
+    conditions = replace(recording.conditions, gravity=gravity)
+    (tmp_path / "a.conditions.yaml").write_text(conditions.text())
+    declared = replace(recording, conditions=conditions, source=str(tmp_path / "a.npz"))
+    with pytest.raises(
+        InputError, match=r"a\.conditions\.yaml:2: gravity is .* change it to 'gravity: \[0, 0, -9.81\]'"
+    ):
+        identify([arm.record(2, periods=4, lead=0.0), declared], arm.robot)
 
 
 def test_what_is_no_other_gravity(arm: Any, recording: Any, measured: Any) -> None:
