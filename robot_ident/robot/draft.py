@@ -116,7 +116,7 @@ def draft_robot(
     reasons = _held(page, inventory, {joint.name for joint in moving}, told, evidence)
     page.found("")
     _workspace(page, inventory.end_effector, mount, gravity, height)
-    page.found("# further sections: springs, effects, anti_alias, self_collision (see the README)")
+    page.found("# further sections: springs, effects, anti_alias, self_collision (see docs/design.md)")
     names = tuple(joint.name for joint in moving)
     return Draft("\n".join(page.lines) + "\n", names, reasons, tuple(page.guesses), tuple(page.missing))
 

@@ -44,7 +44,7 @@ class Walk:
         self.all: dict[str, list[str]] = {}
 
     def page(self, name: str) -> None:
-        text = (self._checkout / "docs" / name).read_text(encoding="utf-8")
+        text = (self._checkout / name).read_text(encoding="utf-8")
         for kind, block in re.findall(r"^```(sh|yaml|python)\n(.*?)^```", text, re.MULTILINE | re.DOTALL):
             if kind in self._files:
                 Path(self._files[kind]).write_text(block, encoding="utf-8")
@@ -67,6 +67,26 @@ class Walk:
         self.all.setdefault(verb, []).append(done.out)
 
 
+def test_the_first_page(run: Run, arm: Any, checkout: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    """README.md, on three recordings of a robot with the effect that it names; then the pages that begin with theirs."""
+    monkeypatch.chdir(tmp_path)
+    shutil.copy(checkout / "config/robots/kuka_ir361.urdf", "my_arm.urdf")
+    for number in (1, 2, 3):
+        motion(Path(f"motion_{number}.yaml"), arm.robot, number)
+        hidden = ["--effect", "stribeck@joint_2:20", "--seed", number, "-o", f"run_{number}"]
+        assert run("simulate", f"motion_{number}.yaml", *hidden).code == 0
+    walk = Walk(run, checkout, {}, lambda path, seed: motion(path, arm.robot, seed))
+    walk.page("README.md")
+    assert walk.said["info"].count("consistent") == 3
+    first, after = walk.all["compare"]
+    assert re.search(r"joint_2 .*does not fit", first) and re.search(r"joint_2 .* fits", after)
+    assert "missing: stribeck@joint_2" in walk.said["diagnose"]
+    assert "adequate" in walk.said["report"] or "lacks stribeck@joint_2" in walk.said["report"]
+    walk.page("docs/recordings.md")
+    walk.page("docs/design.md")
+    assert "every limit is kept" in walk.said["check"]
+
+
 def test_your_own_robot_in_five_steps(
     run: Run, checkout: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
@@ -76,7 +96,7 @@ def test_your_own_robot_in_five_steps(
         motion(path, Robot.load("my_arm.yaml"), seed)
 
     walk = Walk(run, checkout, {"yaml": "my_arm.yaml"}, design)
-    walk.page("your_robot.md")
+    walk.page("docs/your_robot.md")
     assert "every limit is kept" in walk.said["check"]
     assert walk.said["info"].count("consistent") == 3
     assert "missing: stribeck@joint_2" in walk.said["diagnose"]
@@ -91,7 +111,7 @@ def test_how_to_read_the_verdict(
 ) -> None:
     monkeypatch.chdir(tmp_path)
     walk = Walk(run, checkout, {}, lambda path, seed: motion(path, arm.robot, seed))
-    walk.page("verdict.md")
+    walk.page("docs/diagnosis.md")
     assert "missing: stribeck@joint_2" in walk.said["diagnose"]
     first, over, beside, later = walk.all["compare"]
     assert re.search(r"joint_2 .*does not fit", first)
@@ -110,7 +130,7 @@ def test_write_your_own_effect(
         motion(Path(f"excitation_{number}.yaml"), arm.robot, number)
     walk = Walk(run, checkout, {"python": "my_dent.py"}, lambda path, seed: None)
     text = (checkout / "docs/your_effect.md").read_text(encoding="utf-8")
-    walk.page("your_effect.md")
+    walk.page("docs/your_effect.md")
     assert "`dent@joint_1`" in text
     assert "missing: dent@joint_1" in walk.said["diagnose"]
     depth = re.search(r"dent\.depth@joint_1 = (\S+)", walk.said["add"])
