@@ -68,7 +68,7 @@ class Walk:
 
 
 def test_the_first_page(run: Run, arm: Any, checkout: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
-    """README.md, on three recordings of a robot with the effect that it names; then the pages that begin with theirs."""
+    """README.md, on recordings of a robot with the effect that it names; then the pages that go on from there."""
     monkeypatch.chdir(tmp_path)
     shutil.copy(checkout / "config/robots/kuka_ir361.urdf", "my_arm.urdf")
     for number in (1, 2, 3):
