@@ -22,31 +22,34 @@ _SENTENCES = 4
 
 
 def add_arguments(parser: argparse.ArgumentParser) -> None:
-    """Add the verb's options."""
+    """Add the command's options."""
 
     parser.add_argument(
-        "inputs", nargs="+", metavar="model.yaml BAG", help="models and recordings; two models alone: what changed"
+        "inputs",
+        nargs="+",
+        metavar="model.yaml BAG",
+        help="models and recordings; two models without a recording: what changed",
     )
     parser.add_argument("--topic", metavar="T", help="topic of the joint states")
     parser.add_argument(
         "--mcap",
         metavar="OUT",
-        help="write measured, predicted, residual and each effect's share along the recordings (.mcap, or a folder)",
+        help="write effort, prediction, residual and the torque of each effect as time series (.mcap file or folder)",
     )
     parser.add_argument(
         "--over",
         metavar="WHAT",
-        help="also print the residual beside its noise along position, velocity, acceleration, load,"
+        help="also print the residual and its noise as a function of position, velocity, acceleration, load,"
         " time_since_reversal, time or frequency",
     )
     parser.add_argument(
-        "--fail-on-misfit", action="store_true", help="exit with 3 when the first model does not fit at some joint"
+        "--fail-on-misfit", action="store_true", help="exit with 3 if the first model shows lack of fit at a joint"
     )
-    parser.add_argument("--force", action="store_true", help="replace what is there")
+    parser.add_argument("--force", action="store_true", help="overwrite existing files")
     parser.add_argument(
         "--fail-on-change",
         action="store_true",
-        help="exit with 3 when something has changed from the first of two models to the second",
+        help="exit with 3 if a parameter changed from the first of two models to the second",
     )
     add_json(parser)
 

@@ -6,7 +6,7 @@ import argparse
 from dataclasses import replace
 from typing import TYPE_CHECKING
 
-from robot_ident.cli.output import Progress, print_json, say, table, tell
+from robot_ident.cli.output import Progress, add_json, add_output, print_json, say, table, tell
 from robot_ident.errors import InputError
 
 if TYPE_CHECKING:
@@ -20,22 +20,25 @@ _TIED_LISTED = 3  # of the candidates that one is tied with: the table stays rea
 
 
 def add_arguments(parser: argparse.ArgumentParser) -> None:
-    """Add the verb's options."""
-    from robot_ident.cli.loop import add_common
+    """Add the command's options."""
+    from robot_ident.cli.loop import add_recordings
 
     parser.add_argument(
-        "inputs", nargs="+", metavar="model.yaml BAG", help="a model and recordings, two or more for a firm verdict"
+        "inputs",
+        nargs="+",
+        metavar="model.yaml BAG",
+        help="one model and its recordings, two or more for a conclusive verdict",
     )
-    parser.add_argument(
+    add_recordings(parser.add_argument_group("recordings"))
+    extension = parser.add_argument_group("model extension")
+    extension.add_argument(
         "--add-until-adequate",
         action="store_true",
-        help="add what is found and diagnose again until nothing is; print the falling error",
+        help="add the missing effects and repeat until the model is adequate; print the error after each step",
     )
-    parser.add_argument(
-        "-o", "--output", metavar="MODEL", help="with --add-until-adequate: the model with what was found"
-    )
-    parser.add_argument("--force", action="store_true", help="replace what is there")
-    add_common(parser)
+    output = parser.add_argument_group("output")
+    add_output(output, "MODEL", "with --add-until-adequate: extended model to write")
+    add_json(output)
 
 
 def run(args: argparse.Namespace) -> int:

@@ -17,8 +17,8 @@ if TYPE_CHECKING:
 
 
 def add_arguments(parser: argparse.ArgumentParser) -> None:
-    """Add the verb's options."""
-    parser.add_argument("bag", metavar="BAG", help="a recording in any form")
+    """Add the command's options."""
+    parser.add_argument("bag", metavar="BAG", help="bag, .npz or .csv")
     add_robot(parser, default=None)
     parser.add_argument("--topic", metavar="T", help="topic of the joint states")
     add_json(parser)

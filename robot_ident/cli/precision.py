@@ -7,7 +7,7 @@ from collections.abc import Sequence
 from dataclasses import asdict, dataclass
 from typing import TYPE_CHECKING, Any
 
-from robot_ident.cli.output import say, table
+from robot_ident.cli.output import Options, say, table
 from robot_ident.errors import InputError, did_you_mean
 
 if TYPE_CHECKING:
@@ -35,18 +35,19 @@ class Precision:
         return max((count for count in counts if count is not None), default=None) if None not in counts else None
 
 
-def add_precision(parser: argparse.ArgumentParser) -> None:
+def add_precision(parser: Options) -> None:
     """Add the options."""
     parser.add_argument(
-        "--precision", metavar="P", help="also say how many periods make sigma so small a share of the value, like 5%%"
+        "--precision",
+        metavar="P",
+        help="also print how many periods bring sigma down to this ratio of the value, e.g. 5%%",
     )
     parser.add_argument(
         "--parameter",
         action="append",
         default=[],
         metavar="NAME",
-        help="with --precision: of this parameter (default: all); values are the --model's, else those of the robot's"
-        " files",
+        help="with --precision: only this parameter (default: all); its value comes from --model or the robot's files",
     )
 
 

@@ -18,13 +18,11 @@ _MOST_SAMPLES = 1_000_000  # of a planned motion: the columns of every one are h
 
 
 def add_arguments(parser: argparse.ArgumentParser) -> None:
-    """Add the verb's options."""
-    parser.add_argument("model", metavar="model.yaml", help="an identified model")
-    parser.add_argument(
-        "bag", metavar="BAG", help="a recording whose motion counts, or a planned motion (excitation.yaml or moves)"
-    )
+    """Add the command's options."""
+    parser.add_argument("model", metavar="model.yaml", help="identified model")
+    parser.add_argument("bag", metavar="BAG", help="recording, or planned motion (excitation.yaml or moves.yaml)")
     parser.add_argument("--topic", metavar="T", help="topic of the joint states")
-    add_output(parser, "OUT", "prediction to write: .npz, .csv, .mcap or a folder", required=True)
+    add_output(parser, "OUT", "prediction to write: .npz, .csv, .mcap or rosbag2 folder", required=True)
     add_json(parser)
 
 

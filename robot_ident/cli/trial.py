@@ -40,43 +40,49 @@ _ROWS = {
 
 
 def add_arguments(parser: argparse.ArgumentParser) -> None:
-    """Add the verb's options."""
-    add_robot(parser)
-    parser.add_argument("--seeds", default="0:20", metavar="A:B", help="seeds A to B - 1 (default %(default)s)")
-    parser.add_argument(
-        "--kind",
-        action="append",
-        default=[],
-        help="single, pair_other_joints, null, unknown or single_with_background, each with all seeds; default: drawn",
-    )
-    parser.add_argument(
+    """Add the command's options."""
+    hidden = parser.add_argument_group("what to hide")
+    add_robot(hidden)
+    hidden.add_argument(
         "--family",
         choices=("effects", "measurement", "real"),
         default="effects",
-        help="what is hidden: effects of the arm, or faults of what is measured; real: recordings with the lag, noise,"
-        " rates, offsets and scales of real ones, the base model alone beside fixed filters (default %(default)s)",
+        help="effects: of the arm; measurement: faults of the recording; real: no effect, recordings with the faults of"
+        " real ones, to compare the base model with fixed filters (default: %(default)s)",
     )
-    parser.add_argument(
-        "--noise", type=float, default=1.0, help="factor on the robot's noise variances (default %(default)s)"
+    hidden.add_argument(
+        "--kind",
+        action="append",
+        default=[],
+        help="single, pair_other_joints, null, unknown or single_with_background, each with all seeds (default: drawn)",
     )
-    parser.add_argument(
-        "--periods", type=int, default=PERIODS, help="steady periods of each motion (default %(default)s)"
+    hidden.add_argument(
+        "--seeds", default="0:20", metavar="A:B", help="seeds A to B - 1, one case each (default: %(default)s)"
     )
-    parser.add_argument(
+    motion = parser.add_argument_group("recordings")
+    motion.add_argument(
         "--excitation",
         nargs="+",
         default=[],
         metavar="FILE",
-        help="motions to use, the last one unseen by any fit; default: four are designed",
+        help="motions to play, the last one for validation (default: design four)",
     )
-    parser.add_argument("--folder", metavar="DIR", help="where designed motions are kept for the next trial")
-    parser.add_argument(
-        "--cases-file", metavar="F", help="keeps every finished case; a trial that was stopped goes on from it"
+    motion.add_argument("--folder", metavar="DIR", help="folder that caches the designed motions")
+    motion.add_argument(
+        "--periods", type=int, default=PERIODS, help="steady periods of each motion (default: %(default)s)"
     )
-    parser.add_argument("--workers", type=int, metavar="N", help="processes (default: one a processor)")
-    add_cluster(parser)
-    parser.add_argument("--open", metavar="BAG.sealed", help="show what simulate --hidden has hidden, and do no more")
-    add_json(parser)
+    motion.add_argument(
+        "--noise", type=float, default=1.0, help="factor on the robot's noise variances (default: %(default)s)"
+    )
+    work = parser.add_argument_group("execution")
+    work.add_argument(
+        "--cases-file", metavar="F", help="file of the finished cases, from which an interrupted trial resumes"
+    )
+    work.add_argument("--workers", type=int, metavar="N", help="number of processes (default: one per processor)")
+    add_cluster(work)
+    output = parser.add_argument_group("output")
+    output.add_argument("--open", metavar="BAG.sealed", help="show what simulate --hidden hid, and exit")
+    add_json(output)
 
 
 def run(args: argparse.Namespace) -> int:

@@ -10,19 +10,22 @@ from robot_ident.errors import CheckFailed
 
 
 def add_arguments(parser: argparse.ArgumentParser) -> None:
-    """Add the verb's options."""
-    parser.add_argument("model", metavar="model.yaml", help="an identified model")
-    parser.add_argument("bag", metavar="BAG", help="a recording that the model has not seen")
+    """Add the command's options."""
+    parser.add_argument("model", metavar="model.yaml", help="identified model")
+    parser.add_argument("bag", metavar="BAG", help="validation recording, not used in the fit")
     parser.add_argument("--topic", metavar="T", help="topic of the joint states")
     parser.add_argument(
         "--low-pass",
         type=within(0.01, 1e5),
         default=10.0,
         metavar="HZ",
-        help="zero-phase low pass (default %(default)s)",
+        help="cut-off of the zero-phase low-pass filter (default: %(default)s)",
     )
     parser.add_argument(
-        "--max-rms", type=within(0.0, 1e9), metavar="NM", help="exit with 3 when a joint's residual exceeds this"
+        "--max-rms",
+        type=within(0.0, 1e9),
+        metavar="NM",
+        help="exit with 3 if a joint's residual rms exceeds this value",
     )
     add_json(parser)
 

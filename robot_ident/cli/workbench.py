@@ -13,24 +13,26 @@ from robot_ident.cli.output import say, within
 
 
 def add_arguments(parser: argparse.ArgumentParser) -> None:
-    """Add the verb's options."""
-    parser.add_argument("model", nargs="?", metavar="model.yaml", help="model to begin with; identified when not given")
+    """Add the command's options."""
+    parser.add_argument("model", nargs="?", metavar="model.yaml", help="model to start from (default: identify one)")
     parser.add_argument(
-        "--bag", nargs="+", default=[], metavar="BAG", help="recordings to fit; else chosen on the page"
+        "--bag", nargs="+", default=[], metavar="BAG", help="recordings to fit (default: choose them in the browser)"
     )
     add_validation(parser)
-    parser.add_argument(
-        "--robot", metavar="R", help="robot of a model that is identified first (default kuka_ir361), as of identify"
-    )
+    parser.add_argument("--robot", metavar="R", help="robot of the model to identify (default: kuka_ir361)")
     parser.add_argument("--topic", metavar="T", help="topic of the joint states")
-    parser.add_argument("--port", type=within(0, 65535, int), metavar="P", help="default the first free one from 8050")
+    parser.add_argument(
+        "--port", type=within(0, 65535, int), metavar="P", help="TCP port (default: the first free one from 8050)"
+    )
     parser.add_argument(
         "--folder",
         default="robot_ident_workbench",
         metavar="DIR",
-        help="where sessions are kept, and gone on with (default %(default)s)",
+        help="folder of the session, which a later start resumes (default: %(default)s)",
     )
-    parser.add_argument("--no-browser", action="store_true", help="only print the address, with its token")
+    parser.add_argument(
+        "--no-browser", action="store_true", help="print the address with its token and open no browser"
+    )
 
 
 def run(args: argparse.Namespace) -> int:
