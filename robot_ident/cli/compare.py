@@ -101,7 +101,7 @@ def _without_recording(args: argparse.Namespace, inputs: Inputs) -> None:
     """Raise InputError where models alone don't do."""
     for option, given in (("--mcap", args.mcap), ("--fail-on-misfit", args.fail_on_misfit)):
         if given:
-            raise InputError(f"{option}: takes at least one recording beside {', '.join(inputs.paths)}")
+            raise InputError(f"{option}: needs at least one recording in addition to {', '.join(inputs.paths)}")
     if len(inputs.models) != 2:
         raise InputError(
             f"{', '.join(inputs.paths)}: no recording; compare takes at least one recording, or two models, old and"
@@ -123,12 +123,12 @@ def _check(found: Comparison) -> None:
     """Raise CheckFailed where the model fails, InputError where no recording tells."""
     if all(joint.misfit is None for joint in found.joints):
         raise InputError(
-            "--fail-on-misfit: the recordings don't tell their noise; record 2 periods or more of a motion"
+            "--fail-on-misfit: the noise cannot be estimated from these recordings; record 2 periods or more"
         )
     failing = [joint for joint in found.joints if joint.fails]
     if failing:
-        listed = ", ".join(f"{joint.name} ({joint.excess:.3g} rms beyond the noise)" for joint in failing)
-        raise CheckFailed(f"the model does not fit: {listed}")
+        listed = ", ".join(f"{joint.name} (excess rms {joint.excess:.3g} over the noise)" for joint in failing)
+        raise CheckFailed(f"lack of fit: {listed}")
 
 
 def _to_dict(inputs: Inputs, found: Sequence[Comparison], mcap: str | None) -> dict[str, Any]:
@@ -164,7 +164,7 @@ def _print(inputs: Inputs, found: Sequence[Comparison]) -> None:
         for path, one in zip(inputs.paths, found, strict=True)
         for joint in (one.joints[number],)
     ]
-    header = ("joint", "model", "residual rms", "noise rms", "beyond noise", "unit", "chi2/dof", "p", "")
+    header = ("joint", "model", "residual rms", "noise rms", "excess rms", "unit", "chi2/dof", "p", "")
     keep = [k for k in range(len(header)) if k != 1 or len(found) > 1]
     say(table([header[k] for k in keep], [[row[k] for k in keep] for row in rows]))
     for path, one in zip(inputs.paths, found, strict=True):
@@ -180,18 +180,18 @@ def _row(path: str, joint: JointComparison, unit: str) -> tuple[object, ...]:
 
 def _print_joint(joint: JointComparison, robot: Robot, number: int, model: str) -> None:
     unit = robot.torque_unit(number)
-    say(f"\n{joint.name}{model}: {joint.excess:.3g} {unit} rms beyond the noise")
+    say(f"\n{joint.name}{model}: excess rms {joint.excess:.3g} {unit} over the noise")
     for region in joint.worst[:_SENTENCES]:
         say(f"  {joint.name}, {region.in_words(robot, number)}")
     ranked = sorted(joint.explained_by.items(), key=lambda item: -item[1])[:_BARS]
     _print_bars(
-        "a curve over each variable explains, on motion it has not seen:",
+        "explained by a curve over each variable (cross-validated):",
         [(name.replace("_", " "), share) for name, share in ranked],
         "no single variable",
     )
     bands = [(f"{low:g} to {high:g} Hz", share) for low, high, share in joint.by_frequency]
     if bands:
-        _print_bars("by frequency:", bands, "no band alone")
+        _print_bars("by frequency:", bands, "no single band")
     if joint.odd is not None and joint.even is not None:
         odd, even = 100 * joint.odd, 100 * joint.even
         say(f"  under time reversal: {odd:.0f} % odd (friction), {even:.0f} % even (forces, inertia)")
@@ -206,7 +206,7 @@ def _print_profiles(inputs: Inputs, found: Comparison, what: str) -> None:
         for profile in (one for one in joint.profiles if one.what == what):
             symbol, unit = symbol_and_unit(what, robot, number)
             source = f" of {profile.recording}" if profile.recording else ""
-            say(f"\n{joint.name}, residual [{robot.torque_unit(number)}] along {symbol} [{unit}]{source}")
+            say(f"\n{joint.name}, residual [{robot.torque_unit(number)}] as a function of {symbol} [{unit}]{source}")
             rows = [(s.lower, s.upper, s.mean, s.rms, s.noise_rms) for s in profile.stretches]
             say(table(("from", "to", "mean", "rms", "noise rms"), rows))
 

@@ -114,8 +114,8 @@ def _add_purpose(group: Options) -> None:
     group.add_argument(
         "--criterion",
         default="d-optimal",
-        help="d-optimal (log det of the covariance), condition (condition number) or crlb (d-optimal with position noise, needs"
-        " --model); default: %(default)s",
+        help="d-optimal (log det of the covariance), condition (condition number) or crlb (d-optimal with position"
+        " noise, needs --model); default: %(default)s",
     )
     group.add_argument(
         "--effect", action="extend", nargs="+", default=[], metavar="NAME@JOINT", help="additional effects to identify"
@@ -190,7 +190,7 @@ def run(args: argparse.Namespace) -> int:
     for note in (*held_note(whole, held), *found.notes):
         tell(note)
     if found.interrupted:
-        tell("stopped early; this is the best so far")
+        tell("stopped early: this is the best excitation so far")
     say_unchecked(found.margins)
     together = f" of {len(found.excitations)} motions together" if len(found.excitations) > 1 else ""
     beside = ", the earlier recordings included" if args.prior else ""

@@ -52,7 +52,7 @@ def run(args: argparse.Namespace) -> int:
     from robot_ident.files import refuse_existing
 
     if args.output and not args.add_until_adequate:
-        raise InputError(f"-o {args.output}: only with --add-until-adequate is there a model to write")
+        raise InputError(f"-o {args.output}: needs --add-until-adequate, which makes a model to write")
     if args.output:
         refuse_existing(args.output, force=args.force)
     inputs = read_inputs(args.inputs, args.validation, args.topic)
@@ -118,22 +118,32 @@ def _print(found: Diagnosis, inputs: Inputs) -> None:
     for suspect in found.missing:
         _print_named(suspect, inputs)
     if found.unexplained is not None and found.verdict == "missing":
-        say(f"\nnot explained: {found.unexplained.joint}, {found.unexplained.where}")
+        say(f"\nunexplained: {found.unexplained.joint}, {found.unexplained.where}")
     floors = _floors(inputs)
     rows = [
         (joint, found.remaining_rms[joint], floors[joint], robot.torque_unit(number))
         for number, joint in enumerate(robot.joints)
     ]
     known = all(floor is not None for floor in floors.values())
-    remains = "remains, rms beyond noise" if known else "remains, rms with noise"
+    remains = "unexplained excess rms" if known else "unexplained rms, noise included"
     if found.verdict == "adequate" and not found.hidden_in_path:
-        remains += ", within chance"
+        remains += " (not significant)"
     say()
     say(table(("joint", remains, "noise rms", "unit"), rows))
     if found.missing or found.others:
         say()
         listed = [*found.missing, *found.others]
-        header = ("rank", "candidate", "named", "explains", "p", "rms before", "rms after", "unit", "tied with")
+        header = (
+            "rank",
+            "candidate",
+            "named",
+            "explains",
+            "p",
+            "rms before",
+            "rms after",
+            "unit",
+            "indistinguishable from",
+        )
         say(table(header, [_row(rank, s, s in found.missing, robot) for rank, s in enumerate(listed, 1)]))
     for note in found.notes:
         tell(f"note: {note}")
@@ -150,16 +160,16 @@ def _print_named(suspect: Suspect, inputs: Inputs) -> None:
     if suspect.validation_before is not None and suspect.validation_after is not None:
         kinds.append(("on the validation", suspect.validation_before, suspect.validation_after))
     falls = [f"{kind} {before[joint] ** 0.5:.3g} -> {after[joint] ** 0.5:.3g} {unit}" for kind, before, after in kinds]
-    doing = "putting it right" if suspect.effect.measuring else "adding it to the rest"
+    doing = "correcting it" if suspect.effect.measuring else "adding it"
     if falls:
         say(f"  {doing}: rms at {joint} {', '.join(falls)}")
     if suspect.fix:
         say(f"  to change: {suspect.fix}")
     if suspect.tied_with:
         common = f" (all {suspect.family})" if suspect.family else ""
-        say(f"  these recordings can't tell it from {', '.join(suspect.tied_with)}{common}")
+        say(f"  these recordings cannot discriminate it from {', '.join(suspect.tied_with)}{common}")
     if suspect.tied_with and suspect.experiment:
-        say(f"  what would tell: {suspect.experiment}")
+        say(f"  experiment: {suspect.experiment}")
 
 
 def _joint(suspect: Suspect) -> str:

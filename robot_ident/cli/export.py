@@ -96,16 +96,16 @@ def run(args: argparse.Namespace) -> int:
         return 0
     for note in notes:
         tell(note)
-    say(f"carried: the links{''.join(f', {label}' for label in made.carried)}")
+    say(f"exported: the links{''.join(f', {label}' for label in made.carried)}")
     if made.left:
-        say(f"left out: {', '.join(made.left)}")
+        say(f"not exported: {', '.join(made.left)}")
     if held.left_out:
         rows = [(label, *rms.values()) for label, rms in held.left_out.items()]
-        say(table(("left out", *model.robot.joints), rows))
+        say(table(("not exported", *model.robot.joints), rows))
         say("Nm (N) rms along the recording")
     if held.residual:
         say(fit_table(model.robot, held.residual))
-        say("the whole model's error along the recording")
+        say("error of the complete model along the recording")
     say(f"written: {target}")
     return 0
 

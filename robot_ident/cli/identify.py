@@ -38,7 +38,8 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
     estimation.add_argument(
         "--estimator",
         default="wls",
-        help="ls (least squares), wls (weighted), ml (maximum likelihood) or iv (instrumental variables); default: %(default)s",
+        help="ls (least squares), wls (weighted), ml (maximum likelihood), iv (instrumental variables); default:"
+        " %(default)s",
     )
     estimation.add_argument(
         "--physical",
@@ -121,8 +122,8 @@ def run(args: argparse.Namespace) -> int:
         say(text)
     for one in model.per_period:
         say(
-            f"{one['source']}: the {one['periods']} periods alone scatter {one['scatter_over_sigma']:.2f} times what"
-            " sigma says (1: the noise alone makes them differ)"
+            f"{one['source']}: scatter / predicted sigma = {one['scatter_over_sigma']:.2f} over"
+            f" {one['periods']} periods (expect 1)"
         )
     if model.days is not None:
         say(_days(model.days))
@@ -142,9 +143,9 @@ def payload_tables(model: Model) -> list[str]:
 def _days(days: Mapping[str, Any]) -> str:
     """Return what the intervals hold for."""
     if days["scatter_over_sigma"] is None:
-        return "intervals: this day only (recordings of three days or more tell how days differ)"
+        return "intervals: exclude day-to-day variation (record on three days or more to estimate it)"
     ratio = days["scatter_over_sigma"]
-    return f"intervals: {len(days['days'])} days, whose estimates scatter {ratio:.2f} times what sigma says"
+    return f"intervals: scatter / predicted sigma = {ratio:.2f} over {len(days['days'])} days (expect 1)"
 
 
 def parameter_table(model: Model) -> str:

@@ -248,7 +248,7 @@ def _test_effort(output: Path, bag: str, topic: str | None) -> None:
     try:
         found = contradiction(judge_declaration(read_recording(bag, topic=topic), robot), robot)
     except InputError as error:
-        tell(f"what effort means could not be tested: {error}")
+        tell(f"effort metadata not checked: {error}")
         return
     if found is not None:
         kept = f" (its topic stays: {topic})" if topic and found.entry.startswith("effort") else ""

@@ -97,7 +97,7 @@ def _refuse_fitted(bags: Sequence[str], validation: Sequence[str]) -> None:
     fitted = {os.path.realpath(bag) for bag in bags}
     for bag in validation:
         if os.path.realpath(bag) in fitted:
-            raise InputError(f"--validation {bag}: is one of the fitted recordings; give one that no fit has seen")
+            raise InputError(f"--validation {bag}: is one of the fitted recordings; give an independent one")
 
 
 def _refuse_stranger(model: Model, bag: str, measured: Measurement) -> None:

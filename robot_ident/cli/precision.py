@@ -93,7 +93,7 @@ def share_of(text: str) -> float:
     except ValueError:
         share = 0.0
     if not 0.0 < share < 1.0:
-        raise InputError(f"--precision {text!r}: a share of the value was expected, like 5% or 0.05")
+        raise InputError(f"--precision {text!r}: a ratio of the value was expected, like 5% or 0.05")
     return share
 
 
@@ -121,7 +121,7 @@ def say_precision(found: Precision | None) -> None:
     whose = "the model's" if found.estimated else "of the robot's files"
     if found.periods is not None:
         say(f"{found.periods} periods ({found.periods * found.period:.4g} s) for all of these")
-    say(f"values are {whose}; sigma by noise alone: what a model lacks does not average out")
+    say(f"values are {whose}; sigma from noise alone: model errors do not average out")
 
 
 def _periods(one: Needed) -> str:

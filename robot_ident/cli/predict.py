@@ -47,8 +47,10 @@ def run(args: argparse.Namespace) -> int:
         tell(note)
     units = [model.robot.torque_unit(k) for k in range(model.robot.n)]
     rows = [(name, *values.values(), unit) for (name, values), unit in zip(joints.items(), units, strict=True)]
-    say(table(("joint", "torque rms", "largest", "sigma rms", "misfit rms", "95 % band rms +-", "unit"), rows))
-    say("sigma: by the parameters' uncertainty; misfit: what the model left unexplained where it was identified")
+    say(table(("joint", "torque rms", "largest", "sigma rms", "unexplained rms", "95 % band rms +-", "unit"), rows))
+    say(
+        "sigma: from the parameters' uncertainty; unexplained: residual over the noise in the identification recordings"
+    )
     say(f"written: {args.output}")
     return 0
 

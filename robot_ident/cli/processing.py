@@ -15,7 +15,7 @@ if TYPE_CHECKING:
     from robot_ident.recording.recording import Recording
     from robot_ident.robot.robot import Robot
 
-AS_DECLARED = ", or go on with --as-declared"
+AS_DECLARED = ", or continue with --as-declared"
 _ALIKE = 1e-4  # difference of speeds that are the same
 
 

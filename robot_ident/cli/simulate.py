@@ -85,7 +85,7 @@ def run(args: argparse.Namespace) -> int:
     if answer is not None:
         refuse_existing(answer, force=args.force)
         if args.effect:
-            raise InputError("--hidden and --effect exclude each other: what is hidden might be the same")
+            raise InputError("--hidden and --effect exclude each other, because they might add the same effect")
     _none_of_ones_own(args.effect)
     if args.periods < 1:
         raise InputError(f"--periods {args.periods}: at least 1")
@@ -130,7 +130,7 @@ def run(args: argparse.Namespace) -> int:
     say(f"{result.recording.samples} samples, {result.recording.duration:.1f} s of robot time in {seconds:.2f} s")
     say(f"written: {args.output}")
     if answer is not None:
-        say(f"what is hidden stands in {answer}: robot_ident trial --open {answer} shows it")
+        say(f"hidden effects written: {answer} (robot_ident trial --open {answer} shows them)")
     return 0
 
 

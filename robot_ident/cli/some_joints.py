@@ -15,7 +15,10 @@ if TYPE_CHECKING:
 
 
 def add_joints(parser: Options, does: str, *, angle: str) -> None:
-    """Add the options; `does` says what the command does with the joints, `angle` where a held joint stands that --hold doesn't name."""
+    """Add the options.
+
+    does: what the command does with the joints. angle: where a held joint stands that --hold doesn't name.
+    """
     parser.add_argument("--joints", metavar="A,B", help=f"{does} these joints only; the others stand still")
     parser.add_argument(
         "--hold",

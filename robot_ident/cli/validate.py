@@ -41,17 +41,17 @@ def run(args: argparse.Namespace) -> int:
     model = read_model(args.model)
     result = validate(model, read_for(args.bag, model.robot, topic=args.topic), low_pass=args.low_pass)
     if was_fitted(args.bag, model.provenance):
-        seen = f"{args.bag}: the model was fitted to it, which validates nothing; give a recording that no fit has seen"
+        seen = f"{args.bag}: the model was fitted to it, so it validates nothing; give an independent one"
         result = replace(result, notes=(seen, *result.notes))
     if args.json:
         print_json(result.to_dict())
     else:
         for note in result.notes:
             tell(note)
-        say(f"moving, low-passed at {result.low_pass_hz:g} Hz")
+        say(f"residual while moving, low-pass filter at {result.low_pass_hz:g} Hz")
         say(fit_table(model.robot, result.residual))
         if result.standstill:
-            say("\nnear standstill, where stiction leaves the torque undetermined")
+            say("\nresidual near standstill, where stiction leaves the torque indeterminate")
             say(fit_table(model.robot, result.standstill))
         if result.trouble:
             tell(result.trouble)
