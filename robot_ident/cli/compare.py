@@ -91,7 +91,7 @@ def run(args: argparse.Namespace) -> int:
         if args.mcap:
             say(f"\nwritten: {args.mcap}")
     if args.fail_on_misfit:
-        _check(found[0])
+        _check(found[0], inputs.models[0].robot)
     if args.fail_on_change:
         check_unchanged(change)
     return 0
@@ -119,16 +119,19 @@ def _same_joints(inputs: Inputs) -> None:
             )
 
 
-def _check(found: Comparison) -> None:
-    """Raise CheckFailed where the model fails, InputError where no recording tells."""
+def _check(found: Comparison, robot: Robot) -> None:
+    """Raise CheckFailed where the model fails, InputError where no recording determines the noise."""
     if all(joint.misfit is None for joint in found.joints):
         raise InputError(
             "--fail-on-misfit: the noise cannot be estimated from these recordings; record 2 periods or more"
         )
-    failing = [joint for joint in found.joints if joint.fails]
+    failing = [
+        f"{joint.name} (excess rms {joint.excess:.3g} {robot.torque_unit(number)} over the noise)"
+        for number, joint in enumerate(found.joints)
+        if joint.fails
+    ]
     if failing:
-        listed = ", ".join(f"{joint.name} (excess rms {joint.excess:.3g} over the noise)" for joint in failing)
-        raise CheckFailed(f"lack of fit: {listed}")
+        raise CheckFailed(f"lack of fit: {', '.join(failing)}")
 
 
 def _to_dict(inputs: Inputs, found: Sequence[Comparison], mcap: str | None) -> dict[str, Any]:

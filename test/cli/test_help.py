@@ -60,7 +60,7 @@ def test_many_options_stand_under_headings(command: str, capsys: pytest.CaptureF
     ("words", "line"),
     [
         (["identfy", "x"], "robot_ident: unknown command 'identfy'; did you mean 'identify'?"),
-        (["digest", "--json"], "robot_ident: unknown command 'digest'; did you mean 'design'?"),
+        (["desing", "--json"], "robot_ident: unknown command 'desing'; did you mean 'design'?"),
         (["zzz"], "robot_ident: unknown command 'zzz'; known: add, check, "),
         (["help", "zzz"], "robot_ident: unknown command 'zzz'; known: add, check, "),
         (["a\nb"], "robot_ident: unknown command 'a b'; known: "),
