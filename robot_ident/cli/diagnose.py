@@ -52,7 +52,7 @@ def run(args: argparse.Namespace) -> int:
     from robot_ident.files import refuse_existing
 
     if args.output and not args.add_until_adequate:
-        raise InputError(f"-o {args.output}: needs --add-until-adequate, which makes a model to write")
+        raise InputError(f"-o {args.output}: a model is written only with --add-until-adequate")
     if args.output:
         refuse_existing(args.output, force=args.force)
     inputs = read_inputs(args.inputs, args.validation, args.topic)
