@@ -61,7 +61,7 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
         type=within(1.0, 1e5),
         default=150.0,
         metavar="HZ",
-        help="sample rate of the recording (default: %(default)s Hz)",
+        help="sample rate of the trajectory, Hz (default: %(default)s)",
     )
     motion.add_argument(
         "--symmetric",
@@ -83,7 +83,7 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
         nargs="+",
         default=[],
         metavar="BAG",
-        help="stay inside the envelope of these recordings: positions, speeds, accelerations, tool poses",
+        help="stay inside the envelope of these recordings: positions, speeds, accelerations, tool positions",
     )
     add_joints(limits, "move", angle="0")
     add_accept_unchecked(limits)

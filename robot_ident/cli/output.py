@@ -89,7 +89,7 @@ def add_robot(parser: Options, default: str | None = "kuka_ir361") -> None:
         "--robot",
         default=default,
         metavar="R",
-        help="kuka_ir361, kuka_ir361_spring, a robot YAML or a URDF (default: %(default)s)",
+        help=f"kuka_ir361, kuka_ir361_spring, a robot YAML or a URDF (default: {default or 'none'})",
     )
 
 

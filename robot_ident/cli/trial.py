@@ -47,8 +47,8 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
         "--family",
         choices=("effects", "measurement", "real"),
         default="effects",
-        help="effects: of the arm; measurement: faults of the recording; real: no effect, recordings with the faults of"
-        " real ones, to compare the base model with fixed filters (default: %(default)s)",
+        help="effects: of the arm; measurement: faults of the recording; real: recordings with the faults of real"
+        " ones, on which fixed filters compete with the base model (default: %(default)s)",
     )
     hidden.add_argument(
         "--kind",

@@ -40,7 +40,7 @@ def run_base(args: argparse.Namespace, cases: Sequence[Case], robot: Robot) -> i
         each = [one.to_dict() for one in outcomes]
         print_json({"schema": "robot_ident/trial_real/1", "robot": args.robot, **result, "cases": each})
         return 0
-    say(f"validation error relative to the best of {len(FILTERS)} fixed filters, which know the true effects:")
+    say(f"validation error relative to the best of {len(FILTERS)} fixed filters with the true offsets and scales:")
     rows = [
         (
             kind["kind"],
