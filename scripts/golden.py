@@ -118,9 +118,12 @@ def written() -> set[str]:
 
 def usage() -> list[str]:
     """Return the options of every verb: names, value, default, help. argparse lays them out anew with every Python."""
+    from robot_ident.cli.commands import DESCRIPTION, GROUPS
     from robot_ident.cli.main import VERBS, build_parser
 
-    lines = []
+    lines = ["", DESCRIPTION]
+    for title, commands in GROUPS.items():
+        lines += ["", f"{title}:", *(f"  {name}: {text}" for name, text in commands.items())]
     for verb in VERBS:
         top = build_parser(verb)
         verbs = next(a for a in top._actions if isinstance(a, argparse._SubParsersAction))

@@ -14,14 +14,14 @@ if TYPE_CHECKING:
 
 
 def add_arguments(parser: argparse.ArgumentParser) -> None:
-    """Add the verb's options."""
+    """Add the command's options."""
     from robot_ident.cli.loop import add_common
 
     parser.add_argument("model", metavar="model.yaml", help="the model to extend")
     parser.add_argument("effects", nargs="+", metavar="NAME@JOINT", help="effects to add")
-    parser.add_argument("--bag", nargs="+", required=True, metavar="BAG", help="recordings to fit")
-    parser.add_argument("-o", "--output", metavar="MODEL2", help="the extended model to write")
-    parser.add_argument("--force", action="store_true", help="replace what is there")
+    parser.add_argument("--bag", nargs="+", required=True, metavar="BAG", help="recordings to fit the model to")
+    parser.add_argument("-o", "--output", metavar="MODEL2", help="write the extended model to this file")
+    parser.add_argument("--force", action="store_true", help="overwrite existing files")
     add_common(parser)
 
 

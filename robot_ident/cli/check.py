@@ -21,20 +21,20 @@ if TYPE_CHECKING:
 
 
 def add_arguments(parser: argparse.ArgumentParser) -> None:
-    """Add the verb's options."""
-    parser.add_argument("excitation", metavar="excitation.yaml", help="an excitation or a validation motion")
+    """Add the command's options."""
+    parser.add_argument("excitation", metavar="excitation.yaml", help="excitation or validation motion")
     add_robot(parser)
     parser.add_argument(
-        "--periods", type=within(1, 100_000, int), default=1, help="periods that are played (default %(default)s)"
+        "--periods", type=within(1, 100_000, int), default=1, help="number of periods to play (default: %(default)s)"
     )
     parser.add_argument(
         "--from",
         dest="start",
         metavar="Q1,Q2,...",
-        help="certify the approach from rest at these positions (rad or m) as well; --from=-0.1,... where the first is"
+        help="check the approach from rest at these positions (rad or m) too; write --from=-0.1,... if the first is"
         " negative",
     )
-    parser.add_argument("--model", metavar="MODEL", help="with --precision: model.yaml whose parameters count")
+    parser.add_argument("--model", metavar="MODEL", help="with --precision: model.yaml that holds the parameters")
     add_precision(parser)
     add_accept_unchecked(parser)
     add_json(parser)

@@ -22,31 +22,34 @@ _SENTENCES = 4
 
 
 def add_arguments(parser: argparse.ArgumentParser) -> None:
-    """Add the verb's options."""
+    """Add the command's options."""
 
     parser.add_argument(
-        "inputs", nargs="+", metavar="model.yaml BAG", help="models and recordings; two models alone: what changed"
+        "inputs",
+        nargs="+",
+        metavar="model.yaml BAG",
+        help="models and recordings; two models without a recording: what changed",
     )
     parser.add_argument("--topic", metavar="T", help="topic of the joint states")
     parser.add_argument(
         "--mcap",
         metavar="OUT",
-        help="write measured, predicted, residual and each effect's share along the recordings (.mcap, or a folder)",
+        help="write effort, prediction, residual and the torque of each effect as time series (.mcap file or folder)",
     )
     parser.add_argument(
         "--over",
         metavar="WHAT",
-        help="also print the residual beside its noise along position, velocity, acceleration, load,"
+        help="also print the residual and its noise as a function of position, velocity, acceleration, load,"
         " time_since_reversal, time or frequency",
     )
     parser.add_argument(
-        "--fail-on-misfit", action="store_true", help="exit with 3 when the first model does not fit at some joint"
+        "--fail-on-misfit", action="store_true", help="exit with 3 if the first model shows lack of fit at a joint"
     )
-    parser.add_argument("--force", action="store_true", help="replace what is there")
+    parser.add_argument("--force", action="store_true", help="overwrite existing files")
     parser.add_argument(
         "--fail-on-change",
         action="store_true",
-        help="exit with 3 when something has changed from the first of two models to the second",
+        help="exit with 3 if a parameter changed from the first of two models to the second",
     )
     add_json(parser)
 
@@ -88,7 +91,7 @@ def run(args: argparse.Namespace) -> int:
         if args.mcap:
             say(f"\nwritten: {args.mcap}")
     if args.fail_on_misfit:
-        _check(found[0])
+        _check(found[0], inputs.models[0].robot)
     if args.fail_on_change:
         check_unchanged(change)
     return 0
@@ -98,7 +101,7 @@ def _without_recording(args: argparse.Namespace, inputs: Inputs) -> None:
     """Raise InputError where models alone don't do."""
     for option, given in (("--mcap", args.mcap), ("--fail-on-misfit", args.fail_on_misfit)):
         if given:
-            raise InputError(f"{option}: takes at least one recording beside {', '.join(inputs.paths)}")
+            raise InputError(f"{option}: needs at least one recording in addition to {', '.join(inputs.paths)}")
     if len(inputs.models) != 2:
         raise InputError(
             f"{', '.join(inputs.paths)}: no recording; compare takes at least one recording, or two models, old and"
@@ -116,16 +119,19 @@ def _same_joints(inputs: Inputs) -> None:
             )
 
 
-def _check(found: Comparison) -> None:
-    """Raise CheckFailed where the model fails, InputError where no recording tells."""
+def _check(found: Comparison, robot: Robot) -> None:
+    """Raise CheckFailed where the model fails, InputError where no recording determines the noise."""
     if all(joint.misfit is None for joint in found.joints):
         raise InputError(
-            "--fail-on-misfit: the recordings don't tell their noise; record 2 periods or more of a motion"
+            "--fail-on-misfit: the noise cannot be estimated from these recordings; record 2 periods or more"
         )
-    failing = [joint for joint in found.joints if joint.fails]
+    failing = [
+        f"{joint.name} (excess rms {joint.excess:.3g} {robot.torque_unit(number)} over the noise)"
+        for number, joint in enumerate(found.joints)
+        if joint.fails
+    ]
     if failing:
-        listed = ", ".join(f"{joint.name} ({joint.excess:.3g} rms beyond the noise)" for joint in failing)
-        raise CheckFailed(f"the model does not fit: {listed}")
+        raise CheckFailed(f"lack of fit: {', '.join(failing)}")
 
 
 def _to_dict(inputs: Inputs, found: Sequence[Comparison], mcap: str | None) -> dict[str, Any]:
@@ -161,7 +167,7 @@ def _print(inputs: Inputs, found: Sequence[Comparison]) -> None:
         for path, one in zip(inputs.paths, found, strict=True)
         for joint in (one.joints[number],)
     ]
-    header = ("joint", "model", "residual rms", "noise rms", "beyond noise", "unit", "chi2/dof", "p", "")
+    header = ("joint", "model", "residual rms", "noise rms", "excess rms", "unit", "chi2/dof", "p", "")
     keep = [k for k in range(len(header)) if k != 1 or len(found) > 1]
     say(table([header[k] for k in keep], [[row[k] for k in keep] for row in rows]))
     for path, one in zip(inputs.paths, found, strict=True):
@@ -177,18 +183,18 @@ def _row(path: str, joint: JointComparison, unit: str) -> tuple[object, ...]:
 
 def _print_joint(joint: JointComparison, robot: Robot, number: int, model: str) -> None:
     unit = robot.torque_unit(number)
-    say(f"\n{joint.name}{model}: {joint.excess:.3g} {unit} rms beyond the noise")
+    say(f"\n{joint.name}{model}: excess rms {joint.excess:.3g} {unit} over the noise")
     for region in joint.worst[:_SENTENCES]:
         say(f"  {joint.name}, {region.in_words(robot, number)}")
     ranked = sorted(joint.explained_by.items(), key=lambda item: -item[1])[:_BARS]
     _print_bars(
-        "a curve over each variable explains, on motion it has not seen:",
+        "explained by a curve over each variable (cross-validated):",
         [(name.replace("_", " "), share) for name, share in ranked],
         "no single variable",
     )
     bands = [(f"{low:g} to {high:g} Hz", share) for low, high, share in joint.by_frequency]
     if bands:
-        _print_bars("by frequency:", bands, "no band alone")
+        _print_bars("by frequency:", bands, "no single band")
     if joint.odd is not None and joint.even is not None:
         odd, even = 100 * joint.odd, 100 * joint.even
         say(f"  under time reversal: {odd:.0f} % odd (friction), {even:.0f} % even (forces, inertia)")
@@ -203,7 +209,7 @@ def _print_profiles(inputs: Inputs, found: Comparison, what: str) -> None:
         for profile in (one for one in joint.profiles if one.what == what):
             symbol, unit = symbol_and_unit(what, robot, number)
             source = f" of {profile.recording}" if profile.recording else ""
-            say(f"\n{joint.name}, residual [{robot.torque_unit(number)}] along {symbol} [{unit}]{source}")
+            say(f"\n{joint.name}, residual [{robot.torque_unit(number)}] as a function of {symbol} [{unit}]{source}")
             rows = [(s.lower, s.upper, s.mean, s.rms, s.noise_rms) for s in profile.stretches]
             say(table(("from", "to", "mean", "rms", "noise rms"), rows))
 

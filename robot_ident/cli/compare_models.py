@@ -56,11 +56,11 @@ def say_change(inputs: Inputs, change: Change, *, after: bool) -> None:
     for note in found.notes:
         tell(f"note: {note}")
     if found.unmatched:
-        tell(f"note: not compared, since {old} holds nothing that gives them: {', '.join(found.unmatched)}")
+        tell(f"note: not compared, because {old} does not determine them: {', '.join(found.unmatched)}")
     blank = "\n" if after else ""
     count = f"{len(found.changed)} of {len(found.parameters)} parameters"
-    say(f"{blank}from {old} to {new}: {count if found.anything else 'no parameter'} changed beyond chance")
-    say(f"(at most {CHANCE:.0%} of such comparisons call something changed where nothing is)\n".replace("%", " %"))
+    say(f"{blank}from {old} to {new}: {count if found.anything else 'no parameter'} changed significantly")
+    say(f"(false alarm rate: at most {CHANCE:.0%} of comparisons)\n".replace("%", " %"))
     header = ("joint", "parameters", "chi2/dof", "p", *(("torque changed, rms",) if change.torque else ()), "changed")
     rows = []
     for joint in found.joints:

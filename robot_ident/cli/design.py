@@ -21,7 +21,7 @@ from robot_ident.cli.design_bound import (
 from robot_ident.cli.design_from import within_runs
 from robot_ident.cli.design_waypoints import add_waypoints, run_waypoints
 from robot_ident.cli.margin_table import margin_table
-from robot_ident.cli.output import Progress, add_cluster, add_json, add_output, print_json, say, tell, within
+from robot_ident.cli.output import Options, Progress, add_cluster, add_json, add_output, print_json, say, tell, within
 from robot_ident.cli.precision import add_precision, check_precision, precision, precision_json, say_precision
 from robot_ident.cli.some_joints import add_joints, held_for_design, held_note
 from robot_ident.cli.unchecked import add_accept_unchecked, refuse_unchecked, say_unchecked
@@ -42,74 +42,98 @@ _WHOLE = 2.0  # s for the certificate of the whole robot where some joints are h
 
 
 def add_arguments(parser: argparse.ArgumentParser) -> None:
-    """Add the verb's options."""
-
-    parser.add_argument(
-        "--robot",
-        metavar="R",
-        help="kuka_ir361 (default), kuka_ir361_spring, a robot YAML, URDF or model.yaml (with --model: its own)",
+    """Add the command's options."""
+    _add_purpose(parser.add_argument_group("what to optimise"))
+    motion = parser.add_argument_group("motion")
+    motion.add_argument(
+        "--harmonics", type=within(1, 60, int), metavar="L", help="harmonics of the Fourier series (default: 5)"
     )
-    parser.add_argument(
-        "--criterion",
-        default="d-optimal",
-        help="d-optimal (c2), condition (c1) or crlb (with noise on positions too; needs --model); default %(default)s",
+    motion.add_argument(
+        "--base-frequency",
+        type=within(1e-4, 100.0),
+        default=0.1,
+        metavar="F",
+        help="base frequency of the Fourier series, Hz (default: %(default)s)",
     )
-    parser.add_argument(
-        "--harmonics", type=within(1, 60, int), metavar="L", help="terms of the Fourier series (default 5)"
+    motion.add_argument("--bandwidth", metavar="LO:HI", help="use L harmonics within this band only, Hz")
+    motion.add_argument(
+        "--sample-rate",
+        type=within(1.0, 1e5),
+        default=150.0,
+        metavar="HZ",
+        help="sample rate of the trajectory, Hz (default: %(default)s)",
     )
-    parser.add_argument(
-        "--base-frequency", type=within(1e-4, 100.0), default=0.1, metavar="F", help="Hz (default %(default)s)"
+    motion.add_argument(
+        "--symmetric",
+        action="store_true",
+        help="make q(-t) = q(t), which separates friction from conservative torque errors",
     )
-    parser.add_argument(
-        "--sample-rate", type=within(1.0, 1e5), default=150.0, metavar="HZ", help="Hz (default %(default)s)"
-    )
-    parser.add_argument(
-        "--effect", action="extend", nargs="+", default=[], metavar="NAME@JOINT", help="further effects to identify"
-    )
-    parser.add_argument(
-        "--model", metavar="MODEL", help="model.yaml whose parameters are designed for, at its estimates"
-    )
-    parser.add_argument(
-        "--prior", nargs="+", default=[], metavar="BAG", help="recordings (or models): what they tell already counts"
-    )
-    parser.add_argument(
-        "--only", choices=("payload",), help="tell what the hand carries, the arm being known; friction is free"
-    )
-    parser.add_argument(
+    motion.add_argument(
         "--trajectories",
         type=within(1, 20, int),
         default=1,
         metavar="K",
-        help="so many motions designed together: -o NAME.yaml writes NAME_1.yaml...",
+        help="optimise K trajectories jointly; -o NAME.yaml writes NAME_1.yaml... (default: %(default)s)",
     )
-    parser.add_argument(
-        "--symmetric", action="store_true", help="q(-t) = q(t): tells friction from conservative errors"
-    )
-    parser.add_argument("--bandwidth", metavar="LO:HI", help="Hz; harmonics inside only, L of them")
-    add_joints(parser, angle="0")
-    parser.add_argument(
+    add_waypoints(motion)
+    limits = parser.add_argument_group("limits")
+    limits.add_argument(
         "--from",
         dest="run_before",
         nargs="+",
         default=[],
         metavar="BAG",
-        help="stay within what these recordings show that the robot has run: positions, speeds, accelerations, tool",
+        help="stay inside the envelope of these recordings: positions, speeds, accelerations, tool positions",
     )
-    add_waypoints(parser)
-    add_precision(parser)
-    parser.add_argument(
-        "--tell", nargs=2, metavar=("A@j", "B@k"), help="the motion that best tells two effects apart, instead"
+    add_joints(limits, "move", angle="0")
+    add_accept_unchecked(limits)
+    search = parser.add_argument_group("search")
+    search.add_argument(
+        "--starts", type=within(1, 100_000, int), metavar="N", help="random starts of the optimiser (default: 12)"
     )
-    parser.add_argument("--starts", type=within(1, 100_000, int), metavar="N", help="cold starts (default 12)")
-    parser.add_argument(
-        "--time-limit", type=float, metavar="S", help="wall time; the best so far is kept, as with Ctrl-C"
+    search.add_argument(
+        "--time-limit", type=float, metavar="S", help="stop after S seconds of wall time and keep the best result"
     )
-    parser.add_argument("--seed", type=within(0, 2**31, int), default=0, help="of the starts (default %(default)s)")
-    add_cluster(parser)
-    add_bound_arguments(parser)
-    add_accept_unchecked(parser)
-    add_output(parser, "EXCITATION", "excitation.yaml to write")
-    add_json(parser)
+    search.add_argument(
+        "--seed", type=within(0, 2**31, int), default=0, help="seed of the random starts (default: %(default)s)"
+    )
+    add_cluster(search)
+    output = parser.add_argument_group("output")
+    add_output(output, "EXCITATION", "excitation.yaml to write")
+    add_bound_arguments(output)
+    add_precision(output)
+    add_json(output)
+
+
+def _add_purpose(group: Options) -> None:
+    group.add_argument(
+        "--robot",
+        metavar="R",
+        help="kuka_ir361, kuka_ir361_spring, a robot YAML, URDF or model.yaml (default: --model's, else kuka_ir361)",
+    )
+    group.add_argument(
+        "--criterion",
+        default="d-optimal",
+        help="d-optimal (log det of the covariance), condition (condition number) or crlb (d-optimal with position"
+        " noise, needs --model); default: %(default)s",
+    )
+    group.add_argument(
+        "--effect", action="extend", nargs="+", default=[], metavar="NAME@JOINT", help="additional effects to identify"
+    )
+    group.add_argument("--model", metavar="MODEL", help="model.yaml whose parameters to optimise for")
+    group.add_argument(
+        "--prior",
+        nargs="+",
+        default=[],
+        metavar="BAG",
+        help="recordings or models whose information is already available",
+    )
+    group.add_argument(
+        "--only", choices=("payload",), help="optimise for the payload's parameters alone, with friction re-estimated"
+    )
+    group.add_argument(
+        "--tell", nargs=2, metavar=("A@j", "B@k"), help="optimise the motion to discriminate between two effects"
+    )
 
 
 def run(args: argparse.Namespace) -> int:
@@ -166,7 +190,7 @@ def run(args: argparse.Namespace) -> int:
     for note in (*held_note(whole, held), *found.notes):
         tell(note)
     if found.interrupted:
-        tell("stopped early; this is the best so far")
+        tell("stopped early: this is the best excitation so far")
     say_unchecked(found.margins)
     together = f" of {len(found.excitations)} motions together" if len(found.excitations) > 1 else ""
     beside = ", the earlier recordings included" if args.prior else ""

@@ -7,7 +7,7 @@ import time
 from dataclasses import replace
 from typing import TYPE_CHECKING, Any
 
-from robot_ident.cli.output import Progress, say
+from robot_ident.cli.output import Options, Progress, say
 from robot_ident.errors import InputError
 
 if TYPE_CHECKING:
@@ -19,14 +19,14 @@ if TYPE_CHECKING:
 _SHARE = 0.4  # of a time limit that is left for the bound
 
 
-def add_bound_arguments(parser: argparse.ArgumentParser) -> None:
+def add_bound_arguments(parser: Options) -> None:
     """Add `--bound` and `--page`."""
     parser.add_argument(
         "--bound",
         action="store_true",
-        help="also bound what any motion within the limits could reach (up to a minute), and print the D-efficiency",
+        help="also bound the best criterion within the limits (up to 60 s) and print the D-efficiency",
     )
-    parser.add_argument("--page", metavar="PAGE", help="page.html to write: the motion, its limits, what it tells")
+    parser.add_argument("--page", metavar="PAGE", help="page.html to write: the motion, its limits, its information")
 
 
 def check_bound_arguments(args: argparse.Namespace) -> None:

@@ -63,8 +63,8 @@ def run_tell(
     for note in target.notes:
         tell(note)
     say_unchecked(found.margins)
-    state = "enough" if found.separable else f"not separable by motion: {NEEDED:g} is needed"
-    say(f"{first} against {second}: noncentrality {found.noncentrality:.1f}, {state} (a motion of kind: {found.kind})")
+    state = "sufficient" if found.separable else f"not separable by motion: {NEEDED:g} is needed"
+    say(f"{first} vs. {second}: noncentrality {found.noncentrality:.1f}, {state} (a motion of kind: {found.kind})")
     for label, text in found.otherwise.items():
         say(f"  {label}: {text}")
     say(margin_table(found.margins))

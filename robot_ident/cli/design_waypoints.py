@@ -8,7 +8,7 @@ from collections.abc import Sequence
 from typing import TYPE_CHECKING
 
 from robot_ident.cli.margin_table import margin_table
-from robot_ident.cli.output import Progress, print_json, say, tell, within
+from robot_ident.cli.output import Options, Progress, print_json, say, tell, within
 from robot_ident.cli.unchecked import refuse_unchecked, say_unchecked
 from robot_ident.errors import InputError
 
@@ -16,18 +16,26 @@ if TYPE_CHECKING:
     from robot_ident.excitation.target import Target
 
 
-def add_waypoints(parser: argparse.ArgumentParser) -> None:
+def add_waypoints(parser: Options) -> None:
     """Add the options."""
     parser.add_argument(
         "--waypoints",
         metavar="FILE",
-        help="choose and order moves between the approved poses of a YAML instead: a tour that is repeated",
+        help="instead of a Fourier series, plan a repeated tour of moves between the approved poses of a YAML",
     )
     parser.add_argument(
-        "--moves", type=within(2, 200, int), default=12, metavar="K", help="of a tour, at most (default %(default)s)"
+        "--moves",
+        type=within(2, 200, int),
+        default=12,
+        metavar="K",
+        help="maximum number of moves of the tour (default: %(default)s)",
     )
     parser.add_argument(
-        "--repeats", type=within(1, 1000, int), default=8, metavar="M", help="of the tour (default %(default)s)"
+        "--repeats",
+        type=within(1, 1000, int),
+        default=8,
+        metavar="M",
+        help="repetitions of the tour (default: %(default)s)",
     )
 
 

@@ -6,7 +6,7 @@ import argparse
 from dataclasses import replace
 from typing import TYPE_CHECKING
 
-from robot_ident.cli.output import Progress, print_json, say, table, tell
+from robot_ident.cli.output import Progress, add_json, add_output, print_json, say, table, tell
 from robot_ident.errors import InputError
 
 if TYPE_CHECKING:
@@ -20,22 +20,25 @@ _TIED_LISTED = 3  # of the candidates that one is tied with: the table stays rea
 
 
 def add_arguments(parser: argparse.ArgumentParser) -> None:
-    """Add the verb's options."""
-    from robot_ident.cli.loop import add_common
+    """Add the command's options."""
+    from robot_ident.cli.loop import add_recordings
 
     parser.add_argument(
-        "inputs", nargs="+", metavar="model.yaml BAG", help="a model and recordings, two or more for a firm verdict"
+        "inputs",
+        nargs="+",
+        metavar="model.yaml BAG",
+        help="one model and its recordings, two or more for a conclusive verdict",
     )
-    parser.add_argument(
+    add_recordings(parser.add_argument_group("recordings"))
+    extension = parser.add_argument_group("model extension")
+    extension.add_argument(
         "--add-until-adequate",
         action="store_true",
-        help="add what is found and diagnose again until nothing is; print the falling error",
+        help="add the missing effects and repeat until the model is adequate; print the error after each step",
     )
-    parser.add_argument(
-        "-o", "--output", metavar="MODEL", help="with --add-until-adequate: the model with what was found"
-    )
-    parser.add_argument("--force", action="store_true", help="replace what is there")
-    add_common(parser)
+    output = parser.add_argument_group("output")
+    add_output(output, "MODEL", "with --add-until-adequate: extended model to write")
+    add_json(output)
 
 
 def run(args: argparse.Namespace) -> int:
@@ -49,7 +52,7 @@ def run(args: argparse.Namespace) -> int:
     from robot_ident.files import refuse_existing
 
     if args.output and not args.add_until_adequate:
-        raise InputError(f"-o {args.output}: only with --add-until-adequate is there a model to write")
+        raise InputError(f"-o {args.output}: a model is written only with --add-until-adequate")
     if args.output:
         refuse_existing(args.output, force=args.force)
     inputs = read_inputs(args.inputs, args.validation, args.topic)
@@ -115,22 +118,32 @@ def _print(found: Diagnosis, inputs: Inputs) -> None:
     for suspect in found.missing:
         _print_named(suspect, inputs)
     if found.unexplained is not None and found.verdict == "missing":
-        say(f"\nnot explained: {found.unexplained.joint}, {found.unexplained.where}")
+        say(f"\nunexplained: {found.unexplained.joint}, {found.unexplained.where}")
     floors = _floors(inputs)
     rows = [
         (joint, found.remaining_rms[joint], floors[joint], robot.torque_unit(number))
         for number, joint in enumerate(robot.joints)
     ]
     known = all(floor is not None for floor in floors.values())
-    remains = "remains, rms beyond noise" if known else "remains, rms with noise"
+    remains = "unexplained excess rms" if known else "unexplained rms, noise included"
     if found.verdict == "adequate" and not found.hidden_in_path:
-        remains += ", within chance"
+        remains += " (not significant)"
     say()
     say(table(("joint", remains, "noise rms", "unit"), rows))
     if found.missing or found.others:
         say()
         listed = [*found.missing, *found.others]
-        header = ("rank", "candidate", "named", "explains", "p", "rms before", "rms after", "unit", "tied with")
+        header = (
+            "rank",
+            "candidate",
+            "named",
+            "explains",
+            "p",
+            "rms before",
+            "rms after",
+            "unit",
+            "indistinguishable from",
+        )
         say(table(header, [_row(rank, s, s in found.missing, robot) for rank, s in enumerate(listed, 1)]))
     for note in found.notes:
         tell(f"note: {note}")
@@ -147,16 +160,16 @@ def _print_named(suspect: Suspect, inputs: Inputs) -> None:
     if suspect.validation_before is not None and suspect.validation_after is not None:
         kinds.append(("on the validation", suspect.validation_before, suspect.validation_after))
     falls = [f"{kind} {before[joint] ** 0.5:.3g} -> {after[joint] ** 0.5:.3g} {unit}" for kind, before, after in kinds]
-    doing = "putting it right" if suspect.effect.measuring else "adding it to the rest"
+    doing = "correcting it" if suspect.effect.measuring else "adding it"
     if falls:
         say(f"  {doing}: rms at {joint} {', '.join(falls)}")
     if suspect.fix:
         say(f"  to change: {suspect.fix}")
     if suspect.tied_with:
         common = f" (all {suspect.family})" if suspect.family else ""
-        say(f"  these recordings can't tell it from {', '.join(suspect.tied_with)}{common}")
+        say(f"  these recordings cannot discriminate it from {', '.join(suspect.tied_with)}{common}")
     if suspect.tied_with and suspect.experiment:
-        say(f"  what would tell: {suspect.experiment}")
+        say(f"  experiment: {suspect.experiment}")
 
 
 def _joint(suspect: Suspect) -> str:

@@ -7,6 +7,7 @@ import os
 from collections.abc import Sequence
 from typing import Any
 
+from robot_ident.cli.output import Options
 from robot_ident.errors import InputError
 
 
@@ -27,11 +28,11 @@ class _Effects(argparse.Action):
         namespace.after_effects = [*namespace.after_effects, *bags]
 
 
-def add_bags_and_effects(parser: argparse.ArgumentParser) -> None:
-    """Add the recordings and `--effect`; `bags_of` returns the former."""
-    parser.add_argument("bags", nargs="*", metavar="BAG", help="recordings, periodic or not")
-    parser.add_argument(
-        "--effect", action=_Effects, nargs="+", default=[], metavar="NAME@JOINT", help="further effects in the model"
+def add_bags_and_effects(parser: Options, model: Options) -> None:
+    """Add the recordings to a parser, and `--effect` to its group of the model."""
+    parser.add_argument("bags", nargs="*", metavar="BAG", help="recordings to fit, periodic or not")
+    model.add_argument(
+        "--effect", action=_Effects, nargs="+", default=[], metavar="NAME@JOINT", help="additional effects in the model"
     )
     parser.set_defaults(after_effects=[])
 

@@ -12,8 +12,8 @@ if TYPE_CHECKING:
 
 
 def add_arguments(parser: argparse.ArgumentParser) -> None:
-    """Add the verb's options."""
-    parser.add_argument("name", nargs="?", metavar="NAME", help="one effect; all when left out")
+    """Add the command's options."""
+    parser.add_argument("name", nargs="?", metavar="NAME", help="effect to explain (default: list all)")
     add_json(parser)
 
 

@@ -9,7 +9,7 @@ from pathlib import Path
 
 def add_effects_from(parser: argparse.ArgumentParser) -> None:
     """Add the option."""
-    text = "Python file with effects of your own (see examples/my_effects.py)"
+    text = "Python file with user-defined effects (see examples/my_effects.py)"
     parser.add_argument("--effects-from", action="append", default=[], metavar="FILE.py", help=text)
 
 

@@ -19,32 +19,34 @@ _UNCERTAIN = 5.0  # standard deviations by which parameters may be impossible an
 
 
 def add_arguments(parser: argparse.ArgumentParser) -> None:
-    """Add the verb's options."""
-    parser.add_argument("model", metavar="model.yaml", help="an identified model")
+    """Add the command's options."""
+    parser.add_argument("model", metavar="model.yaml", help="identified model")
     form = parser.add_mutually_exclusive_group(required=True)
-    form.add_argument("--urdf", metavar="F", help="the robot's URDF with the identified inertias and joint friction")
-    form.add_argument("--mjcf", metavar="F", help="a MuJoCo model, rotor inertias included")
-    form.add_argument("--c", metavar="DIR", help="folder with C code of torque, gravity and friction")
+    form.add_argument(
+        "--urdf", metavar="F", help="write the robot's URDF with the identified inertias and joint friction"
+    )
+    form.add_argument("--mjcf", metavar="F", help="write a MuJoCo model, including rotor inertias")
+    form.add_argument("--c", metavar="DIR", help="write C code of torque, gravity and friction to this folder")
     parser.add_argument(
         "--smoothing",
         type=within(1e-9, 1e3),
         default=0.01,
         metavar="V",
-        help="C code: speed below which dry friction is smoothed, rad/s or m/s (default %(default)s)",
+        help="with --c: speed below which Coulomb friction is smoothed, rad/s or m/s (default: %(default)s)",
     )
     parser.add_argument(
         "--validation",
         metavar="BAG",
-        help="a recording along which the model's error and the torque of what is left out are measured",
+        help="recording on which to print the model's error and the torque of the effects not exported",
     )
     parser.add_argument("--topic", metavar="T", help="topic of the joint states")
     parser.add_argument(
         "--anyway",
         action="store_true",
-        help="write a model that misses half of its own torque, is worse than none on --validation, or C code that no"
-        " links can have",
+        help="export even if the model misses half of its own torque, fails on --validation or is not physically"
+        " consistent (C code)",
     )
-    parser.add_argument("--force", action="store_true", help="replace what is there")
+    parser.add_argument("--force", action="store_true", help="overwrite existing files")
     add_json(parser)
 
 
@@ -94,16 +96,16 @@ def run(args: argparse.Namespace) -> int:
         return 0
     for note in notes:
         tell(note)
-    say(f"carried: the links{''.join(f', {label}' for label in made.carried)}")
+    say(f"exported: the links{''.join(f', {label}' for label in made.carried)}")
     if made.left:
-        say(f"left out: {', '.join(made.left)}")
+        say(f"not exported: {', '.join(made.left)}")
     if held.left_out:
         rows = [(label, *rms.values()) for label, rms in held.left_out.items()]
-        say(table(("left out", *model.robot.joints), rows))
+        say(table(("not exported", *model.robot.joints), rows))
         say("Nm (N) rms along the recording")
     if held.residual:
         say(fit_table(model.robot, held.residual))
-        say("the whole model's error along the recording")
+        say("error of the complete model along the recording")
     say(f"written: {target}")
     return 0
 

@@ -60,13 +60,13 @@ def unseen_errors(model: Model, validation: Sequence[Measurement]) -> dict[str, 
 
 
 def staircase(steps: Sequence[Step]) -> str:
-    """Return the falling error, a line a joint and model, beside the noise floor."""
+    """Return the error of each joint and model, with the noise floor."""
     robot = steps[0].model.robot
     rows: list[tuple[object, ...]] = []
     aside = steps[0].unseen is not None
     for number, joint in enumerate(robot.joints):
         for place, step in enumerate(steps):
-            label = "as it was" if place == 0 else f"+ {step.model.structure.labels[-1]}"
+            label = "original" if place == 0 else f"+ {step.model.structure.labels[-1]}"
             fit = step.model.residual[joint]
             floor = None if fit.noise_variance is None else fit.noise_variance**0.5
             beyond = () if step.unseen is None else (step.unseen[joint] ** 0.5,)

@@ -20,33 +20,42 @@ if TYPE_CHECKING:
 
 
 def add_arguments(parser: argparse.ArgumentParser) -> None:
-    """Add the verb's options."""
-    from robot_ident.cli.processing import add_processing
+    """Add the command's options."""
+    from robot_ident.cli.processing import add_processing, add_reading
 
-    add_bags_and_effects(parser)
-    add_robot(parser)
-    parser.add_argument(
-        "--estimator",
-        default="wls",
-        help="ls (eq. 10), wls (eq. 7), ml (eqs. 3 to 6) or iv (instrumental variables); default %(default)s",
-    )
-    parser.add_argument(
-        "--physical", action="store_true", help="the nearest parameters that a real arm can have (needs clarabel)"
-    )
-    parser.add_argument(
-        "--as-declared", action="store_true", help="go on where the data contradict what the robot YAML says of effort"
-    )
-    parser.add_argument(
+    model = parser.add_argument_group("model")
+    add_bags_and_effects(parser, model)
+    add_robot(model)
+    add_joints(model, "identify", angle="as recorded")
+    add_only(model)
+    model.add_argument(
         "--base",
         choices=("prediction", "declared"),
-        help="prediction: the offsets, rotor inertias and processing that predict motion left out best; declared: what"
-        " robot and options say; default as the robot YAML has it (prediction)",
+        help="prediction: choose offsets, rotor inertias and filters by cross-validation; declared: use those of the"
+        " robot YAML and the options (default: the robot YAML's, else prediction)",
     )
-    add_only(parser)
-    add_joints(parser, angle="where it stands in the recording")
-    add_processing(parser)
-    add_output(parser, "MODEL", "model.yaml to write")
-    add_json(parser)
+    estimation = parser.add_argument_group("estimation")
+    estimation.add_argument(
+        "--estimator",
+        default="wls",
+        help="ls (least squares), wls (weighted), ml (maximum likelihood), iv (instrumental variables); default:"
+        " %(default)s",
+    )
+    estimation.add_argument(
+        "--physical",
+        action="store_true",
+        help="project the estimate onto physically consistent parameters (needs clarabel)",
+    )
+    estimation.add_argument(
+        "--as-declared",
+        action="store_true",
+        help="continue even if the data contradict the robot YAML's effort metadata",
+    )
+    add_reading(parser.add_argument_group("reading the recordings"))
+    add_processing(parser.add_argument_group("signal processing"))
+    output = parser.add_argument_group("output")
+    add_output(output, "MODEL", "model.yaml to write")
+    add_json(output)
 
 
 def run(args: argparse.Namespace) -> int:
@@ -113,8 +122,8 @@ def run(args: argparse.Namespace) -> int:
         say(text)
     for one in model.per_period:
         say(
-            f"{one['source']}: the {one['periods']} periods alone scatter {one['scatter_over_sigma']:.2f} times what"
-            " sigma says (1: the noise alone makes them differ)"
+            f"{one['source']}: scatter / predicted sigma = {one['scatter_over_sigma']:.2f} over"
+            f" {one['periods']} periods (expect 1)"
         )
     if model.days is not None:
         say(_days(model.days))
@@ -134,9 +143,9 @@ def payload_tables(model: Model) -> list[str]:
 def _days(days: Mapping[str, Any]) -> str:
     """Return what the intervals hold for."""
     if days["scatter_over_sigma"] is None:
-        return "intervals: this day only (recordings of three days or more tell how days differ)"
+        return "intervals: exclude day-to-day variation (record on three days or more to estimate it)"
     ratio = days["scatter_over_sigma"]
-    return f"intervals: {len(days['days'])} days, whose estimates scatter {ratio:.2f} times what sigma says"
+    return f"intervals: scatter / predicted sigma = {ratio:.2f} over {len(days['days'])} days (expect 1)"
 
 
 def parameter_table(model: Model) -> str:

@@ -6,7 +6,7 @@ import argparse
 from collections.abc import Mapping
 from typing import TYPE_CHECKING, Any
 
-from robot_ident.cli.output import print_json, say, table, tell
+from robot_ident.cli.output import Options, print_json, say, table, tell
 from robot_ident.errors import InputError
 
 if TYPE_CHECKING:
@@ -28,12 +28,12 @@ _OF_THE_MODEL = (
 """Options of `identify` that would have no effect here."""
 
 
-def add_only(parser: argparse.ArgumentParser) -> None:
+def add_only(parser: Options) -> None:
     """Add the options that leave the arm as a model knows it."""
     parser.add_argument(
-        "--only", choices=("payload",), help="what the hand carries, on an arm whose --model is known; friction anew"
+        "--only", choices=("payload",), help="estimate the payload and friction alone, on an arm with a known --model"
     )
-    parser.add_argument("--model", metavar="MODEL", help="with --only: model.yaml of the arm without the payload")
+    parser.add_argument("--model", metavar="MODEL", help="with --only: model.yaml of the arm without payload")
 
 
 def run_only(args: argparse.Namespace) -> int:

@@ -17,8 +17,8 @@ if TYPE_CHECKING:
 
 
 def add_arguments(parser: argparse.ArgumentParser) -> None:
-    """Add the verb's options."""
-    parser.add_argument("bag", metavar="BAG", help="a recording in any form")
+    """Add the command's options."""
+    parser.add_argument("bag", metavar="BAG", help="bag, .npz or .csv")
     add_robot(parser, default=None)
     parser.add_argument("--topic", metavar="T", help="topic of the joint states")
     add_json(parser)
@@ -76,7 +76,7 @@ def run(args: argparse.Namespace) -> int:
             }
         )
         return 0
-    say(f"{bag.path}: {bag.form}{', breaks off' if bag.truncated else ''}")
+    say(f"{bag.path}: {bag.form}{', truncated' if bag.truncated else ''}")
     say(
         table(
             ("topic", "type", "messages", "joints"),
@@ -89,9 +89,9 @@ def run(args: argparse.Namespace) -> int:
         say()
         _print(summary)
     if declared:
-        say("\neffort against the rigid model of the URDF (share 1: torque in the declared unit)")
+        say("\neffort vs. the rigid-body model of the URDF (ratio 1: torque in the declared unit)")
         rows = [(one.joint, *_share(one), one.verdict, one.hint) for one in declared]
-        say(table(("joint", "share", "sigma", "verdict", "look at"), rows))
+        say(table(("joint", "ratio", "sigma", "verdict", "look at"), rows))
     for note in coupled:
         tell(note)
     return 0
@@ -147,7 +147,7 @@ def _print(summary: Summary) -> None:
         cycles = summary.cycles
         say(f"{cycles.count} cycles of {len(cycles.samples)} moves, {cycles.length:.4g} s each without their pauses")
     else:
-        say("nothing in it repeats")
+        say("not periodic")
     noise_tau, noise_q = summary.torque_variance, summary.position_variance
     rows = [
         (

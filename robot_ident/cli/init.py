@@ -22,19 +22,25 @@ if TYPE_CHECKING:
 
 
 def add_arguments(parser: argparse.ArgumentParser) -> None:
-    """Add the verb's options."""
-    parser.add_argument("--urdf", metavar="X", help="a URDF (a xacro's output); default: the /robot_description in BAG")
-    parser.add_argument("--bag", metavar="BAG", help="a recording of the robot: which joints it has, its noise")
+    """Add the command's options."""
+    parser.add_argument("--urdf", metavar="X", help="URDF, or the output of xacro (default: /robot_description in BAG)")
+    parser.add_argument("--bag", metavar="BAG", help="recording of the robot, for its joint names and noise")
     parser.add_argument("--topic", metavar="T", help="topic of the joint states in BAG")
-    parser.add_argument("--name", help="name of the robot; default the URDF's")
+    parser.add_argument("--name", help="name of the robot (default: the URDF's)")
     placed = parser.add_mutually_exclusive_group()
-    placed.add_argument("--mount", choices=("floor", "wall", "ceiling"), help="where the base is fixed")
+    placed.add_argument("--mount", choices=("floor", "wall", "ceiling"), help="surface to which the base is mounted")
     placed.add_argument("--gravity", metavar="X,Y,Z", help="gravity in the base frame, m/s^2")
     parser.add_argument(
-        "--acceleration", metavar="A[,A...]", help="limits, rad/s^2: one for all joints that move, or one for each"
+        "--acceleration",
+        metavar="A[,A...]",
+        help="acceleration limits, rad/s^2: one for all moving joints, or one per joint",
     )
     parser.add_argument(
-        "--hold", action="append", default=[], metavar="JOINT=ANGLE", help="a joint that doesn't move, rad or m"
+        "--hold",
+        action="append",
+        default=[],
+        metavar="JOINT=ANGLE",
+        help="joint that does not move, and its position in rad or m",
     )
     add_output(parser, "ROBOT", "robot.yaml to write", required=True)
     add_json(parser)
@@ -242,7 +248,7 @@ def _test_effort(output: Path, bag: str, topic: str | None) -> None:
     try:
         found = contradiction(judge_declaration(read_recording(bag, topic=topic), robot), robot)
     except InputError as error:
-        tell(f"what effort means could not be tested: {error}")
+        tell(f"effort metadata not checked: {error}")
         return
     if found is not None:
         kept = f" (its topic stays: {topic})" if topic and found.entry.startswith("effort") else ""

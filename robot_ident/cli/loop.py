@@ -2,12 +2,12 @@
 
 from __future__ import annotations
 
-import argparse
 import os
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
 from typing import TYPE_CHECKING
 
+from robot_ident.cli.output import Options, add_json
 from robot_ident.errors import InputError
 
 if TYPE_CHECKING:
@@ -15,16 +15,19 @@ if TYPE_CHECKING:
     from robot_ident.recording.measurement import Measurement
 
 
-def add_common(parser: argparse.ArgumentParser) -> None:
-    """Add the options that the three verbs share."""
-    from robot_ident.cli.output import add_json
-
-    add_validation(parser)
-    parser.add_argument("--topic", metavar="T", help="topic of the joint states")
+def add_common(parser: Options) -> None:
+    """Add the options that the commands with recordings share."""
+    add_recordings(parser)
     add_json(parser)
 
 
-def add_validation(parser: argparse.ArgumentParser) -> None:
+def add_recordings(parser: Options) -> None:
+    """Add `--validation` and `--topic`."""
+    add_validation(parser)
+    parser.add_argument("--topic", metavar="T", help="topic of the joint states")
+
+
+def add_validation(parser: Options) -> None:
     """Add the recordings of the validation: several after one option, or one after each."""
     parser.add_argument(
         "--validation",
@@ -32,7 +35,7 @@ def add_validation(parser: argparse.ArgumentParser) -> None:
         nargs="+",
         default=[],
         metavar="BAG2",
-        help="recordings that never enter a fit",
+        help="validation recordings, never used in a fit",
     )
 
 
@@ -94,7 +97,7 @@ def _refuse_fitted(bags: Sequence[str], validation: Sequence[str]) -> None:
     fitted = {os.path.realpath(bag) for bag in bags}
     for bag in validation:
         if os.path.realpath(bag) in fitted:
-            raise InputError(f"--validation {bag}: is one of the fitted recordings; give one that no fit has seen")
+            raise InputError(f"--validation {bag}: is one of the fitted recordings; give an independent one")
 
 
 def _refuse_stranger(model: Model, bag: str, measured: Measurement) -> None:

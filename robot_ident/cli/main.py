@@ -1,4 +1,4 @@
-"""`robot_ident VERB`: finds the verb, calls it, and turns our own errors into one line and an exit code."""
+"""`robot_ident COMMAND`: finds the command, calls it, and turns our own errors into one line and an exit code."""
 
 from __future__ import annotations
 
@@ -13,51 +13,29 @@ from contextlib import contextmanager, nullcontext
 from types import FrameType
 
 from robot_ident import __version__
+from robot_ident.cli.commands import DESCRIPTION, GROUPS, HINT, Commands
 from robot_ident.cli.effects_from import add_effects_from, register_effects
 from robot_ident.cli.output import Parser, flush, refuse_own_input, tell
-from robot_ident.errors import InputError, RobotIdentError, one_line
+from robot_ident.errors import InputError, RobotIdentError, did_you_mean, one_line
 from robot_ident.memory import OUT_OF_MEMORY, bounded
 from robot_ident.parallel import came, end_by, on_cluster
 
-# verb: what it does, in the order in which they are used
-VERBS: dict[str, str] = {
-    "init": "describe your own robot: what a URDF and a recording say, what is guessed and what is missing",
-    "demo": "the whole story on a simulated KUKA, with the real nodes",
-    "design": "optimise an excitation within the robot's limits",
-    "check": "certify the limits of an excitation over continuous time",
-    "simulate": "record the simulated robot, faster than real time",
-    "replay": "publish a recording on joint_states with its own timing",
-    "recover": "make a whole bag of a truncated one",
-    "info": "what is in a bag: topics, joints, rate, periods, noise",
-    "identify": "estimate the parameters with their uncertainty",
-    "predict": "the model's torque along a recording, with its band",
-    "validate": "predict an independent recording",
-    "compare": "model beside measurement: where it fails, against the noise floor",
-    "diagnose": "which physical effect is missing, with evidence",
-    "add": "add effects to a model and print the error before and after",
-    "workbench": "the same loop in the browser: compare, see, learn, add, watch",
-    "report": "one page to read and to mail: the verdict, and all that it rests on",
-    "effects": "the catalogue of physical effects",
-    "trial": "hide effects in the simulated robot, and count how often they are named",
-    "export": "physically consistent URDF or MJCF, or C code for a controller",
-    "montecarlo": "bias and efficiency of the estimator over repeated noise",
-}
-
+VERBS = {name: text for commands in GROUPS.values() for name, text in commands.items()}
+"""What each command does, in the order of the help."""
 
 EFFECTLESS = ("demo", "replay", "recover")
-"""Verbs that make no effect; all others take `--effects-from`."""
+"""Commands that make no effect; all others take `--effects-from`."""
 
 
 def build_parser(only: str | None = None) -> argparse.ArgumentParser:
-    """Return the parser; the options of `only` one verb (or of all) are loaded."""
-    parser = Parser(
-        prog="robot_ident",
-        description="Turns an excited robot into a model that engineers trust, and says which physics it lacks.",
-    )
+    """Return the parser; the options of `only` one command (or of all) are loaded."""
+    parser = Commands(prog="robot_ident", description=DESCRIPTION, epilog=HINT)
     parser.add_argument("--version", action="version", version=f"robot_ident {__version__}")
-    verbs = parser.add_subparsers(dest="verb", metavar="VERB", required=True, parser_class=Parser)
+    verbs = parser.add_subparsers(
+        prog="robot_ident", dest="verb", metavar="COMMAND", required=True, parser_class=Parser
+    )
     for name, text in VERBS.items():
-        verb = verbs.add_parser(name, help=text, description=text[0].upper() + text[1:] + ".")
+        verb = verbs.add_parser(name, description=text[0].upper() + text[1:] + ".")
         if only in (None, name):
             importlib.import_module(f"robot_ident.cli.{name}").add_arguments(verb)
             if name not in EFFECTLESS:
@@ -70,7 +48,9 @@ _SERVERS = ("workbench",)  # which start a browser: their workers bound themselv
 
 def main(argv: Sequence[str] | None = None) -> int:
     """Run the command line and return its exit code."""
-    words = list(sys.argv[1:] if argv is None else argv)
+    words = list(sys.argv[1:] if argv is None else argv) or ["--help"]
+    if words[0] == "help":
+        words = [*words[1:2], "--help"]
     for stream in ("stdout", "stderr"):
         if getattr(sys, stream) is None:  # closed by who started us: what is printed goes nowhere
             setattr(sys, stream, os.fdopen(os.open(os.devnull, os.O_WRONLY), "w"))
@@ -81,7 +61,10 @@ def main(argv: Sequence[str] | None = None) -> int:
 
 def _run(words: list[str], verb: str | None) -> int:
     try:
-        args = build_parser(verb if verb in VERBS else "").parse_args(words)
+        parser = build_parser(verb if verb in VERBS else "")
+        if verb == words[0] and verb not in VERBS:
+            parser.error(f"unknown command {one_line(verb, 100)!r}{did_you_mean(verb, VERBS)}")
+        args = parser.parse_args(words)
         refuse_own_input(args)
         register_effects(getattr(args, "effects_from", []))
         own = nullcontext() if args.verb in _SERVERS else bounded()

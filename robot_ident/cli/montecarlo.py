@@ -8,19 +8,24 @@ from robot_ident.cli.output import add_cluster, add_json, add_robot, print_json,
 
 
 def add_arguments(parser: argparse.ArgumentParser) -> None:
-    """Add the verb's options."""
-    parser.add_argument("excitation", metavar="excitation.yaml", help="the motion, one averaged period of it")
+    """Add the command's options."""
+    parser.add_argument("excitation", metavar="excitation.yaml", help="excitation to repeat")
     add_robot(parser)
     parser.add_argument(
-        "--runs", type=within(2, 1_000_000, int), default=200, help="how often to identify (default %(default)s)"
+        "--runs", type=within(2, 1_000_000, int), default=200, help="number of identifications (default: %(default)s)"
     )
     parser.add_argument(
-        "--periods", type=within(1, 100_000, int), default=16, help="periods averaged in each run (default %(default)s)"
+        "--periods",
+        type=within(1, 100_000, int),
+        default=16,
+        help="periods averaged in each run (default: %(default)s)",
     )
     parser.add_argument(
-        "--effect", action="append", default=[], metavar="NAME@JOINT", help="further effects in the model"
+        "--effect", action="append", default=[], metavar="NAME@JOINT", help="additional effects in the model"
     )
-    parser.add_argument("--seed", type=within(0, 2**31, int), default=0, help="of the noise (default %(default)s)")
+    parser.add_argument(
+        "--seed", type=within(0, 2**31, int), default=0, help="seed of the noise (default: %(default)s)"
+    )
     add_cluster(parser)
     add_json(parser)
 

@@ -11,7 +11,7 @@ import sys
 import textwrap
 from collections.abc import Callable, Iterable, Iterator, Sequence
 from contextlib import contextmanager
-from typing import Any, NoReturn, TextIO
+from typing import Any, NoReturn, TextIO, TypeAlias
 
 from robot_ident.errors import InputError
 from robot_ident.files import is_special
@@ -68,33 +68,35 @@ def within(lower: float, upper: float, kind: type[float] | type[int] = float) ->
     return number
 
 
-def add_json(parser: argparse.ArgumentParser) -> None:
+Options: TypeAlias = argparse._ActionsContainer
+"""What takes options: a parser, or one of its groups, which the help shows under a heading."""
+
+
+def add_json(parser: Options) -> None:
     """Add `--json`."""
-    parser.add_argument(
-        "--json", action="store_true", help="print one JSON object on standard output and nothing else there"
-    )
+    parser.add_argument("--json", action="store_true", help="print one JSON object on standard output, nothing else")
 
 
-def add_cluster(parser: argparse.ArgumentParser) -> None:
+def add_cluster(parser: Options) -> None:
     """Add `--cluster`."""
-    text = "hand the work to a Dask scheduler (tcp://HOST:PORT) instead of processes here"
+    text = "run on a Dask scheduler (tcp://HOST:PORT) instead of local processes"
     parser.add_argument("--cluster", metavar="ADDRESS", help=text)
 
 
-def add_robot(parser: argparse.ArgumentParser, default: str | None = "kuka_ir361") -> None:
+def add_robot(parser: Options, default: str | None = "kuka_ir361") -> None:
     """Add `--robot`."""
     parser.add_argument(
         "--robot",
         default=default,
         metavar="R",
-        help="kuka_ir361, kuka_ir361_spring, a robot YAML or a URDF (default %(default)s)",
+        help=f"kuka_ir361, kuka_ir361_spring, a robot YAML or a URDF (default: {default or 'none'})",
     )
 
 
-def add_output(parser: argparse.ArgumentParser, metavar: str, text: str, *, required: bool = False) -> None:
+def add_output(parser: Options, metavar: str, text: str, *, required: bool = False) -> None:
     """Add `-o` and `--force`."""
     parser.add_argument("-o", "--output", metavar=metavar, required=required, help=text)
-    parser.add_argument("--force", action="store_true", help="replace what is there")
+    parser.add_argument("--force", action="store_true", help="overwrite existing files")
 
 
 def refuse_own_input(args: argparse.Namespace) -> None:

@@ -7,7 +7,7 @@ from collections.abc import Sequence
 from dataclasses import asdict, dataclass
 from typing import TYPE_CHECKING, Any
 
-from robot_ident.cli.output import say, table
+from robot_ident.cli.output import Options, say, table
 from robot_ident.errors import InputError, did_you_mean
 
 if TYPE_CHECKING:
@@ -35,18 +35,19 @@ class Precision:
         return max((count for count in counts if count is not None), default=None) if None not in counts else None
 
 
-def add_precision(parser: argparse.ArgumentParser) -> None:
+def add_precision(parser: Options) -> None:
     """Add the options."""
     parser.add_argument(
-        "--precision", metavar="P", help="also say how many periods make sigma so small a share of the value, like 5%%"
+        "--precision",
+        metavar="P",
+        help="also print how many periods bring sigma down to this ratio of the value, e.g. 5%%",
     )
     parser.add_argument(
         "--parameter",
         action="append",
         default=[],
         metavar="NAME",
-        help="with --precision: of this parameter (default: all); values are the --model's, else those of the robot's"
-        " files",
+        help="with --precision: only this parameter (default: all); its value comes from --model or the robot's files",
     )
 
 
@@ -92,7 +93,7 @@ def share_of(text: str) -> float:
     except ValueError:
         share = 0.0
     if not 0.0 < share < 1.0:
-        raise InputError(f"--precision {text!r}: a share of the value was expected, like 5% or 0.05")
+        raise InputError(f"--precision {text!r}: a ratio of the value was expected, like 5% or 0.05")
     return share
 
 
@@ -120,7 +121,7 @@ def say_precision(found: Precision | None) -> None:
     whose = "the model's" if found.estimated else "of the robot's files"
     if found.periods is not None:
         say(f"{found.periods} periods ({found.periods * found.period:.4g} s) for all of these")
-    say(f"values are {whose}; sigma by noise alone: what a model lacks does not average out")
+    say(f"values are {whose}; sigma from noise alone: model errors do not average out")
 
 
 def _periods(one: Needed) -> str:

@@ -18,13 +18,11 @@ _MOST_SAMPLES = 1_000_000  # of a planned motion: the columns of every one are h
 
 
 def add_arguments(parser: argparse.ArgumentParser) -> None:
-    """Add the verb's options."""
-    parser.add_argument("model", metavar="model.yaml", help="an identified model")
-    parser.add_argument(
-        "bag", metavar="BAG", help="a recording whose motion counts, or a planned motion (excitation.yaml or moves)"
-    )
+    """Add the command's options."""
+    parser.add_argument("model", metavar="model.yaml", help="identified model")
+    parser.add_argument("bag", metavar="BAG", help="recording, or planned motion (excitation.yaml or moves.yaml)")
     parser.add_argument("--topic", metavar="T", help="topic of the joint states")
-    add_output(parser, "OUT", "prediction to write: .npz, .csv, .mcap or a folder", required=True)
+    add_output(parser, "OUT", "prediction to write: .npz, .csv, .mcap or rosbag2 folder", required=True)
     add_json(parser)
 
 
@@ -49,8 +47,10 @@ def run(args: argparse.Namespace) -> int:
         tell(note)
     units = [model.robot.torque_unit(k) for k in range(model.robot.n)]
     rows = [(name, *values.values(), unit) for (name, values), unit in zip(joints.items(), units, strict=True)]
-    say(table(("joint", "torque rms", "largest", "sigma rms", "misfit rms", "95 % band rms +-", "unit"), rows))
-    say("sigma: by the parameters' uncertainty; misfit: what the model left unexplained where it was identified")
+    say(table(("joint", "torque rms", "largest", "sigma rms", "unexplained rms", "95 % band rms +-", "unit"), rows))
+    say(
+        "sigma: from the parameters' uncertainty; unexplained: residual over the noise in the identification recordings"
+    )
     say(f"written: {args.output}")
     return 0
 

@@ -61,7 +61,7 @@ def _of_model(path: str, target: Target) -> Array:
     covariance = found.covariance[np.ix_(theirs, theirs)]
     scale = np.sqrt(np.diag(covariance))
     if not mine or not np.all(scale > 0):
-        raise InputError(f"{path}: its covariance says nothing of the parameters that are designed for")
+        raise InputError(f"{path}: its covariance does not contain the parameters to optimise for")
     out = np.zeros((len(target.structure.names),) * 2)
     out[np.ix_(mine, mine)] = np.linalg.inv(covariance / np.outer(scale, scale)) / np.outer(scale, scale)
     return out

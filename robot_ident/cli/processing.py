@@ -7,7 +7,7 @@ from collections.abc import Sequence
 from dataclasses import replace
 from typing import TYPE_CHECKING
 
-from robot_ident.cli.output import within
+from robot_ident.cli.output import Options, within
 from robot_ident.errors import InputError
 
 if TYPE_CHECKING:
@@ -15,50 +15,56 @@ if TYPE_CHECKING:
     from robot_ident.recording.recording import Recording
     from robot_ident.robot.robot import Robot
 
-AS_DECLARED = ", or go on with --as-declared"
+AS_DECLARED = ", or continue with --as-declared"
 _ALIKE = 1e-4  # difference of speeds that are the same
 
 
-def add_processing(parser: argparse.ArgumentParser) -> None:
-    """Add the options of reading and processing."""
+def add_reading(parser: Options) -> None:
+    """Add the options of reading."""
     period = parser.add_mutually_exclusive_group()
-    period.add_argument("--trajectory", metavar="EXCITATION", help="excitation.yaml that was played: gives the period")
+    period.add_argument("--trajectory", metavar="EXCITATION", help="excitation.yaml that was played: sets the period")
     period.add_argument(
-        "--base-frequency", type=within(1e-4, 1e4), metavar="F", help="Hz; found from the data when not given"
+        "--base-frequency",
+        type=within(1e-4, 1e4),
+        metavar="F",
+        help="base frequency of the motion, Hz (default: detected from the data)",
     )
-    period.add_argument("--not-periodic", action="store_true", help="take the recording as one pass even if it repeats")
+    period.add_argument("--not-periodic", action="store_true", help="treat the recording as non-periodic")
     parser.add_argument(
-        "--topic", metavar="T", help="topic of the joint states (default joint_states in any namespace)"
+        "--topic", metavar="T", help="topic of the joint states (default: joint_states in any namespace)"
     )
+
+
+def add_processing(parser: Options) -> None:
+    """Add the options of processing."""
     parser.add_argument(
         "--low-pass",
         type=within(0.01, 1e5),
         metavar="HZ",
-        help="torque and every column pass it; default none on periods, else 10",
+        help="low-pass filter of effort and regressor (default: none if periodic, else 10 Hz)",
     )
     parser.add_argument(
         "--derivative-bandwidth",
         type=within(0.01, 1e5),
         metavar="HZ",
-        help="of non-periodic positions; default 4 times the low pass",
+        help="low-pass filter of non-periodic positions before differentiation (default: 4 times --low-pass)",
     )
     parser.add_argument(
         "--decimate",
         type=within(1, 1000, int),
         default=1,
         metavar="K",
-        help="keep every K-th row after the low pass",
+        help="keep every K-th row after the low-pass filter (default: %(default)s)",
     )
     parser.add_argument(
         "--minimum-speed",
         metavar="V[,V...]",
-        help="leave out rows slower than this, rad/s, one value or one a joint; default the robot's",
+        help="exclude rows slower than this, rad/s or m/s: one value, or one per joint (default: the robot's)",
     )
     parser.add_argument(
         "--anti-alias",
         metavar="ORDER:HZ",
-        help="Butterworth filter that the torque passed when it was recorded, undone; none: there was none;"
-        " default what the robot's YAML says",
+        help="compensate this Butterworth filter of the recorded effort; none: no filter (default: the robot YAML's)",
     )
 
 

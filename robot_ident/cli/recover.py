@@ -8,9 +8,9 @@ from robot_ident.cli.output import add_json, add_output, print_json, say
 
 
 def add_arguments(parser: argparse.ArgumentParser) -> None:
-    """Add the verb's options."""
-    parser.add_argument("bag", metavar="BAG", help="a bag that breaks off")
-    add_output(parser, "BAG2", "the whole bag to write", required=True)
+    """Add the command's options."""
+    parser.add_argument("bag", metavar="BAG", help="truncated bag")
+    add_output(parser, "BAG2", "complete bag to write", required=True)
     add_json(parser)
 
 

@@ -9,11 +9,22 @@ from robot_ident.errors import InputError
 
 
 def add_arguments(parser: argparse.ArgumentParser) -> None:
-    """Add the verb's options."""
-    parser.add_argument("bag", metavar="BAG", help="a recording in any form")
-    parser.add_argument("--rate", type=within(1e-3, 1e4), default=1.0, help="times real time (default %(default)s)")
-    parser.add_argument("--topic", default="joint_states", help="topic to publish on (default %(default)s)")
-    parser.add_argument("--wait", type=float, default=30.0, metavar="S", help="for a listener; 0 begins at once")
+    """Add the command's options."""
+    parser.add_argument("bag", metavar="BAG", help="bag, .npz or .csv")
+    parser.add_argument(
+        "--rate",
+        type=within(1e-3, 1e4),
+        default=1.0,
+        help="playback speed relative to real time (default: %(default)s)",
+    )
+    parser.add_argument("--topic", default="joint_states", help="topic to publish on (default: %(default)s)")
+    parser.add_argument(
+        "--wait",
+        type=float,
+        default=30.0,
+        metavar="S",
+        help="wait at most S seconds for a subscriber; 0 starts at once (default: %(default)s)",
+    )
     add_json(parser)
 
 

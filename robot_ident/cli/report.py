@@ -16,16 +16,18 @@ if TYPE_CHECKING:
 
 
 def add_arguments(parser: argparse.ArgumentParser) -> None:
-    """Add the verb's options."""
-    parser.add_argument("models", nargs="+", metavar="model.yaml", help="models in their order; the last is judged")
-    parser.add_argument("--bag", nargs="+", required=True, metavar="BAG", help="recordings to compare with")
+    """Add the command's options."""
+    parser.add_argument(
+        "models", nargs="+", metavar="model.yaml", help="models, oldest first; the verdict is about the last"
+    )
+    parser.add_argument("--bag", nargs="+", required=True, metavar="BAG", help="recordings to compare the models with")
     add_validation(parser)
     parser.add_argument(
         "--trajectory",
         action="append",
         default=[],
         metavar="EXCITATION",
-        help="excitation.yaml that was played, for its margins; default: what the models say",
+        help="excitation.yaml that was played, for its limit margins (default: from the models)",
     )
     parser.add_argument("--topic", metavar="T", help="topic of the joint states")
     add_output(parser, "PAGE", "HTML page to write", required=True)

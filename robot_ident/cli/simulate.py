@@ -17,46 +17,51 @@ _SAMPLE_RATE = 150.0  # Hz, for motions that name none
 
 
 def add_arguments(parser: argparse.ArgumentParser) -> None:
-    """Add the verb's options."""
-    parser.add_argument(
-        "excitation", metavar="excitation.yaml", help="the motion: an excitation, or a validation motion"
-    )
-    add_robot(parser)
-    parser.add_argument(
-        "--periods",
-        type=within(1, 100_000, int),
-        default=16,
-        help="steady periods of an excitation, after one transient (default %(default)s)",
-    )
-    parser.add_argument(
+    """Add the command's options."""
+    parser.add_argument("excitation", metavar="excitation.yaml", help="excitation or validation motion to play")
+    plant = parser.add_argument_group("simulated robot")
+    add_robot(plant)
+    plant.add_argument(
         "--effect",
         action="append",
         default=[],
         metavar="NAME@JOINT[:k=v,...]",
-        help="further physics of the plant (robot_ident effects NAME lists its values)",
+        help="additional effect of the plant (robot_ident effects NAME lists its values)",
     )
-    parser.add_argument(
+    plant.add_argument(
         "--hidden",
         type=int,
         metavar="SEED",
-        help="hide effects drawn at random, without saying which; the answer goes to BAG.sealed, the same for the same"
-        " seed and robot whatever the motion (robot_ident trial --open shows it)",
+        help="add effects drawn at random and write them to BAG.sealed only (robot_ident trial --open shows them)",
     )
-    parser.add_argument(
+    plant.add_argument(
         "--payload",
         metavar="KG[,X,Y,Z]",
-        help="a point mass in the hand, its centre in m in the end effector's frame; stated in BAG.conditions.yaml",
+        help="point mass at the end effector and its centre in m in that frame; written to BAG.conditions.yaml",
     )
-    parser.add_argument("--servo", default="feedforward", help="feedforward or pd (default %(default)s)")
-    parser.add_argument(
-        "--sample-rate", type=within(1.0, 1e5), metavar="HZ", help="default: the excitation's, else 150"
+    plant.add_argument("--servo", default="feedforward", help="feedforward or pd (default: %(default)s)")
+    measured = parser.add_argument_group("recording")
+    measured.add_argument(
+        "--periods",
+        type=within(1, 100_000, int),
+        default=16,
+        help="steady periods of an excitation, after one transient period (default: %(default)s)",
     )
-    parser.add_argument(
-        "--anti-alias", action="store_true", help="torque passes the analogue filter of the current sensor"
+    measured.add_argument(
+        "--sample-rate",
+        type=within(1.0, 1e5),
+        metavar="HZ",
+        help="sample rate (default: the excitation's, else 150 Hz)",
     )
-    parser.add_argument("--seed", type=within(0, 2**31, int), default=0, help="of the noise (default %(default)s)")
-    add_output(parser, "BAG", "rosbag2 folder to write (or a .mcap, .npz or .csv file)", required=True)
-    add_json(parser)
+    measured.add_argument(
+        "--anti-alias", action="store_true", help="filter the effort as the current sensor's analogue filter does"
+    )
+    measured.add_argument(
+        "--seed", type=within(0, 2**31, int), default=0, help="seed of the noise (default: %(default)s)"
+    )
+    output = parser.add_argument_group("output")
+    add_output(output, "BAG", "rosbag2 folder, .mcap, .npz or .csv file to write", required=True)
+    add_json(output)
 
 
 def run(args: argparse.Namespace) -> int:
@@ -80,7 +85,7 @@ def run(args: argparse.Namespace) -> int:
     if answer is not None:
         refuse_existing(answer, force=args.force)
         if args.effect:
-            raise InputError("--hidden and --effect exclude each other: what is hidden might be the same")
+            raise InputError("--hidden and --effect exclude each other, because they might add the same effect")
     _none_of_ones_own(args.effect)
     if args.periods < 1:
         raise InputError(f"--periods {args.periods}: at least 1")
@@ -125,7 +130,7 @@ def run(args: argparse.Namespace) -> int:
     say(f"{result.recording.samples} samples, {result.recording.duration:.1f} s of robot time in {seconds:.2f} s")
     say(f"written: {args.output}")
     if answer is not None:
-        say(f"what is hidden stands in {answer}: robot_ident trial --open {answer} shows it")
+        say(f"hidden effects written: {answer} (robot_ident trial --open {answer} shows them)")
     return 0
 
 

@@ -6,6 +6,7 @@ import argparse
 from collections.abc import Sequence
 from typing import TYPE_CHECKING
 
+from robot_ident.cli.output import Options
 from robot_ident.errors import InputError
 
 if TYPE_CHECKING:
@@ -13,15 +14,18 @@ if TYPE_CHECKING:
     from robot_ident.robot import Robot
 
 
-def add_joints(parser: argparse.ArgumentParser, *, angle: str) -> None:
-    """Add the options; `angle` says where a held joint stands that --hold doesn't name."""
-    parser.add_argument("--joints", metavar="A,B", help="these joints only; the others are held")
+def add_joints(parser: Options, does: str, *, angle: str) -> None:
+    """Add the options.
+
+    does: what the command does with the joints. angle: where a held joint stands that --hold doesn't name.
+    """
+    parser.add_argument("--joints", metavar="A,B", help=f"{does} these joints only; the others stand still")
     parser.add_argument(
         "--hold",
         action="append",
         default=[],
         metavar="JOINT=ANGLE",
-        help=f"with --joints: where a held joint stands, rad or m; default {angle}",
+        help=f"with --joints: position of a joint that stands still, rad or m (default: {angle})",
     )
 
 

@@ -27,56 +27,62 @@ STOPPED = 130
 """The exit code of a trial that Ctrl-C ended."""
 _ROWS = {
     "named_right": "named right, effect and joint",
-    "truth_in_tie_group": "truth in the tie group",
-    "wrong_name_outside_tie": "wrong name outside the tie",
-    "false_name_on_null": "name given where nothing is hidden",
-    "unknown_named": "name given to what no effect is",
+    "truth_in_tie_group": "truth among indistinguishable alternatives",
+    "wrong_name_outside_tie": "wrong name, not an indistinguishable alternative",
+    "false_name_on_null": "effect named although nothing is hidden",
+    "unknown_named": "effect named for something that is no effect",
     "pair_found_nothing_else": "pairs: both found, nothing else",
-    "fault_named": "fault of measuring named, or tied",
-    "invisible_fault_named": "name given where a fault hardly shows",
-    "friction_named_for_fault": "friction named for a fault of measuring",
-    "named_right_with_background": "named right beside three others of 30 %",
+    "fault_named": "measurement fault named or indistinguishable",
+    "invisible_fault_named": "effect named for an undetectable fault",
+    "friction_named_for_fault": "friction named for a measurement fault",
+    "named_right_with_background": "named right with three background effects of 30 %",
 }
 
 
 def add_arguments(parser: argparse.ArgumentParser) -> None:
-    """Add the verb's options."""
-    add_robot(parser)
-    parser.add_argument("--seeds", default="0:20", metavar="A:B", help="seeds A to B - 1 (default %(default)s)")
-    parser.add_argument(
-        "--kind",
-        action="append",
-        default=[],
-        help="single, pair_other_joints, null, unknown or single_with_background, each with all seeds; default: drawn",
-    )
-    parser.add_argument(
+    """Add the command's options."""
+    hidden = parser.add_argument_group("what to hide")
+    add_robot(hidden)
+    hidden.add_argument(
         "--family",
         choices=("effects", "measurement", "real"),
         default="effects",
-        help="what is hidden: effects of the arm, or faults of what is measured; real: recordings with the lag, noise,"
-        " rates, offsets and scales of real ones, the base model alone beside fixed filters (default %(default)s)",
+        help="effects: of the arm; measurement: faults of the recording; real: recordings with the faults of real"
+        " ones, on which fixed filters compete with the base model (default: %(default)s)",
     )
-    parser.add_argument(
-        "--noise", type=float, default=1.0, help="factor on the robot's noise variances (default %(default)s)"
+    hidden.add_argument(
+        "--kind",
+        action="append",
+        default=[],
+        help="single, pair_other_joints, null, unknown or single_with_background, each with all seeds (default: drawn)",
     )
-    parser.add_argument(
-        "--periods", type=int, default=PERIODS, help="steady periods of each motion (default %(default)s)"
+    hidden.add_argument(
+        "--seeds", default="0:20", metavar="A:B", help="seeds A to B - 1, one case each (default: %(default)s)"
     )
-    parser.add_argument(
+    motion = parser.add_argument_group("recordings")
+    motion.add_argument(
         "--excitation",
         nargs="+",
         default=[],
         metavar="FILE",
-        help="motions to use, the last one unseen by any fit; default: four are designed",
+        help="motions to play, the last one for validation (default: design four)",
     )
-    parser.add_argument("--folder", metavar="DIR", help="where designed motions are kept for the next trial")
-    parser.add_argument(
-        "--cases-file", metavar="F", help="keeps every finished case; a trial that was stopped goes on from it"
+    motion.add_argument("--folder", metavar="DIR", help="folder that caches the designed motions")
+    motion.add_argument(
+        "--periods", type=int, default=PERIODS, help="steady periods of each motion (default: %(default)s)"
     )
-    parser.add_argument("--workers", type=int, metavar="N", help="processes (default: one a processor)")
-    add_cluster(parser)
-    parser.add_argument("--open", metavar="BAG.sealed", help="show what simulate --hidden has hidden, and do no more")
-    add_json(parser)
+    motion.add_argument(
+        "--noise", type=float, default=1.0, help="factor on the robot's noise variances (default: %(default)s)"
+    )
+    work = parser.add_argument_group("execution")
+    work.add_argument(
+        "--cases-file", metavar="F", help="file of the finished cases, from which an interrupted trial resumes"
+    )
+    work.add_argument("--workers", type=int, metavar="N", help="number of processes (default: one per processor)")
+    add_cluster(work)
+    output = parser.add_argument_group("output")
+    output.add_argument("--open", metavar="BAG.sealed", help="show what simulate --hidden hid, and exit")
+    add_json(output)
 
 
 def run(args: argparse.Namespace) -> int:
@@ -89,7 +95,7 @@ def run(args: argparse.Namespace) -> int:
 
     cases = _cases(args)
     if args.periods < 4:
-        raise InputError(f"--periods {args.periods}: at least 4, so that they tell the noise")
+        raise InputError(f"--periods {args.periods}: at least 4 are needed to estimate the noise")
     if not 0 < args.noise < float("inf"):
         raise InputError(f"--noise {args.noise:g}: must be above 0 and finite")
     if args.workers is not None and args.workers < 1:
@@ -154,7 +160,7 @@ def _motions(args: argparse.Namespace, robot: Robot) -> list[Excitation]:
 
     if args.excitation:
         if len(args.excitation) < 2:
-            raise InputError("--excitation: two files or more, the last one unseen by any fit")
+            raise InputError("--excitation: two files or more, the last one for validation")
         files = [Path(file) for file in args.excitation]
     else:
         folder = Path(args.folder) if args.folder else Path(tempfile.mkdtemp(prefix="robot_ident_trial_"))
@@ -209,7 +215,7 @@ def run_cases(
                 done.add(left[index], outcome)
                 bar.reach(len(cases) - len(left) + sum(case in done.outcomes for case in left))
     except KeyboardInterrupt:
-        kept = f"are kept in {args.cases_file}; the same command goes on" if args.cases_file else "are lost"
+        kept = f"are kept in {args.cases_file}; the same command resumes" if args.cases_file else "are lost"
         tell(f"robot_ident trial: stopped; {len(done.outcomes)} finished cases {kept}")
         return False
     return True
@@ -233,21 +239,21 @@ def _report(args: argparse.Namespace, outcomes: Sequence[Outcome], least: float)
         )
         for r in result["rates"]
     ]
-    say(table(("", "share", "95 % interval", "cases"), rows))
+    say(table(("", "rate", "95 % interval", "cases"), rows))
     if result["error_removed"]:
         removed = result["error_removed"]
         say(
-            f"\nexcess error on an unseen motion removed by adding what was named:"
+            f"\nexcess error on the validation motion removed by adding the named effects:"
             f" median {_percent(removed['median'])}, 10th percentile {_percent(removed['tenth_percentile'])}"
         )
     if result["not_added"]:
-        say(f"{result['not_added']} times what was named could not be added")
+        say(f"{result['not_added']} times the named effects could not be added")
     say(f"one diagnosis: median {result['diagnosis_seconds']['median']:.1f} s of processor time")
     say()
-    say(table(("hidden", "cases", "was named"), list(_confusion_rows(result["confusion"]))))
+    say(table(("hidden", "cases", "named"), list(_confusion_rows(result["confusion"]))))
     failures = sorted({seed for r in result["rates"] for seed in r["exceptions"]})
     if failures:
-        say(f"\nseeds that did not go as hoped: {', '.join(map(str, failures))}")
+        say(f"\nseeds with a failure: {', '.join(map(str, failures))}")
 
 
 def _percent(share: float) -> str:

@@ -29,7 +29,7 @@ def run_base(args: argparse.Namespace, cases: Sequence[Case], robot: Robot) -> i
         ("--periods", args.periods != PERIODS),
     ):
         if changed:
-            raise InputError(f"{option}: means nothing with --family real, which draws motions and noise itself")
+            raise InputError(f"{option}: has no effect with --family real, which draws motions and noise itself")
     settings = {"schema": SCHEMA, "robot": robot.name, "family": "real"}
     done = Journal.open(args.cases_file, settings, BaseOutcome.of_dict)
     if not run_cases(partial(_one, robot=robot), cases, done, args):
@@ -40,7 +40,7 @@ def run_base(args: argparse.Namespace, cases: Sequence[Case], robot: Robot) -> i
         each = [one.to_dict() for one in outcomes]
         print_json({"schema": "robot_ident/trial_real/1", "robot": args.robot, **result, "cases": each})
         return 0
-    say(f"error on an unseen path over that of the best of {len(FILTERS)} fixed filters, which know what there is:")
+    say(f"validation error relative to the best of {len(FILTERS)} fixed filters with the true offsets and scales:")
     rows = [
         (
             kind["kind"],

@@ -5,7 +5,7 @@ from __future__ import annotations
 import argparse
 from typing import TYPE_CHECKING
 
-from robot_ident.cli.output import say
+from robot_ident.cli.output import Options, say
 from robot_ident.errors import CheckFailed
 
 if TYPE_CHECKING:
@@ -14,12 +14,12 @@ if TYPE_CHECKING:
 _OPTION = "--accept-unchecked"
 
 
-def add_accept_unchecked(parser: argparse.ArgumentParser) -> None:
+def add_accept_unchecked(parser: Options) -> None:
     """Add `--accept-unchecked`."""
     parser.add_argument(
         _OPTION,
         action="store_true",
-        help="exit with 0 although limits or surroundings were not checked; what was not is said all the same",
+        help="exit with 0 although limits or collisions were not checked; the output still lists them",
     )
 
 

@@ -70,7 +70,7 @@ def add_until_adequate(found: Diagnosis, inputs: Inputs, args: argparse.Namespac
         out.foreseen = out.foreseen or len(steps) - 1
         model = out.steps[-1].model
         inputs = with_model(inputs, model, args.validation, args.topic)
-        with Progress("diagnose anew", 1.0) as bar:
+        with Progress("diagnose again", 1.0) as bar:
             said = diagnose(inputs.measurements, model.structure, inputs.validation, bar.reach, as_declared=declared)
             out.said.append(said)
         if out.last.verdict == "adequate":
@@ -105,15 +105,15 @@ def print_additions(found: Diagnosis, added: Additions) -> None:
     if told is not None and last is not None and last.validation_after is not None:
         rows = [(joint, last.validation_after[joint] ** 0.5, told[joint] ** 0.5) for joint in told]
         say()
-        say(table(("validation", "rms predicted", "rms with all of it added"), rows))
+        say(table(("validation", "rms predicted", "rms of the extended model"), rows))
     say()
-    say(f"diagnosed again with what was added: {_again(added.last)}")
+    say(f"diagnosis of the extended model: {_again(added.last)}")
     rest = added.last.unexplained
     if rest is not None:
         robot = added.steps[-1].model.robot
         unit = robot.torque_unit(robot.joint_index(rest.joint))
         where = f", {rest.where}" if added.last.verdict == "missing" else ""  # else it is among the words
-        say(f"not explained of {rest.joint}: {added.last.remaining_rms[rest.joint]:.3g} {unit} rms{where}")
+        say(f"unexplained at {rest.joint}: {added.last.remaining_rms[rest.joint]:.3g} {unit} rms{where}")
     if added.stopped:
         say(added.stopped)
     for line in added.last.notes:
@@ -127,8 +127,8 @@ def _again(found: Diagnosis) -> str:
         return found.in_words
     where = f"; {found.unexplained.joint}: {found.unexplained.where}" if found.unexplained else ""
     return (
-        "unexplained: beside what was added something remains that no known effect accounts for, another form of"
-        f" it or more than one effect{where}"
+        "unexplained: no known effect accounts for the error that remains with the added effects (another form of one,"
+        f" or several effects){where}"
     )
 
 

@@ -10,19 +10,22 @@ from robot_ident.errors import CheckFailed
 
 
 def add_arguments(parser: argparse.ArgumentParser) -> None:
-    """Add the verb's options."""
-    parser.add_argument("model", metavar="model.yaml", help="an identified model")
-    parser.add_argument("bag", metavar="BAG", help="a recording that the model has not seen")
+    """Add the command's options."""
+    parser.add_argument("model", metavar="model.yaml", help="identified model")
+    parser.add_argument("bag", metavar="BAG", help="validation recording, not used in the fit")
     parser.add_argument("--topic", metavar="T", help="topic of the joint states")
     parser.add_argument(
         "--low-pass",
         type=within(0.01, 1e5),
         default=10.0,
         metavar="HZ",
-        help="zero-phase low pass (default %(default)s)",
+        help="cut-off of the zero-phase low-pass filter (default: %(default)s)",
     )
     parser.add_argument(
-        "--max-rms", type=within(0.0, 1e9), metavar="NM", help="exit with 3 when a joint's residual exceeds this"
+        "--max-rms",
+        type=within(0.0, 1e9),
+        metavar="NM",
+        help="exit with 3 if a joint's residual rms exceeds this value",
     )
     add_json(parser)
 
@@ -38,17 +41,17 @@ def run(args: argparse.Namespace) -> int:
     model = read_model(args.model)
     result = validate(model, read_for(args.bag, model.robot, topic=args.topic), low_pass=args.low_pass)
     if was_fitted(args.bag, model.provenance):
-        seen = f"{args.bag}: the model was fitted to it, which validates nothing; give a recording that no fit has seen"
+        seen = f"{args.bag}: the model was fitted to it, so it validates nothing; give an independent one"
         result = replace(result, notes=(seen, *result.notes))
     if args.json:
         print_json(result.to_dict())
     else:
         for note in result.notes:
             tell(note)
-        say(f"moving, low-passed at {result.low_pass_hz:g} Hz")
+        say(f"residual while moving, low-pass filter at {result.low_pass_hz:g} Hz")
         say(fit_table(model.robot, result.residual))
         if result.standstill:
-            say("\nnear standstill, where stiction leaves the torque undetermined")
+            say("\nresidual near standstill, where stiction leaves the torque indeterminate")
             say(fit_table(model.robot, result.standstill))
         if result.trouble:
             tell(result.trouble)

@@ -13,24 +13,26 @@ from robot_ident.cli.output import say, within
 
 
 def add_arguments(parser: argparse.ArgumentParser) -> None:
-    """Add the verb's options."""
-    parser.add_argument("model", nargs="?", metavar="model.yaml", help="model to begin with; identified when not given")
+    """Add the command's options."""
+    parser.add_argument("model", nargs="?", metavar="model.yaml", help="model to start from (default: identify one)")
     parser.add_argument(
-        "--bag", nargs="+", default=[], metavar="BAG", help="recordings to fit; else chosen on the page"
+        "--bag", nargs="+", default=[], metavar="BAG", help="recordings to fit (default: choose them in the browser)"
     )
     add_validation(parser)
-    parser.add_argument(
-        "--robot", metavar="R", help="robot of a model that is identified first (default kuka_ir361), as of identify"
-    )
+    parser.add_argument("--robot", metavar="R", help="robot of the model to identify (default: kuka_ir361)")
     parser.add_argument("--topic", metavar="T", help="topic of the joint states")
-    parser.add_argument("--port", type=within(0, 65535, int), metavar="P", help="default the first free one from 8050")
+    parser.add_argument(
+        "--port", type=within(0, 65535, int), metavar="P", help="TCP port (default: the first free one from 8050)"
+    )
     parser.add_argument(
         "--folder",
         default="robot_ident_workbench",
         metavar="DIR",
-        help="where sessions are kept, and gone on with (default %(default)s)",
+        help="folder of the session, which a later start resumes (default: %(default)s)",
     )
-    parser.add_argument("--no-browser", action="store_true", help="only print the address, with its token")
+    parser.add_argument(
+        "--no-browser", action="store_true", help="print the address with its token and open no browser"
+    )
 
 
 def run(args: argparse.Namespace) -> int:
@@ -45,15 +47,15 @@ def run(args: argparse.Namespace) -> int:
     if args.model and not is_model(args.model):
         raise InputError(f"{args.model}: not a model; recordings go after --bag")
     if args.model and not args.bag:
-        raise InputError(f"{args.model}: a model needs recordings beside it: --bag BAG...")
+        raise InputError(f"{args.model}: a model needs recordings: --bag BAG...")
     if args.validation and not args.bag:
-        raise InputError(f"--validation {args.validation[0]}: needs recordings to fit beside it: --bag BAG...")
+        raise InputError(f"--validation {args.validation[0]}: needs recordings to fit: --bag BAG...")
     named = [*args.bag, *args.validation, *([args.model] if args.model else [])]
     allowed = Allowed(Path.cwd(), named)
     effects = [str(Path(path).resolve()) for path in args.effects_from]
     folder = Path(args.folder).resolve()
     if folder.exists() and not folder.is_dir():
-        raise InputError(f"--folder {args.folder}: is no folder")
+        raise InputError(f"--folder {args.folder}: is not a folder")
     desk = Desk(folder, allowed, robot=args.robot, topic=args.topic, effects_from=effects)
     session = desk.open(args.bag, args.validation, args.model) if args.bag else None
     page = session.name if session else ""
@@ -64,7 +66,7 @@ def run(args: argparse.Namespace) -> int:
             if session:
                 desk.jobs(session)  # begins to read while the browser starts
             say(f"robot_ident workbench: {address}")
-            say(f"steps are kept in {args.folder}; end with Ctrl-C")
+            say(f"session saved in {args.folder}; stop with Ctrl-C")
             sys.stdout.flush()
             if not args.no_browser:
                 ending.enter_context(browsed(address, folder))
@@ -73,5 +75,5 @@ def run(args: argparse.Namespace) -> int:
             serve(desk, args.port, page, ready)
         except KeyboardInterrupt:
             own = [word for path in args.effects_from for word in ("--effects-from", path)]
-            say(f"ended; go on with: {shlex.join(['robot_ident', 'workbench', *own, '--folder', args.folder])}")
+            say(f"stopped; resume with: {shlex.join(['robot_ident', 'workbench', *own, '--folder', args.folder])}")
     return 0

@@ -96,7 +96,7 @@ def refuses_other_poses(run: Run, model: Path, file: Path, bag: Path, folder: Pa
         (("--joints", "joint_2", "--hold", "joint_1"), "JOINT=ANGLE was expected"),
         (("--joints", "joint_2", "--hold", "joint_1=9"), "outside of its limits"),
         (("--joints", "joint_9"), "no joint 'joint_9'"),
-        (("--precision", "fast"), "a share of the value was expected"),
+        (("--precision", "fast"), "a ratio of the value was expected"),
         (("--precision", "5%", "--parameter", "p99"), "--parameter 'p99'"),
         (("--parameter", "p9"), "--parameter goes with --precision"),
     ],

@@ -116,7 +116,7 @@ def test_how_to_read_the_verdict(
     first, over, beside, later = walk.all["compare"]
     assert re.search(r"joint_2 .*does not fit", first)
     assert re.search(r"joint_2, .*\|dq\| < .*% of the excess in .*% of the time", first)
-    assert "joint_2, residual [Nm] along dq [rad/s]" in over
+    assert "joint_2, residual [Nm] as a function of dq [rad/s]" in over
     assert "better.yaml" in beside
     assert re.search(r"from better.yaml to june.yaml: 1 of \d+ parameters changed", later)
     assert re.search(r"joint_2 .*stribeck.level@joint_2 \+\d+", later)

@@ -142,7 +142,7 @@ def test_a_load_that_is_to_be_found_is_no_wrong_gain(run: Run, golden: Path, tmp
 def test_validation_on_what_was_fitted_says_so_first(run: Run, golden: Path, tmp_path: Path) -> None:
     bag, model = golden / "kuka_1.npz", tmp_path / "model.yaml"
     assert run("identify", bag, "-o", model).code == 0
-    assert "fitted to it, which validates nothing" in run("validate", model, bag).err.splitlines()[0]
+    assert "fitted to it, so it validates nothing" in run("validate", model, bag).err.splitlines()[0]
     assert "validates nothing" not in run("validate", model, golden / "kuka_2.npz").err
 
 

@@ -47,7 +47,7 @@ def test_what_the_longer_model_lacks_is_added_too(
     assert falling == sorted(falling, reverse=True)
     assert data["after_adding"]["verdict"] == "adequate"
     print_additions(half, added)
-    assert "diagnosed again with what was added: adequate: what is left over is noise" in capsys.readouterr().out
+    assert "diagnosis of the extended model: adequate: what is left over is noise" in capsys.readouterr().out
 
 
 def test_what_does_not_lower_the_error_on_the_validation_is_left_out(

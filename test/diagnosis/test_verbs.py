@@ -211,9 +211,9 @@ def test_until_adequate_prints_and_writes_the_staircase(verb: Verb, files: Any, 
     assert others[-1]["validation_mse"]["joint_2"] == pytest.approx(last["validation_mse_after"]["joint_2"], rel=0.05)
     code, out, _ = verb(*words)
     assert out.startswith("missing: stribeck@joint_2")
-    for words_said in ("adding it to the rest: rms at joint_2", "validation rms", "noise rms", "rms predicted"):
+    for words_said in ("adding it: rms at joint_2", "validation rms", "noise rms", "rms predicted"):
         assert words_said in out
-    assert "diagnosed again with what was added: adequate: what is left over is noise" in out
+    assert "diagnosis of the extended model: adequate: what is left over is noise" in out
     assert "\x1b" not in out
 
 

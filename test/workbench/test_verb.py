@@ -16,7 +16,7 @@ from robot_ident.cli.main import main
         (["--validation", "run_3"], "needs recordings to fit"),
         (["--bag", "no_such_run"], "no_such_run: there is no such file or folder"),
         (["--bag", "run_1", "--validation", "run_1"], "for training and for validation"),
-        (["--bag", "run_1", "--folder", "motion_0.yaml"], "--folder motion_0.yaml: is no folder"),
+        (["--bag", "run_1", "--folder", "motion_0.yaml"], "--folder motion_0.yaml: is not a folder"),
     ],
 )
 def test_bad_input_ends_in_one_line(
