@@ -72,7 +72,9 @@ INSTEAD = {
 """Private words, as regular expressions, and what to write instead. Words with a plain meaning too are left out."""
 
 _NAMES = re.compile(r"`[^`\s]+`|(?<!\w)--?[a-z][\w-]*")  # options, files, keys: they are a contract
-_STILL_PRINTED = re.compile(r"this day only|fits but for the hidden path")  # values of --json: until they are renamed
+_STILL_PRINTED = re.compile(
+    r"this\s+day\s+only|fits but for the hidden path"
+)  # values of --json: until they are renamed
 _ROOT = Path(__file__).resolve().parents[2]
 _PAGES = [_ROOT / "README.md", *sorted(page for page in (_ROOT / "docs").glob("*.md") if page.name != "glossary.md")]
 _LONGEST = 25  # words of a sentence
