@@ -21,7 +21,7 @@ INSTEAD = {
     r"untold": "unidentifiable, unspecified",
     r"suspects?": "finding",
     r"fellows?": "other selected effects",
-    r"rivals?|tied": "indistinguishable alternatives",
+    r"rivals?|tied": "indistinguishable alternatives, next candidate, second publisher",
     r"misfits?": "lack of fit",
     r"surely": "lower bound of the excess",
     r"faint(ly)?": "down-weighted",
@@ -77,14 +77,19 @@ _PAGES = [_ROOT / "README.md", *sorted(page for page in (_ROOT / "docs").glob("*
 _LONGEST = 25  # words of a sentence
 
 
+def _blank(hit: re.Match[str]) -> str:
+    return re.sub(r"\S", "`", hit[0])
+
+
 def found(text: str, source: str) -> list[str]:
     """Return a line for every private word of a text."""
-    plain = _NAMES.sub(lambda name: "`" * len(name[0]), text)
-    hits = [
-        (plain.count("\n", 0, hit.start()) + 1, " ".join(hit[0].split()), word)
-        for private, word in INSTEAD.items()
-        for hit in re.finditer(rf"\b({private})\b".replace(" ", r"\s+"), plain, re.IGNORECASE)
-    ]
+    plain = _NAMES.sub(_blank, text)
+    hits = []
+    for private, word in INSTEAD.items():
+        pattern = re.compile(rf"\b({private})\b".replace(" ", r"\s+"), re.IGNORECASE)
+        for hit in pattern.finditer(plain):
+            hits.append((plain.count("\n", 0, hit.start()) + 1, " ".join(hit[0].split()), word))
+        plain = pattern.sub(_blank, plain)  # a word of a phrase that was found is none of its own
     return [f"{said!r} in {source}:{line}: write {word!r}" for line, said, word in sorted(hits)]
 
 
@@ -104,9 +109,7 @@ def sentences(command: str) -> Iterator[str]:
 
 
 def test_a_private_word_is_found_with_its_place_and_replacement() -> None:
-    first, second = found("one\nthe Loop\nof doubt", "docs/x.md")
-    assert first == "'Loop of doubt' in docs/x.md:2: write 'diagnosis loop'"
-    assert second.startswith("'doubt' in docs/x.md:3: write ")
+    assert found("one\nthe Loop\nof doubt", "docs/x.md") == ["'Loop of doubt' in docs/x.md:2: write 'diagnosis loop'"]
     assert not found("`tied_with`, `misfit`, --fail-on-misfit, proverb, confirm", "docs/x.md")
 
 
