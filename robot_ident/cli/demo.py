@@ -188,9 +188,8 @@ def _summary(found: Findings, added: Additions, truth: Array) -> str:
         share = " ".join(f"{100 * explained[label]:.0f} %" for label in step.added if label in explained)
         rows.append((name, share, *(_pair(step, joint, "excess") for joint in joints)))
     rows.append(("noise", "", *(_pair(steps[0], joint, "noise") for joint in joints)))
-    title = "Excess over noise [Nm rms], fitted recordings / validation:"
+    title = "Excess over noise [Nm rms], fitted recordings / validation motion:"
     ratios = ", ".join(f"{_ratio(steps[0], joint):.1f}" for joint in joints)
-    lines = ["", table(header, rows), ""]
     lines = ["", title, table(("model", "explains", *joints), rows), ""]
     lines.append(f"Paper's model: residual / noise = {ratios}. {_ending(found, added)}")
     z = abs(found.last.model.linear - truth) / found.last.model.std[: len(truth)]

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 from collections.abc import Mapping, Sequence
 from typing import TYPE_CHECKING
 
@@ -31,7 +32,8 @@ def staircase_figure(steps: Sequence[Step], foreseen: Foreseen | None = None) ->
     figure = make_subplots(rows=robot.n, cols=1, shared_xaxes=True, vertical_spacing=0.12 / robot.n)
     for number, joint in enumerate(robot.joints):
         place, unit = {"row": number + 1, "col": 1}, robot.torque_unit(number)
-        highest = 0.0
+        noise = [level.noise or 0.0 for step in every for level in _levels(step, joint)]
+        highest = max([*noise, *(level.excess for step in every for level in _levels(step, joint))]) or 1.0
         for label, kind, colour in (
             ("fitted recordings", [step.training for step in every], BLUE),
             ("validation", [step.validation for step in every], VERMILLION),
@@ -39,23 +41,29 @@ def staircase_figure(steps: Sequence[Step], foreseen: Foreseen | None = None) ->
             levels = [levels.get(joint) for levels in kind]
             if not any(levels):
                 continue
-            bars = _bars(label, names, levels, colour, unit, len(steps))
+            bars = _bars(label, names, levels, colour, unit)
+            bars.text = ["" if level is None else _short(level.excess, highest) for level in levels]
+            bars.marker.pattern.shape = ["" if k < len(steps) else "/" for k in range(len(every))]
             bars.showlegend = number == 0
             figure.add_trace(bars, **place)
-            highest = max([highest, *(max(level.excess, level.noise or 0.0) for level in levels if level)])
-        top = _HEADROOM * (highest or 1.0)
-        figure.update_yaxes(title_text=f"{plain(joint)}<br>[{unit} rms]", range=(0.0, top), nticks=4, **place)
-    figure.update_layout(bargap=0.35, bargroupgap=0.08)
-    return themed(figure, height=110 + _ROW * robot.n)
+        title, reach = f"{plain(joint)}<br>[{unit} rms]", (0.0, _HEADROOM * highest)
+        figure.update_yaxes(title={"text": title, "font": {"size": 13}}, range=reach, nticks=4, **place)
+    figure.update_xaxes(showgrid=False)
+    return themed(figure, height=120 + _ROW * robot.n, bargap=0.35, bargroupgap=0.08)
+
+
+def _levels(step: Step | Foreseen, joint: str) -> list[Level]:
+    return [levels[joint] for levels in (step.training, step.validation) if joint in levels]
 
 
 def _lines(step: Step | Foreseen) -> list[str]:
     """Return a step's name and what it adds."""
-    return ["predicted" if isinstance(step, Foreseen) else step.name, *(f"+ {label}" for label in step.added)]
+    name = "predicted" if isinstance(step, Foreseen) else step.name
+    return [name, *(part for label in step.added for part in f"+ {label}".replace("@", "\n@").split("\n"))]
 
 
-def _bars(label: str, names: Sequence[str], levels: Sequence[Level | None], colour: str, unit: str, made: int) -> Bar:
-    """Return the bars of a joint on one kind of recordings; those after the `made` models are hatched."""
+def _bars(label: str, names: Sequence[str], levels: Sequence[Level | None], colour: str, unit: str) -> Bar:
+    """Return the bars of a joint on one kind of recordings."""
     from plotly.graph_objects import Bar
 
     known = all(level is None or level.noise is not None for level in levels)
@@ -63,19 +71,20 @@ def _bars(label: str, names: Sequence[str], levels: Sequence[Level | None], colo
     return Bar(
         x=names,
         y=[None if level is None else level.excess for level in levels],
-        text=["" if level is None else _short(level.excess) for level in levels],
         textposition="outside",
         cliponaxis=False,
         name=name,
         legendgroup=label,
-        marker={"color": colour, "pattern": {"shape": ["" if k < made else "/" for k in range(len(levels))]}},
+        marker={"color": colour},
         customdata=["" if level is None else _total(level, unit) for level in levels],
         hovertemplate=f"%{{x}}<br>{name}: %{{y:.3g}} {unit} rms<br>%{{customdata}}<extra></extra>",
     )
 
 
-def _short(value: float) -> str:
-    return f"{value:.3g}" if value >= 1.0 else f"{value:.1g}"
+def _short(value: float, largest: float) -> str:
+    """Return a bar's figure, to the third digit of the largest of its axis: all bars of an axis have alike decimals."""
+    decimals = max(0, 2 - math.floor(math.log10(largest)))
+    return f"{value:.{decimals}f}" if value else "0"
 
 
 def _total(level: Level, unit: str) -> str:
@@ -103,5 +112,7 @@ def _kinds(first: Step, last: Step) -> list[tuple[str, Mapping[str, Level], Mapp
 
 
 def _fall(first: Level, last: Level, unit: str, several: bool) -> str:
-    size = f"{_short(first.excess)} to {_short(last.excess)}" if several else _short(last.excess)
+    largest = max(first.excess, last.excess, last.noise or 0.0) or 1.0
+    size = _short(last.excess, largest)
+    size = f"{_short(first.excess, largest)} to {size}" if several else size
     return f"{size} {unit} rms ({_total(last, unit)})"
