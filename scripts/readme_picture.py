@@ -19,6 +19,7 @@ from robot_ident.cli.demo import HIDDEN
 from robot_ident.cli.loop import Inputs
 from robot_ident.cli.until_adequate import add_until_adequate
 from robot_ident.diagnosis.beside import beside
+from robot_ident.diagnosis.comparison import compare
 from robot_ident.diagnosis.diagnose import diagnose
 from robot_ident.estimation.identify import estimate
 from robot_ident.excitation.design import design
@@ -87,16 +88,16 @@ def residual(figure: Figure, recordings: list[Measurement], model: Model) -> Non
     figure.add_trace(Scatter(x=mean.middle, y=mean.mean, mode="lines", line=line), 1, 1)
 
 
-def history(figure: Figure, added: Additions) -> None:
+def history(figure: Figure, recordings: list[Measurement], added: Additions) -> None:
     """Draw the excess over noise of every joint from step to step."""
     from plotly.graph_objects import Bar
 
     names = ["model of<br>the paper"]
     names += [f"+ {NAMES[step.model.structure.effects[-1].name]}" for step in added.steps[1:]]
-    for joint, colour in zip(added.steps[0].model.robot.joints, (BLUE, SKY, VERMILLION), strict=True):
-        fits = [step.model.residual[joint] for step in added.steps]
-        excess = [max(0.0, fit.mse - (fit.noise_variance or 0.0)) ** 0.5 for fit in fits]
-        label = joint.replace("_", " ")
+    every = [compare(step.model, recordings).joints for step in added.steps]
+    for number, colour in enumerate((BLUE, SKY, VERMILLION)):
+        excess = [joints[number].excess for joints in every]
+        label = every[0][number].name.replace("_", " ")
         figure.add_trace(Bar(x=names, y=excess, name=label, marker={"color": colour}, showlegend=True), 1, 2)
 
 
@@ -107,7 +108,7 @@ def picture(recordings: list[Measurement], added: Additions, shade: str) -> Figu
     suspect = next(one for said in added.said for one in said.missing if one.label == EFFECT)
     figure = make_subplots(1, 2, column_widths=[0.42, 0.58], horizontal_spacing=0.27)
     residual(figure, recordings, before(added))
-    history(figure, added)
+    history(figure, recordings, added)
     text = SHADES[shade]["text"]
     themed(figure, height=HEIGHT, width=WIDTH, showlegend=True, bargap=0.25, bargroupgap=0.05)
     figure.update_traces(showlegend=False, selector={"type": "scatter"})
