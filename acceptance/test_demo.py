@@ -57,7 +57,7 @@ def named(told: dict[str, Any]) -> set[str]:
 
 
 def ratios(model: dict[str, Any]) -> dict[str, float]:
-    """Return residual over noise of a model by joint, rows at reversals included, on the recordings it was fitted to."""
+    """Return residual over noise of a model by joint, rows at reversals included, on the fitted recordings."""
     return {joint: (fit["mse"] / fit["noise_variance"]) ** 0.5 for joint, fit in model["residual"].items()}
 
 
