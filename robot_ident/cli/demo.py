@@ -23,8 +23,8 @@ if TYPE_CHECKING:
     from robot_ident.robot import Robot
 
 # What the real robot was found to have and the paper's 21 parameters lack: axis 2's gravity spring (slack at its
-# shortest), axis 1's current offset (KU Leuven, 2006), friction that rises at low speed. So large that every joint's
-# residual begins at two to three times its noise, as in the paper's figure 4.
+# shortest), axis 1's current offset (KU Leuven, 2006), friction that rises at low speed. Sizes by which every joint's
+# residual begins at two to three times its noise (in the paper's figure 4: 1.5 to 1.9 times).
 HIDDEN = (
     "gravity_spring@joint_2:stiffness=16000,free_length=0.388",
     "torque_offset@joint_1:-12.72",
