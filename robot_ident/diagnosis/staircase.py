@@ -1,4 +1,4 @@
-"""The staircase of the falling error: from model to model, on recordings that were fitted and on others."""
+"""The error history: from model to model, on recordings that were fitted and on others."""
 
 from __future__ import annotations
 

@@ -1,9 +1,9 @@
-"""The staircase of the falling error: residual of every joint from model to model, beside the noise."""
+"""The error history: every joint's excess over the noise from model to model, down to zero."""
 
 from __future__ import annotations
 
-from collections.abc import Sequence
-from dataclasses import dataclass
+import math
+from collections.abc import Mapping, Sequence
 from typing import TYPE_CHECKING
 
 from robot_ident.diagnosis.staircase import Foreseen, Level, Step
@@ -11,58 +11,49 @@ from robot_ident.figures.models import plain
 from robot_ident.figures.theme import BLUE, VERMILLION, themed
 
 if TYPE_CHECKING:
-    from plotly.graph_objects import Figure
+    from plotly.graph_objects import Bar, Figure
 
-_ACROSS = 3  # joints side by side
-_ROW = 280  # px
-
-
-@dataclass(frozen=True)
-class _Curve:
-    """A line of the staircase: Nm rms over the models, None where there is none."""
-
-    label: str
-    rms: Sequence[float | None]
-    colour: str
-    marked: bool
+_ROW = 130  # px of a joint
+_HEADROOM = 1.3  # of the highest bar: its figure stands above it
 
 
 def staircase_figure(steps: Sequence[Step], foreseen: Foreseen | None = None) -> Figure:
-    """Return the residual [Nm rms] of every joint over models in their order, on recordings that were fitted and on
-    others, each beside its noise; with open markers the step that a diagnosis foresees.
+    """Return the excess over noise [Nm rms] of every joint (a row each) over models in their order.
+
+    Bars of recordings that were fitted stand beside those of the validation; hatched: what a diagnosis predicts of the
+    next model. Every axis begins at 0 and reaches beyond the noise, so that a small excess looks small. Where the noise
+    is unknown a bar is the whole residual, as its label says.
     """
-    from plotly.graph_objects import Scatter
     from plotly.subplots import make_subplots
 
     robot = steps[0].model.robot
-    across = min(_ACROSS, robot.n)
-    down = -(-robot.n // across)
-    names = ["<br>".join(plain(name) for name in _lines(step)) for step in _every(steps, foreseen)]
-    symbols = ["circle"] * len(steps) + ["circle-open"] * (len(names) - len(steps))
-    figure = make_subplots(rows=down, cols=across, horizontal_spacing=0.4 / across, vertical_spacing=0.3 / down)
+    every: list[Step | Foreseen] = [*steps, *([] if foreseen is None else [foreseen])]
+    names = ["<br>".join(plain(name) for name in _lines(step)) for step in every]
+    figure = make_subplots(rows=robot.n, cols=1, shared_xaxes=True, vertical_spacing=0.12 / robot.n)
     for number, joint in enumerate(robot.joints):
-        place = {"row": number // across + 1, "col": number % across + 1}
-        unit = robot.torque_unit(number)
-        for curve in _curves(steps, foreseen, joint):
-            drawn = Scatter(
-                x=names,
-                y=curve.rms,
-                name=curve.label,
-                legendgroup=curve.label,
-                showlegend=number == 0,
-                mode="lines+markers" if curve.marked else "lines",
-                line={"shape": "hvh", "dash": "solid" if curve.marked else "dot", "color": curve.colour},
-                marker={"size": 9, "symbol": symbols},
-                hovertemplate=f"%{{x}}<br>{curve.label}: %{{y:.4g}} {unit} rms<extra>{plain(joint)}</extra>",
-            )
-            figure.add_trace(drawn, **place)
-        figure.update_yaxes(title_text=f"{plain(joint)} [{unit} rms]", **place)
-    figure.update_xaxes(tickfont={"size": 11})
-    return themed(figure, height=100 + _ROW * down)
+        place, unit = {"row": number + 1, "col": 1}, robot.torque_unit(number)
+        noise = [level.noise or 0.0 for step in every for level in _levels(step, joint)]
+        highest = max([*noise, *(level.excess for step in every for level in _levels(step, joint))]) or 1.0
+        for label, kind, colour in (
+            ("fitted recordings", [step.training for step in every], BLUE),
+            ("validation", [step.validation for step in every], VERMILLION),
+        ):
+            levels = [levels.get(joint) for levels in kind]
+            if not any(levels):
+                continue
+            bars = _bars(label, names, levels, colour, unit)
+            bars.text = ["" if level is None else _short(level.excess, highest) for level in levels]
+            bars.marker.pattern.shape = ["" if k < len(steps) else "/" for k in range(len(every))]
+            bars.showlegend = number == 0
+            figure.add_trace(bars, **place)
+        title, reach = f"{plain(joint)}<br>[{unit} rms]", (0.0, _HEADROOM * highest)
+        figure.update_yaxes(title={"text": title, "font": {"size": 13}}, range=reach, nticks=4, **place)
+    figure.update_xaxes(showgrid=False)
+    return themed(figure, height=120 + _ROW * robot.n, bargap=0.35, bargroupgap=0.08)
 
 
-def _every(steps: Sequence[Step], foreseen: Foreseen | None) -> list[Step | Foreseen]:
-    return [*steps, *([] if foreseen is None else [foreseen])]
+def _levels(step: Step | Foreseen, joint: str) -> list[Level]:
+    return [levels[joint] for levels in (step.training, step.validation) if joint in levels]
 
 
 def _lines(step: Step | Foreseen) -> list[str]:
@@ -71,38 +62,57 @@ def _lines(step: Step | Foreseen) -> list[str]:
     return [name, *(part for label in step.added for part in f"+ {label}".replace("@", "\n@").split("\n"))]
 
 
-def _curves(steps: Sequence[Step], foreseen: Foreseen | None, joint: str) -> list[_Curve]:
-    """Return the residual's and the noise's line of a joint, of fitted recordings and, where there are, of others."""
-    every = _every(steps, foreseen)
-    out = []
-    for label, kind, colour in (
-        ("fitted recordings", [step.training for step in every], BLUE),
-        ("unseen motion", [step.validation for step in every], VERMILLION),
-    ):
-        levels = [levels.get(joint) for levels in kind]
-        if any(level is not None for level in levels):
-            out.append(_Curve(label, [None if one is None else one.rms for one in levels], colour, True))
-            noise = [None if one is None else one.noise for one in levels]
-            out.append(_Curve(f"noise of {label}", noise, colour, False))
-    return out
+def _bars(label: str, names: Sequence[str], levels: Sequence[Level | None], colour: str, unit: str) -> Bar:
+    """Return the bars of a joint on one kind of recordings."""
+    from plotly.graph_objects import Bar
+
+    known = all(level is None or level.noise is not None for level in levels)
+    name = label if known else f"{label} (noise unknown: residual)"
+    return Bar(
+        x=names,
+        y=[None if level is None else level.excess for level in levels],
+        textposition="outside",
+        cliponaxis=False,
+        name=name,
+        legendgroup=label,
+        marker={"color": colour},
+        customdata=["" if level is None else _total(level, unit) for level in levels],
+        hovertemplate=f"%{{x}}<br>{name}: %{{y:.3g}} {unit} rms<br>%{{customdata}}<extra></extra>",
+    )
+
+
+def _short(value: float, largest: float) -> str:
+    """Return a bar's figure, to the third digit of the largest of its axis: all bars of an axis have alike decimals."""
+    decimals = max(0, 2 - math.floor(math.log10(largest)))
+    return f"{value:.{decimals}f}" if value else "0"
+
+
+def _total(level: Level, unit: str) -> str:
+    noise = "" if level.noise is None else f", noise {level.noise:.3g} {unit} rms"
+    return f"residual {level.rms:.3g}{noise}"
 
 
 def staircase_text(steps: Sequence[Step]) -> str:
-    """Return what the figure shows: first and last residual of every joint, and its noise."""
+    """Return what the figure shows: first and last excess of every joint, with its residual and its noise."""
     robot, first, last = steps[0].model.robot, steps[0], steps[-1]
     parts = []
     for number, joint in enumerate(robot.joints):
         unit = robot.torque_unit(number)
-        told = [_fall("on the fitted recordings", first.training[joint], last.training[joint], unit, len(steps) > 1)]
-        if last.validation:
-            told.append(
-                _fall("on unseen motion", first.validation[joint], last.validation[joint], unit, len(steps) > 1)
-            )
+        told = [
+            f"{where} {_fall(before[joint], after[joint], unit, len(steps) > 1)}"
+            for where, before, after in _kinds(first, last)
+        ]
         parts.append(f"{joint}: {', '.join(told)}")
-    return f"Residual of {len(steps)} model{'s' if len(steps) > 1 else ''}. {'; '.join(parts)}."
+    return f"Excess over noise of {len(steps)} model{'s' if len(steps) > 1 else ''}. {'; '.join(parts)}."
 
 
-def _fall(where: str, first: Level, last: Level, unit: str, several: bool) -> str:
-    size = f"{first.rms:.3g} to {last.rms:.3g}" if several else f"{last.rms:.3g}"
-    noise = "" if last.noise is None else f" (noise {last.noise:.3g})"
-    return f"{size} {unit} rms {where}{noise}"
+def _kinds(first: Step, last: Step) -> list[tuple[str, Mapping[str, Level], Mapping[str, Level]]]:
+    kinds = [("fitted recordings", first.training, last.training)]
+    return [*kinds, ("validation", first.validation, last.validation)] if last.validation else kinds
+
+
+def _fall(first: Level, last: Level, unit: str, several: bool) -> str:
+    largest = max(first.excess, last.excess, last.noise or 0.0) or 1.0
+    size = _short(last.excess, largest)
+    size = f"{_short(first.excess, largest)} to {size}" if several else size
+    return f"{size} {unit} rms ({_total(last, unit)})"

@@ -16,7 +16,7 @@ from robot_ident.report.report import report_sections, write_report
 EVIL = "<img src=x onerror=\"document.title='caught'\"><b>%{x}"
 SECTIONS = [
     "Verdict",
-    "The falling error",
+    "Error reduction",
     "Measured and predicted",
     "On a motion that no fit has seen",
     "Where it fails",
@@ -101,10 +101,11 @@ def _verdict_is_that_of_the_core(page: Any, findings: Findings) -> None:
     assert "stribeck@joint_2" in sentence
     assert f"from {before.rms:.3g} to {after.rms:.3g} Nm rms" in sentence
     assert "what is left over is noise" in sentence
-    rows = rows_of(page, "the-falling-error")
+    rows = rows_of(page, "error-reduction")
     assert [row[0] for row in rows] == ["model_1"] * 3 + ["model_2"] * 3
-    assert float(rows[1][5]) == pytest.approx(before.rms, rel=0.01)
-    assert float(rows[4][3]) == pytest.approx(last.residual["joint_2"].rms, rel=0.01)
+    assert float(rows[1][7]) == pytest.approx(before.rms, rel=0.01)
+    assert float(rows[4][4]) == pytest.approx(last.residual["joint_2"].rms, rel=0.01)
+    assert float(rows[1][3]) ** 2 == pytest.approx(float(rows[1][4]) ** 2 - float(rows[1][5]) ** 2, rel=0.05)
     parameters = rows_of(page, "parameters")
     assert [row[0] for row in parameters] == [p.name for p in last.parameters]
     assert float(parameters[0][2]) == pytest.approx(last.values[0], rel=1e-3)
@@ -118,7 +119,7 @@ def test_without_validation_and_excitation_it_says_so(
     write_report(tmp_path / "alone.html", alone)
     page = opened(tmp_path / "alone.html")
     assert "lacks stribeck@joint_2" in page.locator(".verdict").inner_text()
-    assert "predicted" in page.locator("#the-falling-error table").inner_text()
+    assert "predicted" in page.locator("#error-reduction table").inner_text()
     assert "None was given" in page.locator("#on-a-motion-that-no-fit-has-seen").inner_text()
     assert "Not known" in page.locator("#excitation").inner_text()
     assert page.locator("pre", has_text="robot_ident add").count() == 1
