@@ -50,7 +50,7 @@ def candidates_figure(found: Diagnosis) -> Figure:
 
 
 def _share(suspect: Suspect) -> str:
-    tied = f", tied with {len(suspect.tied_with)}" if suspect.tied_with else ""
+    tied = f", {len(suspect.tied_with)} indistinguishable" if suspect.tied_with else ""
     return f"{100 * suspect.explained:.0f} %{tied}"
 
 

@@ -42,4 +42,4 @@ def report_title(found: Findings) -> tuple[str, str]:
     """Return title and subtitle of a report."""
     models = ", ".join(step.path for step in found.steps)
     recordings = [source.path for source in (*found.training, *found.validation)]
-    return f"{found.robot.name}: model beside measurement", f"{models}, on {', '.join(recordings)}"
+    return f"{found.robot.name}: model vs. measurement", f"{models}, on {', '.join(recordings)}"

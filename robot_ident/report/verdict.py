@@ -36,7 +36,7 @@ def _gained(found: Findings) -> str:
     unseen = bool(last.validation)
     before, after = (first.validation, last.validation) if unseen else (first.training, last.training)
     joint = max(after, key=lambda name: (before[name].mse - after[name].mse) / before[name].mse)
-    where = " on a motion that no fit has seen" if unseen else ""
+    where = " on the validation motion" if unseen else ""
     unit = found.robot.torque_unit(found.robot.joint_index(joint))
     if after[joint].mse >= before[joint].mse:
         return f"adding {joined(added)} lowers no joint's error{where}"
@@ -59,7 +59,7 @@ def _lacking(found: Findings) -> str:
     unit = found.robot.torque_unit(found.robot.joint_index(worst.name))
     return (
         f"the model has all the effects it needs, but as it stands its values miss {worst.name} by"
-        f" {worst.excess:.3g} {unit} rms beyond the noise: identify it anew from these recordings"
+        f" {worst.excess:.3g} {unit} excess rms: identify it again from these recordings"
     )
 
 
@@ -72,7 +72,7 @@ def _as_good_as_can_be(joint: JointComparison, diagnosis: Diagnosis) -> bool:
 def _missing(diagnosis: Diagnosis, last: Step, robot: Robot) -> str:
     names = [suspect.label for suspect in diagnosis.missing]
     named = {name for suspect in diagnosis.missing for name in suspect.tied_with} - {*names}
-    tied = f" (or {joined(sorted(named))}, which these recordings can't tell apart)" if named else ""
+    tied = f" (or {joined(sorted(named))}, indistinguishable on these recordings)" if named else ""
     text = f"the model lacks {joined(names)}{tied}"
     predicted = _predicted(diagnosis.missing, last, robot)
     rest = {joint: value for joint, value in diagnosis.remaining_rms.items() if value > 0.0}
@@ -80,7 +80,7 @@ def _missing(diagnosis: Diagnosis, last: Step, robot: Robot) -> str:
         joint = diagnosis.unexplained.joint
         unit = robot.torque_unit(robot.joint_index(joint))
         size = rest.get(joint, max(rest.values()))
-        text += predicted + f"; {size:.3g} {unit} rms of {joint} stay unexplained ({diagnosis.unexplained.where})"
+        text += predicted + f"; {size:.3g} {unit} rms of {joint} remain unexplained ({diagnosis.unexplained.where})"
         return text
     return text + predicted
 
@@ -104,6 +104,6 @@ def _unexplained(diagnosis: Diagnosis, robot: Robot) -> str:
     remains = diagnosis.remaining_rms.get(found.joint, 0.0)
     unit = robot.torque_unit(robot.joint_index(found.joint))
     return (
-        f"none of the known effects accounts for the error of {found.joint}, {remains:.3g} {unit} rms beyond the noise;"
+        f"none of the known effects accounts for the error of {found.joint}, {remains:.3g} {unit} excess rms;"
         f" it {'is ' if found.everywhere else 'sits at '}{found.where}"
     )

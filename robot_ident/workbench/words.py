@@ -12,7 +12,7 @@ from robot_ident.workbench.view import CANDIDATE, Overlay, View
 
 Stage = Literal["compare", "see", "learn", "add", "watch"]
 STAGES: dict[Stage, str] = {
-    "compare": "model beside measurement",
+    "compare": "model vs. measurement",
     "see": "where it fails",
     "learn": "what is missing",
     "add": "see its fall, and add it",

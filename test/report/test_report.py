@@ -18,7 +18,7 @@ SECTIONS = [
     "Verdict",
     "Error reduction",
     "Measured and predicted",
-    "On a motion that no fit has seen",
+    "On the validation motion",
     "Where it fails",
     "What is missing",
     "Parameters",
@@ -120,7 +120,7 @@ def test_without_validation_and_excitation_it_says_so(
     page = opened(tmp_path / "alone.html")
     assert "lacks stribeck@joint_2" in page.locator(".verdict").inner_text()
     assert "predicted" in page.locator("#error-reduction table").inner_text()
-    assert "None was given" in page.locator("#on-a-motion-that-no-fit-has-seen").inner_text()
+    assert "None was given" in page.locator("#on-the-validation-motion").inner_text()
     assert "Not known" in page.locator("#excitation").inner_text()
     assert page.locator("pre", has_text="robot_ident add").count() == 1
 
@@ -130,7 +130,7 @@ def test_names_of_files_stay_text(opened: Callable[..., Any], findings: Findings
     sources = tuple(replace(source, path=EVIL) for source in findings.training)
     write_report(tmp_path / "evil.html", replace(findings, steps=steps, training=sources, command=EVIL))
     page = opened(tmp_path / "evil.html")
-    assert page.title().endswith("model beside measurement")
+    assert page.title().endswith("model vs. measurement")
     assert page.locator("main img").count() == 0
     assert EVIL in page.locator("#where-it-fails .plot .legend").first.evaluate("e => e.textContent").replace(
         "% {", "%{"

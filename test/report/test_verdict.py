@@ -23,7 +23,7 @@ def only_first(findings: Findings, diagnosis: Diagnosis) -> Findings:
 
 def test_an_adequate_model_after_an_effect_was_added(findings: Findings) -> None:
     text = verdict(findings)
-    assert text.startswith("Adding stribeck@joint_2 takes the error of joint_2 on a motion that no fit has seen from ")
+    assert text.startswith("Adding stribeck@joint_2 takes the error of joint_2 on the validation motion from ")
     assert text.endswith("; the model is adequate: what is left over is noise.")
 
 
@@ -42,14 +42,14 @@ def test_ties_and_remainders_are_said(findings: Findings) -> None:
     rest = Unexplained("joint_3", {"position": 0.4}, "0.1 < q < 0.2 rad: 50 % of the excess in 5 % of the time")
     other = replace(found, missing=(tied,), unexplained=rest, remaining_rms={"joint_3": 1.25})
     text = verdict(only_first(findings, other))
-    assert "(or viscous_nonlinear@joint_2, which these recordings can't tell apart)" in text
-    assert "1.25 Nm rms of joint_3 stay unexplained (0.1 < q < 0.2 rad" in text
+    assert "(or viscous_nonlinear@joint_2, indistinguishable on these recordings)" in text
+    assert "1.25 Nm rms of joint_3 remain unexplained (0.1 < q < 0.2 rad" in text
 
 
 @pytest.mark.parametrize(
     ("kind", "words"),
     [
-        ("unexplained", "None of the known effects accounts for the error of joint_1, 2 Nm rms beyond the noise"),
+        ("unexplained", "None of the known effects accounts for the error of joint_1, 2 Nm excess rms"),
         ("not_decidable", "These recordings can't tell whether the model lacks anything: too short."),
     ],
 )
@@ -71,7 +71,7 @@ def test_a_model_of_other_values_is_not_called_adequate(findings: Findings) -> N
     steps = staircase([("old.yaml", stale)], findings.training)
     text = verdict(replace(findings, steps=steps, diagnoses={0: findings.diagnosis}))
     assert "as it stands its values miss joint_1" in text
-    assert "identify it anew" in text
+    assert "identify it again" in text
 
 
 def test_a_model_whose_values_fit_as_well_as_can_be_is_called_adequate(findings: Findings) -> None:
@@ -84,7 +84,7 @@ def test_a_model_whose_values_fit_as_well_as_can_be_is_called_adequate(findings:
     found = replace(findings, steps=(*findings.steps[:-1], last), diagnoses={len(findings.steps) - 1: hidden})
     assert f"the model is adequate: what is left over is noise, and at {worst.name} what noise hides" in verdict(found)
     anew = replace(hidden, remaining_rms={worst.name: 0.2})
-    assert "identify it anew" in verdict(replace(found, diagnoses={len(findings.steps) - 1: anew}))
+    assert "identify it again" in verdict(replace(found, diagnoses={len(findings.steps) - 1: anew}))
 
 
 def test_what_is_everywhere_sits_nowhere(findings: Findings) -> None:

@@ -14,7 +14,7 @@ from robot_ident.report.findings import Findings
 from robot_ident.report.section import Plot, Section, Table
 from robot_ident.report.words import NOTHING, percent, short
 
-_HEADER = ("effect", "", "explains", "p", "at joint", "before", "after", "unseen before", "unseen after")
+_HEADER = ("effect", "", "explains", "p", "at joint", "before", "after", "validation before", "validation after")
 
 
 @dataclass(frozen=True)

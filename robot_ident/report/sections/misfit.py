@@ -49,7 +49,7 @@ class Misfit(Section):
         told = []
         for joint in failing:
             number = robot.joint_index(joint.name)
-            beyond = "left over, noise included" if joint.noise_variance is None else "beyond the noise"
+            beyond = "residual, noise included" if joint.noise_variance is None else "excess over the noise"
             excess = f"{short(joint.excess)} {robot.torque_unit(number)} rms {beyond}"
             words = [region.in_words(robot, number) for region in joint.worst[:_SENTENCES]]
             told.append({"name": joint.name, "excess": excess, "words": words, "reversal": _reversal(joint)})

@@ -31,7 +31,9 @@ class Origin(Section):
 
     def context(self) -> Mapping[str, Any]:
         """Return tables of recordings and models, versions and commands."""
-        sources = [(one, "fitted") for one in self.found.training] + [(one, "unseen") for one in self.found.validation]
+        sources = [(one, "fitted") for one in self.found.training] + [
+            (one, "validation") for one in self.found.validation
+        ]
         header = ("recording", "as", "samples", "duration [s]", "compared rows")
         rows = [_recording(source, use) for source, use in sources]
         return {

@@ -34,12 +34,12 @@ class Unseen(Section):
 
     found: Findings
 
-    title = "On a motion that no fit has seen"
+    title = "On the validation motion"
     template = "torque.html.j2"
 
     def context(self) -> Mapping[str, Any]:
         """Return a figure for each recording to validate on."""
-        missing = "None was given; --validation BAG2 adds one, which is what makes a verdict firm."
+        missing = "None was given; --validation BAG2 adds one: only it shows whether an effect is real."
         return {"plots": _plots(self.found, self.found.validation), "missing": missing}
 
 

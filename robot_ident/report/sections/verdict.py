@@ -24,7 +24,7 @@ class Verdict(Section):
     def context(self) -> Mapping[str, Any]:
         """Return the sentence, how the last model fares at each joint, and what limits the judgement."""
         last, unseen = self.found.last, bool(self.found.last.validation)
-        header = ["joint", "residual", "noise", "beyond noise", "chi²/dof", "p", ""]
+        header = ["joint", "residual", "noise", "excess rms", "chi²/dof", "p", ""]
         rows = []
         for joint in last.comparison.joints:
             fit, noise = joint.misfit, joint.noise_variance
@@ -37,7 +37,7 @@ class Verdict(Section):
                 row += [short(level.rms), short(level.noise)]
             rows.append(row)
         if unseen:
-            header += ["on unseen motion", "its noise"]
+            header += ["on validation", "its noise"]
         notes = dict.fromkeys((*self.found.diagnosis.notes, *last.comparison.notes))
         units = sorted({self.found.robot.torque_unit(k) for k in range(self.found.robot.n)})
         return {

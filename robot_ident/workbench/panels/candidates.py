@@ -30,16 +30,18 @@ def candidates(view: View, overlays: Sequence[str], running: bool) -> list[Any]:
         return [head, *notes, *_own(view, overlays)]
     lead = html.P("Tick one to see what would remain; tick two to see them side by side.")
     if not view.judged:
-        words = "Without a known noise the model is refitted, weighed by its own residual, before effects are compared."
+        words = (
+            "Without a known noise the model is refitted, weighted by its own residual, before effects are compared."
+        )
         notes.append(html.P(words, className="note"))
     return [head, *notes, lead, html.Div(listed, className="candidates"), *_own(view, overlays)]
 
 
 def _remains(view: View, remaining: Mapping[str, float]) -> str:
-    """Return what would remain, beyond the noise where that is known, with all that the verdict names."""
+    """Return the unexplained excess over the noise, where that is known, with all that the verdict names."""
     each = (f"{name} {short(value)} {view.unit(view.joints.index(name))}" for name, value in remaining.items())
-    beyond = "beyond the noise" if view.judged else "the noise included"
-    return f"What stays unexplained, rms {beyond}: {', '.join(each)}."
+    what = "Unexplained excess over the noise, rms" if view.judged else "Residual, noise included, rms"
+    return f"{what}: {', '.join(each)}."
 
 
 def _candidate(view: View, one: Mapping[str, Any], overlays: Sequence[str]) -> html.Div:

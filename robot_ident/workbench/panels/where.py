@@ -35,12 +35,12 @@ def where(view: View, joint: int) -> list[Any]:
     ranked = sorted(((name, share) for name, share in found["explained_by"].items() if share >= _LEAST), key=_share)
     size = f"{found['name']}: {short(found['excess_rms'])} {view.unit(joint)} rms"
     known = found["noise_variance"] is not None
-    beyond = f"{size} {'beyond the noise' if known else 'left over, noise included'}. Most of it is packed in:"
-    explains: list[Any] = [html.P("A curve over each of these explains, on motion it has not seen:")]
+    beyond = f"{size} {'excess over the noise' if known else 'residual, noise included'}. Most of it is in:"
+    explains: list[Any] = [html.P("Explained by a curve over each variable (cross-validated):")]
     if ranked:
         explains.append(bars([(name.replace("_", " "), share) for name, share in ranked[:_BARS]]))
     else:
-        explains = [html.P("No single variable explains it on motion that the curve was not fitted to.")]
+        explains = [html.P("No single variable explains it (cross-validated).")]
     if found["time_symmetry"]:
         odd, even = (100 * found["time_symmetry"][key] for key in ("odd", "even"))
         explains.append(html.P(f"Under time reversal: {odd:.0f} % odd (friction), {even:.0f} % even (forces, inertia)"))
