@@ -46,12 +46,12 @@ NAMES = {"gravity_spring": "spring", "torque_offset": "offset", "stribeck": "Str
 
 
 def measured() -> list[Measurement]:
-    """Return two designed motions of the demo's robot, averaged over 12 periods."""
+    """Return two designed motions of the demo's robot, averaged over 10 periods."""
     robot = load_robot()
     physics = plant_physics(robot, list(HIDDEN))
     series = [design(robot, seed=seed, starts=4).excitation.series for seed in (0, 1)]
     return [
-        process(Play.of(robot, physics, one).record(12, seed=seed), robot) for seed, one in enumerate(series, start=1)
+        process(Play.of(robot, physics, one).record(10, seed=seed), robot) for seed, one in enumerate(series, start=1)
     ]
 
 

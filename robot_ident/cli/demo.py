@@ -38,7 +38,7 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
     parser.add_argument(
         "--periods",
         type=within(2, 1000, int),
-        default=12,
+        default=10,
         help="steady periods of each trajectory (default %(default)s)",
     )
     parser.add_argument(
