@@ -154,10 +154,12 @@ def _ways(
             share = min(1.0, 2.0 * cutoff * way[0].dt)
             out.append(_Way(asked if asks_periods else processing, False, fitted, judged, share))
     if all(place.phase is not None for place in places):
-        averaged = _averaged(default, passes[0], places, used, structure, band)
+        averaged = [
+            replace(way, processing=asked) for way in _averaged(default, passes[0], places, used, structure, band)
+        ]
         # what is longer than a choice looks at is averaged: as one pass, its rows would be more than they tell
         only = asks_periods or any(part.samples >= _LONGEST for part in parts)
-        return [replace(averaged, processing=asked)] if only else [*out, replace(averaged, processing=asked)]
+        return averaged[:1] if only else [*out, *averaged]
     return out[:1] if asks_periods else out
 
 
@@ -221,22 +223,32 @@ def _averaged(
     used: Sequence[Mask],
     structure: Structure,
     band: float,
-) -> _Way:
-    """Return averages of periods as a way: fitted to the mean period, judged on every period as it was measured."""
-    fitted, judged = [], []
+) -> list[_Way]:
+    """Return averages of periods: fitted to the mean period, judged on every period as it was measured.
+
+    Fitted as they are, and through the low pass of the target, as a non-periodic candidate's rows are: above it, what
+    the model lacks would count against averages alone.
+    """
+    whole, passed, judged = [], [], []
     for one, row, place, here in zip(default, rows, places, used, strict=True):
         columns = structure.columns(one.motion)
         count = len(columns)
         piece = (np.arange(count) * PIECES // count)[one.rows]
-        fitted.append(Grams.of(one.passed(columns), one.passed(one.torque), piece, one.used[one.rows], PIECES))
         assert place.phase is not None and one.base_frequency is not None
-        smooth = SoftPeriodicLowPass(band, one.base_frequency, count).apply(columns)
+        low_pass = SoftPeriodicLowPass(band, one.base_frequency, count)
+        smooth, torque = low_pass.apply(columns), low_pass.apply(one.torque)
+        counted = one.used[one.rows]
+        whole.append(Grams.of(one.passed(columns), one.passed(one.torque), piece, counted, PIECES))
+        if one.cycles is None:  # cycles have passed one
+            passed.append(Grams.of(one.passed(smooth), one.passed(torque), piece, counted, PIECES))
         at = place.phase * count
         low = np.floor(at).astype(int)
         share = (at - low)[:, None, None]
         along = (1.0 - share) * smooth[low % count] + share * smooth[(low + 1) % count]
         judged.append(Grams.of(along, row.torque(band), place.piece, here, PIECES))
-    return _Way(Processing(), averaged=True, fitted=total(fitted), judged=total(judged))
+    judge = total(judged)
+    ways = (whole, passed) if len(passed) == len(whole) else (whole,)
+    return [_Way(Processing(), averaged=True, fitted=total(fitted), judged=judge) for fitted in ways]
 
 
 @dataclass(frozen=True)

@@ -14,6 +14,7 @@ from robot_ident.estimation.held_out import FAINT, Grams, held_out
 from robot_ident.estimation.identify import estimate, identify
 from robot_ident.estimation.predict import predict
 from robot_ident.estimation.validate import validate
+from robot_ident.excitation.fourier import FourierSeries
 from robot_ident.export.left_out import torque_of
 from robot_ident.model.expressions import columns_function
 from robot_ident.model.model_file import read_model, write_model
@@ -23,6 +24,8 @@ from robot_ident.recording import Processing, Recording
 from robot_ident.recording.process import process
 from robot_ident.robot import Robot, load_robot
 from robot_ident.simulation.like_real import like_real
+from robot_ident.simulation.periodic import Play
+from robot_ident.simulation.physics import plant_physics
 
 VISCOUS = np.array([8.0, 9.0, 6.0, 1.2, 1.1, 0.7])
 COULOMB = np.array([6.0, 7.0, 5.0, 1.0, 0.9, 0.6])
@@ -272,3 +275,20 @@ def test_predictions_are_differentiated_as_comes_nearest_to_the_record() -> None
         np.sqrt(np.mean((predict(one, case.test).torque - case.exact)[ends] ** 2)) for one in (model, as_fitted)
     )
     assert nearest < 0.8 * plain
+
+
+def test_averages_are_not_given_up_for_what_the_model_lacks() -> None:
+    """Without them the noise is unknown, and nothing tells that friction grows with the load."""
+    robot = replace(load_robot(), base="prediction")
+    for seed in range(1, 6):
+        recordings = []
+        for k in (0, 1):
+            a, b = 0.2 * np.random.default_rng(100 * seed + k).normal(size=(2, 3, 5))
+            series = FourierSeries(0.1, np.array([0.0, -0.1, -0.2]), a, b)
+            play = Play.of(robot, plant_physics(robot, ["load_friction@joint_2:0.15"]), series)
+            recordings.append(play.record(8, seed=10 * seed + k))
+        choice = choose_base(recordings, robot)
+        assert choice.taken is not None and choice.taken.averaged
+        averages, others = ([one for one in choice.candidates if one.averaged is way] for way in (True, False))
+        best, other = (min(few, key=lambda one: one.score) for few in (averages, others))
+        assert best.worse(other) < 0.5
