@@ -183,7 +183,9 @@ def _row(path: str, joint: JointComparison, unit: str) -> tuple[object, ...]:
 
 def _print_joint(joint: JointComparison, robot: Robot, number: int, model: str) -> None:
     unit = robot.torque_unit(number)
-    say(f"\n{joint.name}{model}: excess rms {joint.excess:.3g} {unit} over the noise")
+    known = joint.noise_variance is not None
+    size = f"{joint.excess:.3g} {unit}"
+    say(f"\n{joint.name}{model}: {f'excess rms {size} over the noise' if known else f'residual {size}, noise unknown'}")
     for region in joint.worst[:_SENTENCES]:
         say(f"  {joint.name}, {region.in_words(robot, number)}")
     ranked = sorted(joint.explained_by.items(), key=lambda item: -item[1])[:_BARS]

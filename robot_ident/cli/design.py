@@ -21,7 +21,18 @@ from robot_ident.cli.design_bound import (
 from robot_ident.cli.design_from import within_runs
 from robot_ident.cli.design_waypoints import add_waypoints, run_waypoints
 from robot_ident.cli.margin_table import margin_table
-from robot_ident.cli.output import Options, Progress, add_cluster, add_json, add_output, print_json, say, tell, within
+from robot_ident.cli.output import (
+    DEFAULT_ROBOT,
+    Options,
+    Progress,
+    add_cluster,
+    add_json,
+    add_output,
+    print_json,
+    say,
+    tell,
+    within,
+)
 from robot_ident.cli.precision import add_precision, check_precision, precision, precision_json, say_precision
 from robot_ident.cli.some_joints import add_joints, held_for_design, held_note
 from robot_ident.cli.unchecked import add_accept_unchecked, refuse_unchecked, say_unchecked
@@ -35,7 +46,6 @@ if TYPE_CHECKING:
     from robot_ident.motion import Array
     from robot_ident.robot import Robot
 
-_DEFAULT_ROBOT = "kuka_ir361"
 
 _EXIT = 0.8  # s that writing, and ending the worker processes, take
 _WHOLE = 2.0  # s for the certificate of the whole robot where some joints are held
@@ -238,7 +248,7 @@ def _model_and_robot(args: argparse.Namespace) -> tuple[Model | None, Robot]:
 
     model = read_model(args.model) if args.model else None
     if args.robot is None:
-        return model, model.robot if model else load_robot(_DEFAULT_ROBOT)
+        return model, model.robot if model else load_robot(DEFAULT_ROBOT)
     if is_model(args.robot):
         named = read_model(args.robot)
         return model or named, named.robot

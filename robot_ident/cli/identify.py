@@ -10,7 +10,16 @@ from typing import TYPE_CHECKING, Any
 
 from robot_ident.cli.effect_option import add_bags_and_effects, bags_of
 from robot_ident.cli.identify_payload import add_only, body_table, run_only
-from robot_ident.cli.output import add_json, add_output, add_robot, print_json, say, table, tell
+from robot_ident.cli.output import (
+    add_json,
+    add_output,
+    add_robot,
+    print_json,
+    refuse_default_robot,
+    say,
+    table,
+    tell,
+)
 from robot_ident.cli.some_joints import add_joints, held_in_recordings, held_note
 from robot_ident.errors import InputError
 
@@ -84,6 +93,7 @@ def run(args: argparse.Namespace) -> int:
     refuse_twice(args.bags)
     refuse_unseen(args.effect, whole)
     recordings = [read_for(bag, whole, topic=args.topic) for bag in args.bags]
+    refuse_default_robot(args.robot, whole.joints, recordings)
     refuse_same_rows(recordings)
     robot, recordings, held = held_in_recordings(args, whole, recordings)
     robot = robot if args.base is None else replace(robot, base=args.base)

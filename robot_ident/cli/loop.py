@@ -61,6 +61,9 @@ def read_inputs(words: Sequence[str], validation: Sequence[str], topic: str | No
     paths = tuple(word for word in words if is_model(word))
     bags = tuple(word for word in words if word not in paths)
     if not paths:
+        lost = [word for word in words if not os.path.exists(word)]
+        if lost:
+            raise InputError(f"{lost[0]}: no such file")
         raise InputError(f"none of {', '.join(words)} is a model; make one by robot_ident identify ... -o model.yaml")
     refuse_twice(bags)
     refuse_twice(validation)

@@ -11,10 +11,13 @@ import sys
 import textwrap
 from collections.abc import Callable, Iterable, Iterator, Sequence
 from contextlib import contextmanager
-from typing import Any, NoReturn, TextIO, TypeAlias
+from typing import TYPE_CHECKING, Any, NoReturn, TextIO, TypeAlias
 
 from robot_ident.errors import InputError
 from robot_ident.files import is_special
+
+if TYPE_CHECKING:
+    from robot_ident.recording.recording import Recording
 
 _RULE = re.compile(r"-+(  -+)*")  # the line below a table's header
 _LENGTHEN = ("add", "diagnose")  # verbs whose output is their model with something more
@@ -83,7 +86,20 @@ def add_cluster(parser: Options) -> None:
     parser.add_argument("--cluster", metavar="ADDRESS", help=text)
 
 
-def add_robot(parser: Options, default: str | None = "kuka_ir361") -> None:
+DEFAULT_ROBOT = "kuka_ir361"
+
+
+def refuse_default_robot(name: str, joints: Sequence[str], recordings: Iterable[Recording]) -> None:
+    """Raise InputError where the default robot would be taken for recordings with other joints than its own."""
+    for recording in recordings:
+        others = [joint for joint in recording.names if joint not in joints]
+        if name == DEFAULT_ROBOT and others and {*joints} <= {*recording.names}:
+            raise InputError(
+                f"{recording.source} holds {', '.join(others)}, which {name}, the default robot, lacks; give --robot"
+            )
+
+
+def add_robot(parser: Options, default: str | None = DEFAULT_ROBOT) -> None:
     """Add `--robot`."""
     parser.add_argument(
         "--robot",

@@ -49,6 +49,15 @@ def test_missing_joint(run: Run, arm: Any, tmp_path: Path) -> None:
     assert not (tmp_path / "m.yaml").exists()
 
 
+def test_recordings_of_another_robot_are_not_taken_for_the_default_ones(run: Run, arm: Any, tmp_path: Path) -> None:
+    r = arm.record(1, periods=2)
+    more = replace(
+        r, names=(*r.names, "joint_4"), q=np.hstack([r.q, r.q[:, :1]]), tau=np.hstack([r.tau, r.tau[:, :1]]), dq=None
+    )
+    write_recording(tmp_path / "six.npz", more)
+    refused(run("identify", tmp_path / "six.npz", "-o", tmp_path / "m.yaml"), "six.npz", "joint_4", "--robot")
+
+
 def test_nan_samples(run: Run, arm: Any, tmp_path: Path) -> None:
     r = arm.record(1, periods=2)
     tau = np.array(r.tau)

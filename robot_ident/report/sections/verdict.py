@@ -28,7 +28,11 @@ class Verdict(Section):
         rows = []
         for joint in last.comparison.joints:
             fit, noise = joint.misfit, joint.noise_variance
-            figures = (joint.residual_mse**0.5, None if noise is None else noise**0.5, joint.excess)
+            figures = (
+                joint.residual_mse**0.5,
+                None if noise is None else noise**0.5,
+                None if noise is None else joint.excess,
+            )
             row = [joint.name, *(short(value) for value in figures)]
             row += [NOTHING, NOTHING] if fit is None else [short(fit.statistic), f"{fit.p_value:.2g}"]
             row.append(joint.in_words)
