@@ -105,7 +105,7 @@ def run(args: argparse.Namespace) -> int:
     chosen = with_base(recordings, measurements, structure, processing)
     model = chosen.model(estimator=args.estimator, physical=args.physical, notes=(*held_note(whole, held), *doubts))
     options = {
-        "trajectory": args.trajectory,
+        "trajectory": args.trajectory if len(args.trajectory or ()) > 1 else (args.trajectory or [None])[0],
         "topic": args.topic,
         "effects": args.effect or None,
         "physical": args.physical or None,

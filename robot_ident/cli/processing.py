@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import argparse
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
 from dataclasses import replace
 from typing import TYPE_CHECKING
 
@@ -11,6 +11,8 @@ from robot_ident.cli.output import Options, within
 from robot_ident.errors import InputError
 
 if TYPE_CHECKING:
+    from robot_ident.excitation.excitation import Excitation
+    from robot_ident.motion import Array
     from robot_ident.recording.measurement import Processing
     from robot_ident.recording.recording import Recording
     from robot_ident.robot.robot import Robot
@@ -22,7 +24,12 @@ _ALIKE = 1e-4  # difference of speeds that are the same
 def add_reading(parser: Options) -> None:
     """Add the options of reading."""
     period = parser.add_mutually_exclusive_group()
-    period.add_argument("--trajectory", metavar="EXCITATION", help="excitation.yaml that was played: sets the period")
+    period.add_argument(
+        "--trajectory",
+        action="append",
+        metavar="EXCITATION",
+        help="excitation.yaml that was played: sets the period; give it once, or once per recording in their order",
+    )
     period.add_argument(
         "--base-frequency",
         type=within(1e-4, 1e4),
@@ -77,11 +84,12 @@ def processing_of(args: argparse.Namespace, robot: Robot, *, played: Robot) -> P
 
     frequency = args.base_frequency
     if args.trajectory:
-        from robot_ident.excitation.excitation import Excitation
-
-        excitation = Excitation.read(args.trajectory)
-        excitation.check_robot(played)
-        frequency = excitation.base_frequency
+        excitations = _excitations(args.trajectory, played)
+        frequencies = sorted({one.base_frequency for one in excitations})
+        if len(frequencies) > 1:
+            told = ", ".join(f"{one:g}" for one in frequencies)
+            raise InputError(f"--trajectory: base frequencies of {told} Hz; identify recordings of one period together")
+        frequency = frequencies[0]
     for name, value in (
         ("--base-frequency", frequency),
         ("--low-pass", args.low_pass),
@@ -115,15 +123,18 @@ def at_its_speed(
     """
     if not args.trajectory:
         return list(recordings), processing
-    from robot_ident.excitation.excitation import Excitation
+    if len(args.trajectory) not in (1, len(recordings)):
+        raise InputError(
+            f"--trajectory is given {len(args.trajectory)} times for {len(recordings)} recordings; give it once, or"
+            " once per recording in their order"
+        )
     from robot_ident.recording.speed_scaling import speed_scale
 
-    excitation = Excitation.read(args.trajectory)
+    files = args.trajectory * (len(recordings) // len(args.trajectory))
+    excitations = _excitations(files)
     scales = [
-        speed_scale(
-            one.with_joints(excitation.joints), lambda t: excitation.series.motion(t).q, excitation.base_frequency
-        )
-        for one in recordings
+        speed_scale(one.with_joints(played.joints), _path(played), played.base_frequency)
+        for one, played in zip(recordings, excitations, strict=True)
     ]
     if all(scale is None or scale == 1.0 for scale in scales):
         return list(recordings), processing
@@ -134,16 +145,32 @@ def at_its_speed(
             one,
             notes=(
                 *one.notes,
-                f"run at {100 * scale:.4g} % of the speed of {args.trajectory}: a speed override stretched time; its"
-                f" base frequency is taken as {scale * excitation.base_frequency:.6g} Hz",
+                f"run at {100 * scale:.4g} % of the speed of {file}: a speed override stretched time; its"
+                f" base frequency is taken as {scale * played.base_frequency:.6g} Hz",
             ),
         )
-        for one, scale in zip(recordings, scales, strict=True)
+        for one, scale, file, played in zip(recordings, scales, files, excitations, strict=True)
     ]
     found = [scale for scale in scales if scale is not None]
     alike = len(found) == len(scales) and max(found) - min(found) < _ALIKE
-    frequency = found[0] * excitation.base_frequency if alike else None
+    frequency = found[0] * excitations[0].base_frequency if alike else None
     return told, replace(processing, base_frequency=frequency, periodic=True)
+
+
+def _path(played: Excitation) -> Callable[[Array], Array]:
+    """Return the positions of an excitation as a function of time."""
+    return lambda t: played.series.motion(t).q
+
+
+def _excitations(files: Sequence[str], robot: Robot | None = None) -> list[Excitation]:
+    """Return the excitations of some files; InputError where one is not of the robot."""
+    from robot_ident.excitation.excitation import Excitation
+
+    found = [Excitation.read(file) for file in files]
+    for one in found:
+        if robot is not None:
+            one.check_robot(robot)
+    return found
 
 
 def _filter(text: str | None) -> tuple[float, float] | None:

@@ -31,9 +31,8 @@ def time_scale_notes(measurements: Sequence[Measurement]) -> list[str]:
     notes = []
     if untimed:
         notes.append(
-            f"time scale not verified ({', '.join(untimed)}): nothing beside the stamps tells how fast they run, and"
-            " inertia goes with the square of it; --trajectory EXCITATION tells, or a bag with the times at which"
-            " messages came"
+            f"time scale not verified ({', '.join(untimed)}): only the stamps give it, and an error of 1 % changes"
+            " inertias by 2 %; give --trajectory EXCITATION once per recording, or a bag with receive times"
         )
     if apart:
         notes.append(

@@ -29,6 +29,7 @@ def read_excitations(named: Sequence[str], models: Sequence[Model]) -> list[tupl
     """Return the excitations that are named; where none is, those that the models say and that are still there."""
     paths = list(named)
     if not paths:
-        noted = [model.provenance.get("options", {}).get("trajectory") for model in models]
-        paths = list(dict.fromkeys(str(path) for path in noted if path and Path(str(path)).is_file()))
+        noted = [model.provenance.get("options", {}).get("trajectory") or () for model in models]
+        files = [file for one in noted for file in ([one] if isinstance(one, str) else one)]
+        paths = list(dict.fromkeys(str(path) for path in files if Path(str(path)).is_file()))
     return [(path, Excitation.read(path)) for path in paths]

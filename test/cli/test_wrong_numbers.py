@@ -86,6 +86,18 @@ def test_the_trajectory_of_another_motion(run: Run, golden: Path) -> None:
     assert run("identify", golden / "kuka_1.npz", "--trajectory", golden / "excitation_1.yaml").code == 0
 
 
+def test_the_trajectory_of_every_recording(run: Run, golden: Path) -> None:
+    """Two motions are what a diagnosis wants: each names its own."""
+    bags = [golden / "kuka_1.npz", golden / "kuka_2.npz"]
+    own = [word for k in (1, 2) for word in ("--trajectory", golden / f"excitation_{k}.yaml")]
+    known = run("identify", *bags, *own)
+    assert known.code == 0 and "time scale not verified" not in known.err
+    assert "time scale not verified" in run("identify", *bags).err
+    crossed = run("identify", *bags[::-1], *own)
+    assert crossed.code == 2 and "not the motion of the trajectory" in crossed.err
+    assert run("identify", *bags, *own, *own[:2]).code == 2
+
+
 @pytest.mark.parametrize("gravity", ["[0, 0, 9.81]", "[0, 0, -1.62]"])
 def test_another_gravity(run: Run, golden: Path, checkout: Path, tmp_path: Path, gravity: str) -> None:
     robots = checkout / "config/robots"
