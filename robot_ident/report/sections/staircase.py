@@ -48,7 +48,7 @@ class Staircase(Section):
             return ""
         if kinds == {True}:
             return "Validation: averaged periods, as on the fitted recordings."
-        return "Validation: samples that move, behind the low pass, as robot_ident validate has them."
+        return "Validation: samples that move, low-passed."
 
 
 def _figures(level: Level | None) -> tuple[str, str, str]:
