@@ -49,6 +49,8 @@ def recover(path: Path | str, out: Path | str, *, force: bool = False) -> Recove
     with whole(out, force=force) as draft:
         with BagWriter(draft, storage.topics, shown_as=out) as bag:
             for message in in_time_order(storage):
+                if message.topic.name not in kept:  # a channel that was declared anew has two names
+                    bag.add_topic(message.topic)
                 log_time, publish_time = max(message.log_time, 0), max(message.publish_time, 0)
                 bag.write(message.topic.name, message.data, log_time, publish_time)
                 kept[message.topic.name] += 1

@@ -151,7 +151,7 @@ def _print(found: Diagnosis, inputs: Inputs) -> None:
 
 def _print_named(suspect: Suspect, inputs: Inputs) -> None:
     """Say what an effect is, how large, and what adding it will do."""
-    joint = _joint(suspect)
+    joint = suspect.place
     unit = inputs.models[0].robot.torque_unit(inputs.models[0].robot.joint_index(joint))
     say(f"\n{suspect.label}: {suspect.effect.meaning}")
     for p in suspect.parameters:
@@ -172,16 +172,10 @@ def _print_named(suspect: Suspect, inputs: Inputs) -> None:
         say(f"  experiment: {suspect.experiment}")
 
 
-def _joint(suspect: Suspect) -> str:
-    """Return the joint of an effect; of one on the whole robot, where it does most."""
-    before, after = suspect.mse_before, suspect.mse_after
-    return suspect.effect.place or max(before, key=lambda name: before[name] - after[name])
-
-
 def _row(rank: int, s: Suspect, named: bool, robot: Robot) -> tuple[object, ...]:
     from robot_ident.diagnosis.more_than_noise import chance
 
-    joint = _joint(s)
+    joint = s.place
     share = f"{100 * s.explained:.0f} %"
     before, after = s.mse_before[joint] ** 0.5, s.mse_after[joint] ** 0.5
     ties = s.tied_with if named else ()

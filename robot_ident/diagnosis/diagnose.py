@@ -21,7 +21,7 @@ from robot_ident.diagnosis.diagnosis import Diagnosis, Suspect, Verdict
 from robot_ident.diagnosis.drift import DRIFT, UNSEEN_IN_MEANS, drift_suspect, drift_tests, without_trends
 from robot_ident.diagnosis.evidence import Evidence, extended, gather, split
 from robot_ident.diagnosis.hidden_rest import with_hidden_rest
-from robot_ident.diagnosis.impossible import possible
+from robot_ident.diagnosis.impossible import of_use, possible
 from robot_ident.diagnosis.lack_of_fit import LackOfFit, lack_of_fit
 from robot_ident.diagnosis.measuring.first import Fault, measuring_fault, undecidable
 from robot_ident.diagnosis.measuring.jitter import with_jitter
@@ -72,7 +72,7 @@ def diagnose(
         refuse_foreign([*measurements, *validation], structure.robot)
     refuse_silent(measurements, "; a model of the others alone: identify --joints {moving}")
     if not all(tells_noise(measured) for measured in measurements):
-        predicted = diagnose_by_prediction(measurements, structure, validation, tell)
+        predicted = of_use(diagnose_by_prediction(measurements, structure, validation, tell), measurements)
         return replace(predicted, notes=(*predicted.notes, *time_scale_notes(measurements))).seen_by(structure.robot)
     clock = "; ".join(clock_notes(measurements, structure.robot))
     notes = time_scale_notes(measurements)
@@ -98,14 +98,14 @@ def diagnose(
     judged = measuring_fault(evidence, blind.folds, blind.scores, validation)
     if judged.fault is not None:
         fault = _fault_first(evidence, blind, judged.fault, validation, notes)
-        return replace(with_doubt(fault, evidence), clock=clock).seen_by(structure.robot)
+        return replace(of_use(with_doubt(fault, evidence), measurements), clock=clock).seen_by(structure.robot)
     unseen = Unseen.of(validation, evidence)
     found = Search(evidence, blind if unseen is None else Stage.of(evidence, unseen)).run(tell)
     tell(0.8, "weighing what was found")
     notes += undecidable(evidence, blind.folds)
     found_all = judged.low_passes.beside(_conclude(evidence, found, validation, notes, trending))
     found_all = with_doubt(with_jitter(found_all, evidence), evidence)
-    return replace(with_hidden_rest(found_all, plain), clock=clock).seen_by(structure.robot)
+    return replace(of_use(with_hidden_rest(found_all, plain), measurements), clock=clock).seen_by(structure.robot)
 
 
 def _fault_first(

@@ -58,6 +58,12 @@ class Suspect:
         return self.effect.label
 
     @property
+    def place(self) -> str:
+        """The joint of the effect; of one on the whole robot, where it does most."""
+        before, after = self.mse_before, self.mse_after
+        return self.effect.place or max(before, key=lambda name: before[name] - after[name])
+
+    @property
     def family(self) -> str | None:
         """What the effect and those that it is tied with have in common: `static in q`; None where nothing has."""
         return (

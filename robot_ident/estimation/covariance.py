@@ -22,7 +22,11 @@ def sandwich(
     with known noise give X' S X; `unknown` ones the residual's own spectrum at zero, heteroscedasticity and
     autocorrelation included, and no direction better known than by half of the sigma of independent rows.
     """
-    return np.asarray(bread @ long_run_scores(weighed, residual, equations, noise, unknown) @ bread)
+    meat = long_run_scores(weighed, residual, equations, noise, unknown)
+    scale = np.sqrt(np.maximum(np.diag(meat), 1e-300))
+    power, vectors = np.linalg.eigh(meat / np.outer(scale, scale))
+    half = bread @ (scale[:, None] * vectors * np.sqrt(np.maximum(power, 0.0)))  # symmetric however nearly singular
+    return np.asarray(half @ half.T)
 
 
 def long_run_scores(

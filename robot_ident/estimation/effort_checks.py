@@ -19,7 +19,8 @@ import numpy as np
 from robot_ident.errors import InputError
 from robot_ident.estimation.contradiction import Contradiction, contradiction
 from robot_ident.estimation.coupling import coupling_contradiction
-from robot_ident.estimation.declaration import clock_notes, clustered, judge_all
+from robot_ident.estimation.declaration import clock_notes, clustered, judge_all, judge_measured
+from robot_ident.estimation.effort_time import clocks_apart, out_of_step
 from robot_ident.estimation.unsigned import in_words, unsigned_joints
 from robot_ident.motion import Array
 from robot_ident.recording.arm_alone import beyond_base, with_payload
@@ -67,7 +68,7 @@ def contradictions(
     if not measurements:
         return []
     checks = EffortChecks(measurements, robot)
-    foreign = checks.foreign() or checks.exchanged()
+    foreign = checks.foreign() or checks.exchanged() or checks.clocks_apart()
     if foreign and as_declared:
         return [f"{foreign}{_AS_DECLARED}"]
     if foreign:
@@ -103,7 +104,7 @@ class _Rows:
 
     def __init__(self, measured: Measurement, robot: Robot) -> None:
         """Compute the URDF's torques at `_ROWS` rows at most, linear between."""
-        motion = measured.motion
+        self.measured, motion = measured, measured.motion
         every = slice(None, None, max(1, motion.samples // _ROWS))
         thin, still = motion[every], np.zeros_like(motion.q[every])
         nothing = robot.rigid.inverse_dynamics(replace(thin, dq=still, ddq=still, gravity=(0.0, 0.0, 0.0)))
@@ -125,7 +126,8 @@ class _Rows:
         parts = (inertial, motion.dq, np.sign(motion.dq), motion.ddq, np.ones_like(motion.q))
         self.drive = np.stack([passed(one) for one in parts], axis=2)  # [N, n, 5]
         self.used = measured.used[measured.rows]
-        self.block = max(1, round(_BLOCK / (measured.dt * measured.decimate)))
+        self.spacing = measured.dt * measured.decimate
+        self.block = max(1, round(_BLOCK / self.spacing))
         reach = np.ptp(motion.q, axis=0)
         self.moving = [
             j for j in range(robot.n) if reach[j] > _MOVES and self.used[:, j].sum() > 5 * self.drive.shape[2]
@@ -137,8 +139,21 @@ class _Rows:
         """
         effort = joint if effort is None else effort
         used = self.used[:, effort]
-        weight = self.weight[used, joint] @ self.gravity
-        return np.column_stack([weight, self.drive[used, joint]]), self.tau[used, effort]
+        return self.columns(joint)[used], self.tau[used, effort]
+
+    def columns(self, joint: int) -> Array:
+        """Return the columns of a joint [K, 6] at all rows, those that don't count included."""
+        return np.column_stack([self.weight[:, joint] @ self.gravity, self.drive[:, joint]])
+
+    @property
+    def efforts(self) -> list[Array]:
+        """The efforts [K, n] of all rows: of every period by itself where there are some, else of the recording."""
+        periods = self.measured.period_torque
+        if periods is None:
+            return [self.tau]
+        mean = self.measured.torque
+        whole = (np.where(np.isfinite(one), one, mean) for one in periods)
+        return [self.tau + self.measured.passed(one - mean) for one in whole]
 
 
 class EffortChecks:
@@ -154,6 +169,13 @@ class EffortChecks:
         nothing.
         """
         return self._first(_not_of_this_motion)
+
+    def clocks_apart(self) -> str:
+        """Return which recordings' clocks run at different paces, in a sentence, loaded ones left out; or nothing."""
+        told = [m for m, _ in self._measured if m.conditions.payload is None and not m.conditions.estimated]
+        if len(told) < 2:
+            return ""
+        return clocks_apart([m.source for m in told], [judge_measured(m, self._robot) for m in told])
 
     def exchanged(self) -> str:
         """Return which joints' efforts follow each other's motion, in a sentence; or nothing."""
@@ -214,7 +236,9 @@ def _not_of_this_motion(rows: _Rows) -> list[str]:
     lost = unsigned_joints(rows)
     names = [rows.robot.joints[joint] for joint in lost]
     noise = _noise(rows, [joint for joint in rows.moving if joint not in lost])
-    return [*noise, in_words(names, all_moving=len(lost) == len(rows.moving))] if lost else noise
+    if lost:
+        return [*noise, in_words(names, all_moving=len(lost) == len(rows.moving))]
+    return out_of_step(rows) or noise
 
 
 def _noise(rows: _Rows, joints: Sequence[int]) -> list[str]:

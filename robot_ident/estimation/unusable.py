@@ -76,11 +76,11 @@ def _torque(residual: Fit) -> float:
 
 
 def refuse_foreign(measurements: Sequence[Measurement], robot: Robot) -> None:
-    """Raise InputError where efforts are not made by the motion, or weight is that of another gravity than declared:
-    whatever a model lacked of them would be no physics.
+    """Raise InputError where efforts are not made by the motion, clocks of recordings run at different paces, or weight
+    is that of another gravity than declared: whatever a model lacked of them would be no physics.
     """
     checks = EffortChecks(measurements, robot)
-    foreign, gravity = checks.foreign(), checks.gravity()
+    foreign, gravity = checks.foreign() or checks.clocks_apart(), checks.gravity()
     if foreign:
         raise InputError(foreign)
     if gravity is not None:

@@ -33,11 +33,9 @@ class Fit:
     relative: float | None
 
 
-def _poor(one: Fit) -> bool:
-    """Return whether a residual is more than half of a torque that stands above its noise."""
-    if one.relative is None or one.relative <= _POOR:
-        return False
-    return one.noise_variance is None or one.mse / one.relative**2 > _ABOVE_NOISE * one.noise_variance
+def is_poor(error: float, torque: float, noise: float | None) -> bool:
+    """Return whether an error is more than half (rms) of a torque that stands above its noise; mean squares, Nm^2."""
+    return error > _POOR**2 * torque > 0.0 and (noise is None or torque > _ABOVE_NOISE * noise)
 
 
 @dataclass(frozen=True)
@@ -154,7 +152,11 @@ class Model:
         """A line that names the joints at which the model misses more than half of the torque of its own recordings,
         those left out whose torque is hardly more than noise; None where there is none.
         """
-        poor = [f"{joint} {100 * (one.relative or 0.0):.0f} %" for joint, one in self.residual.items() if _poor(one)]
+        poor = [
+            f"{joint} {100 * one.relative:.0f} %"
+            for joint, one in self.residual.items()
+            if one.relative and is_poor(one.mse, one.mse / one.relative**2, one.noise_variance)
+        ]
         if not poor:
             return None
         return (

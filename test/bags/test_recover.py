@@ -8,6 +8,7 @@ from types import SimpleNamespace
 import pytest
 from mcap.exceptions import McapError
 from mcap.reader import make_reader
+from mcap.writer import CompressionType, Writer
 from rosbags.highlevel import AnyReader
 
 from robot_ident.bags import BagWriter, Qos, Topic, describe, qos_text, read_messages, read_recording, recover
@@ -90,3 +91,22 @@ def test_nothing_to_recover(tmp_path: Path, maker: SimpleNamespace) -> None:
         recover(bag, bag)
     with pytest.raises(InputError, match="is the bag itself"):
         recover(bag, bag, force=True)
+
+
+def test_a_channel_that_was_declared_anew_keeps_its_messages(tmp_path: Path, maker: SimpleNamespace) -> None:
+    """Damage can give a channel another name in a chunk than in the summary: its messages stand under that."""
+    file = tmp_path / "a.mcap"
+    with file.open("wb") as stream:
+        writer = Writer(stream, 2000, CompressionType.NONE, enable_crcs=False)
+        writer.start("ros2", "test")
+        schema = writer.register_schema("sensor_msgs/msg/JointState", "ros2msg", b"")
+        channel = writer.register_channel("/joint_states", "cdr", schema)
+        messages = maker.messages_of(maker.make_recording(60))
+        for log, data in messages:
+            writer.add_message(channel, log, data, log)
+        writer.finish()
+    file.write_bytes(file.read_bytes().replace(b"/joint_states", b"/joint_status", 1))
+    kept = recover(file, tmp_path / "mended").kept
+    assert sum(kept.values()) == len(messages)
+    for name, count in kept.items():
+        assert len([*read_messages(tmp_path / "mended", [name])]) == count

@@ -132,3 +132,53 @@ def test_a_mirrored_arm_is_not_decidable(arm: Any, recording: Any, measured: Any
     turn = [-1.0, 1.0, 1.0]
     mirrored = replace(recording, q=recording.q * turn, tau=recording.tau * turn, dq=None)
     assert "joint_1" in undecided_directions(measured(mirrored)[0], arm.robot)
+
+
+def test_efforts_of_another_time(arm: Any, recording: Any, measured: Any) -> None:
+    """A second late, or a second lost amid the recording: the motion didn't make them at its time."""
+    second, half = round(1.0 / np.median(np.diff(recording.t))), len(recording.t) // 2
+    late = np.roll(recording.tau, second, axis=0)
+    lost = np.concatenate([recording.tau[:half], np.roll(recording.tau, -second, axis=0)[half:]])
+    told = EffortChecks(measured(replace(recording, tau=late)), arm.robot).foreign()
+    assert "not of the same time as the positions" in told
+    assert "shifted by -1 s" in told or "shifted by +9 s" in told, "or by that and a period of 10 s"
+    told = EffortChecks(measured(replace(recording, tau=lost)), arm.robot).foreign()
+    assert "shifted by +1 s" in told if "period" in told else "not made by the motion" in told
+
+
+def test_efforts_of_another_run(arm: Any, measured: Any) -> None:
+    """Of two runs of one period chance makes some efforts follow the other motion in part: most are told, none of its
+    own run is.
+    """
+    told = []
+    for seed in range(8):
+        draw = np.random.default_rng(seed)
+        shapes = [0.3 * draw.normal(size=(2, *arm.series.a.shape)) for _ in range(2)]
+        arms = [replace(arm, series=replace(arm.series, a=a, b=b)) for a, b in shapes]
+        own, other = (one.record(seed, periods=3, lead=0.0) for one in arms)
+        assert EffortChecks(measured(own), arm.robot).foreign() == ""
+        told.append(EffortChecks(measured(replace(own, tau=other.tau)), arm.robot).foreign())
+    assert sum(map(bool, told)) >= 6
+
+
+@pytest.mark.parametrize("share", [0.0, 1.5])
+def test_what_the_robot_does_late_or_beside_its_model_is_of_the_same_time(
+    arm: Any, recording: Any, measured: Any, share: float
+) -> None:
+    """A delay of a tenth of a second, and a torque as large as the arm's own that no column knows."""
+    late = np.roll(recording.tau, round(0.1 / np.median(np.diff(recording.t))), axis=0)
+    unknown = share * recording.tau.std(axis=0) * np.sin(3.0 * recording.q[:, [1, 2, 0]])
+    assert EffortChecks(measured(replace(recording, tau=late + unknown)), arm.robot).foreign() == ""
+
+
+def test_recordings_whose_clocks_run_at_different_paces(arm: Any, recording: Any) -> None:
+    other = arm.record(2, periods=4, lead=0.0)
+    slow = replace(other, t=other.t[0] + (other.t - other.t[0]) / 1.25, dq=None, source="slow.npz")
+    with pytest.raises(InputError, match=r"the stamps of .* run 1\.2\d? times as fast as those of slow\.npz"):
+        identify([recording, slow], arm.robot)
+    both = identify([recording, other], arm.robot)
+    with pytest.raises(InputError, match="as fast as those of slow"):
+        diagnose([process(recording, arm.robot), process(slow, arm.robot)], both.structure)
+    heavier = replace(other, tau=1.5 * other.tau)
+    rows = [process(one, arm.robot) for one in (recording, heavier)]
+    assert EffortChecks(rows, arm.robot).clocks_apart() == "", "a gain multiplies weight as well"
