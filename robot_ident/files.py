@@ -48,6 +48,8 @@ def read_bytes(path: Path | str, largest: int = LARGEST_TEXT) -> bytes:
         raise InputError(f"{path}: no such file") from error
     except OSError as error:
         raise InputError(f"{path}: can't be read ({error.strerror or error})") from error
+    except ValueError as error:
+        raise InputError(f"{str(path)!r} is no name of a file ({error})") from error
     if len(content) > largest:
         raise InputError(f"{path} has more than {largest >> 20} MiB; give a smaller file")
     return content

@@ -7,7 +7,7 @@ from pathlib import Path
 import pytest
 
 from robot_ident.errors import InputError
-from robot_ident.files import refuse_twice, whole, write_text
+from robot_ident.files import read_text, refuse_twice, whole, write_text
 
 
 def make(draft: Path, text: str) -> None:
@@ -48,3 +48,8 @@ def test_a_recording_that_is_given_twice(tmp_path: Path) -> None:
     refuse_twice([tmp_path / "a.npz", tmp_path / "b.npz"])
     with pytest.raises(InputError, match="link.npz is given twice"):
         refuse_twice([tmp_path / "a.npz", tmp_path / "link.npz"])
+
+
+def test_what_no_file_can_be_called() -> None:
+    with pytest.raises(InputError, match="is no name of a file"):
+        read_text("a\0b")

@@ -28,6 +28,7 @@ LAWS = ("fastest", "smooth")
 LONGEST_PAUSE = 3600.0  # s
 _STRICT = 1.0 - 1e-9  # share of the limits that a move may use
 Positive = Annotated[float, Field(gt=0)]
+_LONGEST = 86_400.0  # s
 
 
 @dataclass(frozen=True)
@@ -203,7 +204,7 @@ class PointToPoint:
             wrong.append(f"pace has {len(file.pace)} numbers for {len(file.points) - 1} moves")
         if wrong:
             raise InputError(f"{path}: {'; '.join(wrong)}")
-        return cls(
+        motion = cls(
             file.robot,
             tuple(file.joints),
             np.array(file.points),
@@ -214,6 +215,11 @@ class PointToPoint:
             np.array(file.pace),
             file.seed,
         )
+        if not motion.duration <= _LONGEST:
+            raise InputError(
+                f"{path}: it lasts {motion.duration:.3g} s, more than a day; a speed or a pace is too small"
+            )
+        return motion
 
 
 PointToPointMotion = PointToPoint
