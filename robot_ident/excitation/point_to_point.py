@@ -80,6 +80,8 @@ class PointToPoint:
         with np.errstate(divide="ignore"):
             rate = _STRICT * pace * float(np.min(self.velocity / distance))
             bend = _STRICT * pace**2 * float(np.min(self.acceleration / distance))
+        if not (rate > 0.0 and bend > 0.0):  # below the least of numbers
+            return float("inf"), 0.0
         if self.law == "smooth":  # largest ds/du = 15/8, largest d2s/du2 = 10/sqrt(3)
             duration = max(1.875 / rate, float(np.sqrt(10.0 / np.sqrt(3.0) / bend)))
             return duration, 0.0
