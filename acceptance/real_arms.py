@@ -7,9 +7,9 @@ from pathlib import Path
 
 import numpy as np
 
-from robot_ident.motion import Array
 from robot_ident.recording import Recording
 from robot_ident.robot import Robot, load_robot
+from robot_ident.signals.motion import Array
 
 
 @dataclass(frozen=True)

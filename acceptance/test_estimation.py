@@ -20,7 +20,7 @@ from robot_ident.estimation.solve import solve
 from robot_ident.excitation.fourier import FourierSeries
 from robot_ident.model.structure import Structure
 from robot_ident.recording import Measurement, Processing, Recording, process
-from robot_ident.recording.noise import NoiseSpectrum
+from robot_ident.recording.noise_spectrum import NoiseSpectrum
 from robot_ident.robot import load_robot
 
 RUNS = int(os.environ.get("ROBOT_IDENT_RUNS", "500"))

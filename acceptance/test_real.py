@@ -17,8 +17,8 @@ from robot_ident.estimation.identify import identify
 from robot_ident.estimation.predict import predict
 from robot_ident.model.model import Model
 from robot_ident.model.structure import Structure
-from robot_ident.motion import Array
 from robot_ident.recording import Processing
+from robot_ident.signals.motion import Array
 
 DATA = Path(__file__).resolve().parents[2] / "shared/data"
 WORSE, WORSE_JOINT = 1.02, 1.10  # times the plain fit's error, in all and at any joint

@@ -22,8 +22,8 @@ from robot_ident.excitation.fourier import FourierSeries
 from robot_ident.excitation.limits import Certifier
 from robot_ident.excitation.self_collision import LinkPairs, link_pairs
 from robot_ident.excitation.torque import TorqueModel
-from robot_ident.motion import Array
 from robot_ident.robot import Robot, load_robot
+from robot_ident.signals.motion import Array
 
 INTERVALS = 64  # of the certificate at its start
 HARMONICS = 5

@@ -17,8 +17,8 @@ import numpy as np
 from robot_ident.export.c_code import to_c
 from robot_ident.model.model import Fit, Model, NoiseLevel
 from robot_ident.model.structure import Structure
-from robot_ident.motion import Motion
 from robot_ident.robot import load_robot
+from robot_ident.signals.motion import Motion
 
 STATES, ROUNDS = 2000, 100
 SMOOTHING = 0.01  # rad/s; the states are faster, so that nothing is smoothed

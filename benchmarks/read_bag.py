@@ -17,7 +17,7 @@ from pathlib import Path
 import numpy as np
 
 from robot_ident.bags import JOINT_STATE, BagWriter, Topic, read_recording
-from robot_ident.motion import Array
+from robot_ident.signals.motion import Array
 
 
 def write_bag(path: Path, messages: int, joints: int, *, compress: bool, every: int) -> None:

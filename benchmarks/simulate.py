@@ -12,8 +12,8 @@ from dataclasses import dataclass
 import numpy as np
 
 from robot_ident.excitation.fourier import FourierSeries
-from robot_ident.motion import Array, Motion
 from robot_ident.robot import load_robot
+from robot_ident.signals.motion import Array, Motion
 from robot_ident.simulation.physics import home_pose
 from robot_ident.simulation.simulate import simulate
 

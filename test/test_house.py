@@ -119,7 +119,7 @@ def test_no_wildcard_and_no_bare_except() -> None:
 
 
 def test_files_stay_small() -> None:
-    large = {module: lines for module, file in FILES.items() if (lines := len(file.read_text().splitlines())) > 400}
+    large = {module: lines for module, file in FILES.items() if (lines := len(file.read_text().splitlines())) > 600}
     assert not large, "each asks to be two"
 
 

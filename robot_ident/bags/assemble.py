@@ -12,8 +12,8 @@ from numpy.typing import NDArray
 from robot_ident.bags.joint_state_decoder import Piece
 from robot_ident.bags.storage import Integers, one_line
 from robot_ident.errors import InputError, did_you_mean
-from robot_ident.motion import Array
 from robot_ident.recording.recording import Recording
+from robot_ident.signals.motion import Array
 
 _BURSTS = 0.1  # of the samples: as many that come with another are no accident
 _OWN_DELAY = 1000  # ns by which the delays of messages differ that were received

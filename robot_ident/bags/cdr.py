@@ -14,7 +14,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from robot_ident.bags.storage import Bytes, Integers
-from robot_ident.motion import Array
+from robot_ident.signals.motion import Array
 
 ENCAPSULATION = 4  # bytes before the body
 LITTLE_ENDIAN = b"\x00\x01\x00\x00"

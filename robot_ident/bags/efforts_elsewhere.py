@@ -13,10 +13,10 @@ from robot_ident.bags.number_array import numbers_of
 from robot_ident.bags.storage import NUMBERS, Integers, Storage, one_line
 from robot_ident.bags.topics import choose_topic, listing, named_topic
 from robot_ident.errors import InputError
-from robot_ident.motion import Array
-from robot_ident.recording.effort_series import EffortSeries
+from robot_ident.recording.effort import EffortSeries
 from robot_ident.recording.recording import Recording
 from robot_ident.robot.effort import EffortSource
+from robot_ident.signals.motion import Array
 
 
 def with_efforts(

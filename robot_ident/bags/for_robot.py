@@ -11,8 +11,8 @@ from robot_ident.bags.joint_state_decoder import JointStateDecoder
 from robot_ident.bags.read import read_recording
 from robot_ident.bags.tables import refuse_unnamed
 from robot_ident.bags.topics import named_topic
+from robot_ident.recording.checks import refuse_payload
 from robot_ident.recording.conditions import read_conditions
-from robot_ident.recording.payload_checks import refuse_payload
 from robot_ident.recording.recording import Recording
 from robot_ident.robot import Robot
 from robot_ident.robot.effort import EffortSource

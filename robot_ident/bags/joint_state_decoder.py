@@ -16,7 +16,7 @@ import numpy as np
 from robot_ident.bags import compression
 from robot_ident.bags.cdr import ENCAPSULATION, Layout, NotCdr, layout_of
 from robot_ident.bags.storage import Batch, Bytes, Integers, windows
-from robot_ident.motion import Array
+from robot_ident.signals.motion import Array
 
 _MOST_LAYOUTS = 32  # per message size; a bag with more (a counter in the frame id, say) is read one by one
 

@@ -12,7 +12,7 @@ import numpy as np
 from robot_ident.bags import compression
 from robot_ident.bags.cdr import ENCAPSULATION, REPRESENTATIONS
 from robot_ident.bags.storage import Batch, Integers
-from robot_ident.motion import Array
+from robot_ident.signals.motion import Array
 
 
 def numbers_of(batch: Batch) -> tuple[Integers, Array]:

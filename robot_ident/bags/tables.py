@@ -19,8 +19,8 @@ from robot_ident.bags.assemble import Samples, in_order
 from robot_ident.bags.compression import most
 from robot_ident.bags.storage import one_line
 from robot_ident.errors import InputError, did_you_mean
-from robot_ident.motion import Array
 from robot_ident.recording.recording import LONGEST, Recording
+from robot_ident.signals.motion import Array
 
 _DELIMITERS = ",;\t"
 # what numpy and zipfile raise on archives that are damaged on purpose or by accident

@@ -16,8 +16,8 @@ from robot_ident.bags.storage import JOINT_STATE, Integers, Topic
 from robot_ident.bags.writer import BagWriter
 from robot_ident.errors import InputError
 from robot_ident.files import whole
-from robot_ident.motion import Array
 from robot_ident.recording.recording import Recording
+from robot_ident.signals.motion import Array
 
 _AT_ONCE = 65_536  # messages
 _LAST = 2**31 * 1_000_000_000  # ns; seconds are a signed number of 32 bits in builtin_interfaces/Time

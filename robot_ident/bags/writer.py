@@ -21,7 +21,7 @@ from robot_ident.bags.rosbag2_directory import FILES, METADATA
 from robot_ident.bags.storage import Integers, Topic
 from robot_ident.errors import InputError
 from robot_ident.files import refuse_existing, write_text
-from robot_ident.motion import Array
+from robot_ident.signals.motion import Array
 
 
 class BagWriter:

@@ -16,8 +16,8 @@ if TYPE_CHECKING:
     from robot_ident.excitation.excitation import Excitation
     from robot_ident.excitation.margins import Margins
     from robot_ident.excitation.point_to_point import PointToPoint
-    from robot_ident.motion import Array
     from robot_ident.robot import Robot
+    from robot_ident.signals.motion import Array
 
 
 def add_arguments(parser: argparse.ArgumentParser) -> None:

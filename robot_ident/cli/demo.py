@@ -18,9 +18,9 @@ if TYPE_CHECKING:
     from robot_ident.cli.until_adequate import Additions
     from robot_ident.diagnosis.staircase import Step
     from robot_ident.model.model import Model
-    from robot_ident.motion import Array
     from robot_ident.report.findings import Findings
     from robot_ident.robot import Robot
+    from robot_ident.signals.motion import Array
 
 # What the real robot was found to have and the paper's 21 parameters lack: axis 2's gravity spring (slack at its
 # shortest), axis 1's current offset (KU Leuven, 2006), friction that rises at low speed. Sizes by which every joint's

@@ -43,8 +43,8 @@ if TYPE_CHECKING:
     from robot_ident.excitation.excitation import Excitation
     from robot_ident.excitation.target import Target
     from robot_ident.model.model import Model
-    from robot_ident.motion import Array
     from robot_ident.robot import Robot
+    from robot_ident.signals.motion import Array
 
 
 _EXIT = 0.8  # s that writing, and ending the worker processes, take

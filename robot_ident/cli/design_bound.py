@@ -14,7 +14,7 @@ if TYPE_CHECKING:
     from robot_ident.excitation.bound import Bound
     from robot_ident.excitation.design import DesignResult
     from robot_ident.excitation.target import Target
-    from robot_ident.motion import Array
+    from robot_ident.signals.motion import Array
 
 _SHARE = 0.4  # of a time limit that is left for the bound
 

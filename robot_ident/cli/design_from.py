@@ -6,9 +6,9 @@ import argparse
 from typing import TYPE_CHECKING
 
 if TYPE_CHECKING:
-    from robot_ident.motion import Array
     from robot_ident.recording.recording import Recording
     from robot_ident.robot import Robot
+    from robot_ident.signals.motion import Array
 
 _BANDWIDTH = 10.0  # Hz of the derivatives of what does not repeat: beyond, noise would widen the envelope
 _POINTS = 4000  # of a recording at which the tool is looked at
@@ -25,9 +25,9 @@ def within_runs(args: argparse.Namespace, robot: Robot, whole: Robot) -> Robot:
 
     from robot_ident.bags import read_for
     from robot_ident.excitation.envelope import within_envelope
-    from robot_ident.motion import Motion
     from robot_ident.recording.measurement import Processing
     from robot_ident.recording.process import process
+    from robot_ident.signals.motion import Motion
 
     motions, places = [], []
     for bag in args.run_before:

@@ -15,7 +15,7 @@ if TYPE_CHECKING:
     from robot_ident.excitation.excitation import Excitation
     from robot_ident.excitation.target import Target
     from robot_ident.excitation.tell import Telling
-    from robot_ident.motion import Array
+    from robot_ident.signals.motion import Array
 
 
 def run_tell(

@@ -78,7 +78,7 @@ def run(args: argparse.Namespace) -> int:
     from robot_ident.model.model_file import write_model
     from robot_ident.model.structure import Structure
     from robot_ident.provenance import provenance
-    from robot_ident.recording.copies import refuse_copies, refuse_same_rows
+    from robot_ident.recording.checks import refuse_copies, refuse_same_rows
     from robot_ident.recording.process import process
     from robot_ident.robot import load_robot
 

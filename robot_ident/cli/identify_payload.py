@@ -47,7 +47,7 @@ def run_only(args: argparse.Namespace) -> int:
     from robot_ident.estimation.payload import bare, identify_payload
     from robot_ident.files import refuse_existing, refuse_twice, write_text
     from robot_ident.model.model_file import read_model
-    from robot_ident.recording.copies import refuse_copies
+    from robot_ident.recording.checks import refuse_copies
     from robot_ident.recording.measurement import Processing
     from robot_ident.recording.process import process
 

@@ -27,9 +27,8 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
 def run(args: argparse.Namespace) -> int:
     """Describe a bag: its topics, and the joint states in it."""
     from robot_ident.bags import describe, read_for, read_recording
-    from robot_ident.recording.checks import check_samples
+    from robot_ident.recording.checks import check_plausible, check_samples
     from robot_ident.recording.effort import at_the_joints
-    from robot_ident.recording.plausibility import check_plausible
     from robot_ident.recording.resolution import coarse_notes
     from robot_ident.recording.summary import summarise
     from robot_ident.robot import load_robot
@@ -108,8 +107,8 @@ def _judged(recording: Recording, robot: Robot) -> tuple[list[Declared], list[st
     """Return by joint how effort and rigid model go together, and what else there is to say of it."""
     from robot_ident.estimation.declaration import judge_measured
     from robot_ident.estimation.effort_checks import EffortChecks, undecided_directions
+    from robot_ident.recording.checks import silent_efforts
     from robot_ident.recording.measurement import Processing
-    from robot_ident.recording.plausibility import silent_efforts
     from robot_ident.recording.process import process
 
     if silent_efforts(recording):

@@ -56,7 +56,7 @@ def read_inputs(words: Sequence[str], validation: Sequence[str], topic: str | No
     from robot_ident.estimation.for_model import measured_for
     from robot_ident.files import refuse_twice
     from robot_ident.model.model_file import is_model, read_model
-    from robot_ident.recording.copies import refuse_copies, refuse_same_rows
+    from robot_ident.recording.checks import refuse_copies, refuse_same_rows
 
     paths = tuple(word for word in words if is_model(word))
     bags = tuple(word for word in words if word not in paths)

@@ -14,7 +14,7 @@ if TYPE_CHECKING:
     from robot_ident.excitation.excitation import Excitation
     from robot_ident.excitation.precision import Needed
     from robot_ident.excitation.target import Target
-    from robot_ident.motion import Array
+    from robot_ident.signals.motion import Array
 
 
 @dataclass(frozen=True)

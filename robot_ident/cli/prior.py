@@ -8,7 +8,7 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from robot_ident.errors import InputError
-from robot_ident.motion import Array
+from robot_ident.signals.motion import Array
 
 if TYPE_CHECKING:
     from robot_ident.excitation.target import Target
@@ -37,7 +37,7 @@ def _of_recordings(bags: Sequence[str], target: Target, model: Model | None, bou
     from robot_ident.bags import read_for
     from robot_ident.estimation.information import information
     from robot_ident.files import refuse_twice
-    from robot_ident.recording.copies import refuse_copies
+    from robot_ident.recording.checks import refuse_copies
     from robot_ident.recording.measurement import Processing
     from robot_ident.recording.process import process
 

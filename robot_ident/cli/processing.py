@@ -12,10 +12,10 @@ from robot_ident.errors import InputError
 
 if TYPE_CHECKING:
     from robot_ident.excitation.excitation import Excitation
-    from robot_ident.motion import Array
     from robot_ident.recording.measurement import Processing
     from robot_ident.recording.recording import Recording
     from robot_ident.robot.robot import Robot
+    from robot_ident.signals.motion import Array
 
 AS_DECLARED = ", or continue with --as-declared"
 _ALIKE = 1e-4  # difference of speeds that are the same
@@ -128,7 +128,7 @@ def at_its_speed(
             f"--trajectory is given {len(args.trajectory)} times for {len(recordings)} recordings; give it once, or"
             " once per recording in their order"
         )
-    from robot_ident.recording.speed_scaling import speed_scale
+    from robot_ident.recording.summary import speed_scale
 
     files = args.trajectory * (len(recordings) // len(args.trajectory))
     excitations = _excitations(files)

@@ -79,7 +79,7 @@ def held_in_recordings(
     given = given_angles(args, robot)
     if args.joints is None:
         return robot, list(recordings), {}
-    from robot_ident.recording.still import STILL, held_angles, still_part
+    from robot_ident.recording.checks import STILL, held_angles, still_part
     from robot_ident.robot.held import hold, moving_joints
 
     moving = moving_joints(robot, args.joints)

@@ -8,12 +8,12 @@ from dataclasses import dataclass
 import numpy as np
 
 from robot_ident.model.model import Model
-from robot_ident.motion import Array
-from robot_ident.recording.average import average
+from robot_ident.recording.averaging import average
 from robot_ident.recording.clock import read_clock
 from robot_ident.recording.effort import at_the_joints
 from robot_ident.recording.measurement import Measurement
 from robot_ident.recording.recording import Recording
+from robot_ident.signals.motion import Array
 
 
 @dataclass(frozen=True)

@@ -14,7 +14,7 @@ from robot_ident.diagnosis.scan import add, columns_of, gram
 from robot_ident.diagnosis.unseen import Unseen
 from robot_ident.effects import Effect
 from robot_ident.effects.backlash import Backlash
-from robot_ident.motion import Array, Mask
+from robot_ident.signals.motion import Array, Mask
 
 FAST = 5.0  # Hz: slower than this no burst is
 SHARE_FAST = 0.35  # of the excess energy that must lie above FAST: something else may be there, too

@@ -20,9 +20,9 @@ from robot_ident.errors import InputError
 from robot_ident.estimation.identify import identify
 from robot_ident.estimation.predict import predict
 from robot_ident.model.model import Model
-from robot_ident.motion import Array
 from robot_ident.recording.measurement import Processing
 from robot_ident.robot.robot import Robot
+from robot_ident.signals.motion import Array
 from robot_ident.simulation.like_real import KINDS, LikeReal, like_real
 
 FILTERS = tuple((low, wide) for low in (2.0, 5.0, 10.0) for wide in (1.0, 4.0))

@@ -9,8 +9,8 @@ import numpy as np
 from robot_ident.diagnosis.diagnosis import Estimate
 from robot_ident.diagnosis.evidence import Evidence
 from robot_ident.effects import Effect
-from robot_ident.motion import Array
 from robot_ident.recording.measurement import Measurement
+from robot_ident.signals.motion import Array
 
 _BLOCK = 0.5  # s: errors further apart are taken as independent
 _STEP = 1e-3  # of the range of an inner parameter, for derivatives

@@ -7,9 +7,9 @@ from dataclasses import dataclass
 import numpy as np
 
 from robot_ident.model.model import Model
-from robot_ident.motion import Array, Mask
 from robot_ident.recording.measurement import Measurement
 from robot_ident.robot.robot import Robot
+from robot_ident.signals.motion import Array, Mask
 
 
 @dataclass(frozen=True)

@@ -11,7 +11,7 @@ from robot_ident.diagnosis.evidence import Evidence
 from robot_ident.diagnosis.scan import BaseFit, BaseGram, Columns, Gram, add, columns_of, gram, loss_with
 from robot_ident.diagnosis.unseen import Unseen
 from robot_ident.effects import Effect, candidates_of
-from robot_ident.motion import Array
+from robot_ident.signals.motion import Array
 
 _ASIDE = 0.25  # of an effect's gain where it gains most: with less, a joint has its excess from elsewhere
 

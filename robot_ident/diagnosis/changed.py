@@ -16,8 +16,8 @@ import numpy as np
 
 from robot_ident.errors import InputError
 from robot_ident.model.model import Model
-from robot_ident.motion import Array
 from robot_ident.recording.measurement import Measurement
+from robot_ident.signals.motion import Array
 
 CHANCE = 0.01  # that anything is called changed where nothing has, all parameters, or all joints, together
 _SAME = 1e-6  # of a row of the regrouping: two sets of base parameters that differ by less describe the same

@@ -22,10 +22,9 @@ from robot_ident.diagnosis.spectrum import bands
 from robot_ident.diagnosis.symmetry import odd_and_even
 from robot_ident.errors import InputError
 from robot_ident.model.model import Model
-from robot_ident.motion import Array, Mask
-from robot_ident.recording.copies import refuse_copies
+from robot_ident.recording.checks import refuse_copies, refuse_silent, silent_joints, still_notes
 from robot_ident.recording.measurement import Measurement
-from robot_ident.recording.silent import refuse_silent, silent_joints, still_notes
+from robot_ident.signals.motion import Array, Mask
 
 EDGES = (0.0, 0.5, 1.0, 2.0, 5.0, 10.0, 15.0, 30.0, np.inf)  # Hz
 _LISTED = 6  # regions named for a joint

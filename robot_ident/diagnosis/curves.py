@@ -8,7 +8,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from robot_ident.model.structure import Structure
-from robot_ident.motion import Array, Mask, Motion
+from robot_ident.signals.motion import Array, Mask, Motion
 
 _KNOTS = 12  # of a curve: quantiles of its variable
 _BLOCKS = 8  # of time, even ones against odd ones, where there is one recording only

@@ -38,11 +38,9 @@ from robot_ident.diagnosis.white_lines import whitened
 from robot_ident.estimation.declaration import clock_notes
 from robot_ident.estimation.unusable import refuse_foreign
 from robot_ident.model.structure import Structure
-from robot_ident.motion import Array
-from robot_ident.recording.copies import of_one_motion, refuse_copies
-from robot_ident.recording.measurement import Measurement
-from robot_ident.recording.silent import refuse_silent
-from robot_ident.recording.time_scale import time_scale_notes
+from robot_ident.recording.checks import of_one_motion, refuse_copies, refuse_silent
+from robot_ident.recording.measurement import Measurement, time_scale_notes
+from robot_ident.signals.motion import Array
 
 SHARE = 0.35  # of a joint's excess that its members must explain on trajectories not seen
 STRICTER = 0.37  # more than that where what remains is seen beside the noise: a proxy leaves much, a cause little

@@ -18,8 +18,8 @@ from robot_ident.diagnosis.stage import least_torque
 from robot_ident.effects import Effect, make_effect
 from robot_ident.estimation.apart import apart
 from robot_ident.model.structure import Structure
-from robot_ident.motion import Array, Motion
 from robot_ident.recording.measurement import Measurement
+from robot_ident.signals.motion import Array, Motion
 
 DRIFT = "temperature_drift"
 UNSEEN_IN_MEANS = (

@@ -11,8 +11,8 @@ import numpy as np
 from robot_ident.effects import Effect, Torques
 from robot_ident.errors import InputError
 from robot_ident.model.structure import Structure
-from robot_ident.motion import Array, Mask, Motion
 from robot_ident.recording.measurement import Measurement
+from robot_ident.signals.motion import Array, Mask, Motion
 
 _FEW = 0.5  # share of the rows, below which those that are not used are worth leaving out
 

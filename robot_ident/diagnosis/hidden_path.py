@@ -20,8 +20,8 @@ from robot_ident.diagnosis.evidence import Evidence, Trajectory
 from robot_ident.diagnosis.nuisance import Nuisance, through
 from robot_ident.diagnosis.scan import BaseFit, BaseGram, Columns, add, base_gram, gram
 from robot_ident.diagnosis.white_lines import inertia_along
-from robot_ident.motion import Array, Mask
-from robot_ident.recording.lines import Lines, evaluate, least_above_noise, lines_of_grid
+from robot_ident.signals.fourier import Lines, evaluate, least_above_noise, lines_of_grid
+from robot_ident.signals.motion import Array, Mask
 
 _MATTERS = 1.0  # chi-square units that a hidden part must make, at its usual size, to be reckoned with
 _LAST = 0.5  # of the number of lines that stand above the noise, from which on they tell how large the next ones are

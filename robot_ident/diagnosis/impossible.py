@@ -20,8 +20,8 @@ from robot_ident.diagnosis.evidence import Evidence, extended
 from robot_ident.effects import Effect
 from robot_ident.estimation.driving import POSITIVE
 from robot_ident.model.model import is_poor
-from robot_ident.motion import Array
 from robot_ident.recording.measurement import Measurement
+from robot_ident.signals.motion import Array
 
 _SURE = 2.0  # standard deviations below zero of an effect that is to be named: it stands far from it anyway
 

@@ -10,7 +10,7 @@ from robot_ident.diagnosis.evidence import Evidence
 from robot_ident.diagnosis.hidden_path import residual_beside_hidden_path
 from robot_ident.diagnosis.more_than_noise import NoiseTest, Share, noise_tests
 from robot_ident.diagnosis.scan import BaseFit, BaseGram
-from robot_ident.motion import Array
+from robot_ident.signals.motion import Array
 
 
 @dataclass(frozen=True)

@@ -11,7 +11,7 @@ from robot_ident.diagnosis.candidates import Candidate, Folds, Score, enumerate_
 from robot_ident.diagnosis.evidence import Evidence, extended, split
 from robot_ident.diagnosis.scan import add, base_gram, columns_of, gram
 from robot_ident.diagnosis.ties import BLOCK
-from robot_ident.motion import Array
+from robot_ident.signals.motion import Array
 
 _PARTS = 4
 _BRIEF = 1.0  # s: of blocks that are left out in turn

@@ -12,9 +12,9 @@ from robot_ident.estimation.declaration import judge_all
 from robot_ident.estimation.effort_checks import EffortChecks
 from robot_ident.estimation.unusable import residual_on
 from robot_ident.model.model import Model
-from robot_ident.motion import Array
 from robot_ident.recording.measurement import Measurement
 from robot_ident.robot.robot import Robot
+from robot_ident.signals.motion import Array
 
 _POOR = 0.5  # of a joint's torque: a model that misses more is asked why
 _BEYOND_NOISE = 4.0  # times the noise's variance

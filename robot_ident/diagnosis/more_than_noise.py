@@ -18,7 +18,7 @@ import numpy as np
 
 from robot_ident.diagnosis.evidence import Evidence
 from robot_ident.diagnosis.spectrum import Values, Whitening, Whole, wholes
-from robot_ident.motion import Array
+from robot_ident.signals.motion import Array
 
 ALPHA = 1e-3  # false alarms over all joints and bands together
 BANDS = (1.0, 5.0, 15.0)  # Hz: bands up to these, and the rest

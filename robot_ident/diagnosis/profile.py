@@ -11,7 +11,7 @@ import numpy as np
 from robot_ident.diagnosis.curves import Variable
 from robot_ident.diagnosis.evidence import Evidence
 from robot_ident.diagnosis.spectrum import Band
-from robot_ident.motion import Array
+from robot_ident.signals.motion import Array
 
 ALONG = ("position", "velocity", "acceleration", "load", "time_since_reversal", "time", "frequency")
 _BINS = 12

@@ -11,7 +11,7 @@ from robot_ident.diagnosis.candidates import Candidate, Folds, Score, score_gram
 from robot_ident.diagnosis.evidence import Evidence
 from robot_ident.diagnosis.scan import add, columns_of, gram
 from robot_ident.effects import Effect, Inner
-from robot_ident.motion import Array
+from robot_ident.signals.motion import Array
 
 _NEAR = 0.6  # of the best held-out gain from which on a rival is refined, too
 _CONTENDERS = 4  # at most, the best among them

@@ -7,8 +7,8 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from robot_ident.motion import Array, Mask
 from robot_ident.robot.robot import Robot
+from robot_ident.signals.motion import Array, Mask
 
 _BINS = 20  # of equal time
 _CHANCE = 2.5  # standard deviations of the squared noise that an excess must have to be looked into

@@ -7,9 +7,9 @@ from dataclasses import dataclass
 import numpy as np
 
 from robot_ident.diagnosis.beside import Beside
-from robot_ident.motion import Array, Mask
-from robot_ident.recording.low_pass import SoftPeriodicLowPass, ZeroPhaseLowPass
 from robot_ident.recording.measurement import Measurement
+from robot_ident.signals.filters import SoftPeriodicLowPass, ZeroPhaseLowPass
+from robot_ident.signals.motion import Array, Mask
 
 _SEGMENT = 10.0  # s: stretches over which the spectrum of a motion that doesn't repeat is averaged
 

@@ -12,7 +12,7 @@ from dataclasses import dataclass, field
 
 import numpy as np
 
-from robot_ident.motion import Array
+from robot_ident.signals.motion import Array
 
 _BLOCKS = 10  # of a window: errors of different blocks are taken as independent
 _CERTAIN = 36.0  # squared Mahalanobis distance of a change that chance and a motion's own course don't reach

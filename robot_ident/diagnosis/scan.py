@@ -20,7 +20,7 @@ import numpy as np
 
 from robot_ident.diagnosis.evidence import Evidence, weighed_once
 from robot_ident.effects import Effect
-from robot_ident.motion import Array
+from robot_ident.signals.motion import Array
 
 Ranges = Sequence[tuple[float, float]]
 """The least and the largest that each coefficient can be."""

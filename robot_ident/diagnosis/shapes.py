@@ -19,8 +19,8 @@ from robot_ident.diagnosis.scan import columns_of
 from robot_ident.diagnosis.stage import GAIN, Stage
 from robot_ident.diagnosis.ties import block_losses, significant
 from robot_ident.effects.effect import Coefficient, Effect, Torques
-from robot_ident.motion import Array, Motion
 from robot_ident.robot.robot import Robot
+from robot_ident.signals.motion import Array, Motion
 
 ENOUGH = 0.8  # of its joint's excess that an effect explains: no shape is asked any more
 MORE = 0.15  # of the excess that a shape must explain beyond it

@@ -10,7 +10,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from robot_ident.diagnosis.evidence import Evidence, Trajectory
-from robot_ident.motion import Array, Mask
+from robot_ident.signals.motion import Array, Mask
 
 Values = NDArray[np.inexact[Any]]
 

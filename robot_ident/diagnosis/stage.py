@@ -16,7 +16,7 @@ from robot_ident.diagnosis.scan import base_gram
 from robot_ident.diagnosis.ties import tied
 from robot_ident.diagnosis.unseen import Unseen
 from robot_ident.effects import Effect
-from robot_ident.motion import Array
+from robot_ident.signals.motion import Array
 
 GAIN = 40.0  # chi-square units that a member must gain
 PART = 0.35  # of the present excess on its joints that every member must explain, seen by trajectories left out

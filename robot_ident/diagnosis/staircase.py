@@ -12,7 +12,7 @@ from robot_ident.errors import InputError
 from robot_ident.estimation.extend import mean_square_errors
 from robot_ident.estimation.validate import validate
 from robot_ident.model.model import Model
-from robot_ident.recording.source import Source
+from robot_ident.recording.measurement import Source
 
 
 @dataclass(frozen=True)

@@ -9,7 +9,7 @@ from __future__ import annotations
 import numpy as np
 
 from robot_ident.diagnosis.evidence import Trajectory
-from robot_ident.motion import Array
+from robot_ident.signals.motion import Array
 
 _TOLERANCE = 0.03  # of a joint's own rms: how far the mirrored motion may be off
 

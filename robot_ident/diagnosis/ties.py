@@ -9,7 +9,7 @@ import numpy as np
 from robot_ident.diagnosis.candidates import Folds, Score
 from robot_ident.diagnosis.evidence import Evidence, Trajectory
 from robot_ident.diagnosis.scan import Columns, add, gram
-from robot_ident.motion import Array
+from robot_ident.signals.motion import Array
 
 BLOCK = 0.5  # s: residuals further apart are taken as independent
 _Z = 2.0  # standard errors of the mean difference of block losses below which two candidates are tied

@@ -21,10 +21,10 @@ from robot_ident.errors import InputError
 from robot_ident.estimation.identify import estimate
 from robot_ident.excitation.fourier import FourierSeries
 from robot_ident.model.structure import Structure
-from robot_ident.motion import Array
 from robot_ident.recording.measurement import Measurement
 from robot_ident.recording.process import process
 from robot_ident.robot.robot import Robot
+from robot_ident.signals.motion import Array
 from robot_ident.simulation.calibrate import torque_scale
 from robot_ident.simulation.measuring_faults import MeasuringFault, draw_fault, recordings_with
 from robot_ident.simulation.scenario import draw_scenario

@@ -7,9 +7,9 @@ from dataclasses import dataclass
 import numpy as np
 
 from robot_ident.model.model import Model
-from robot_ident.motion import Array, Mask, Motion
 from robot_ident.recording.effort import as_reported, joint_torque
 from robot_ident.recording.periodic import at_rest
+from robot_ident.signals.motion import Array, Mask, Motion
 from robot_ident.simulation.periodic import Play
 
 _PERIODS = 2  # one would do, did no robot warm up from one to the next

@@ -15,8 +15,8 @@ import numpy as np
 from robot_ident.diagnosis.evidence import Evidence, Trajectory, trajectory
 from robot_ident.diagnosis.white_lines import white_lines
 from robot_ident.effects import Effect, Torques
-from robot_ident.motion import Array
 from robot_ident.recording.measurement import Measurement
+from robot_ident.signals.motion import Array
 
 if TYPE_CHECKING:
     from robot_ident.diagnosis.scan import Addition, BaseFit

@@ -9,9 +9,9 @@ import numpy as np
 
 from robot_ident.diagnosis.evidence import Evidence, Trajectory, fitted
 from robot_ident.model.structure import Structure
-from robot_ident.motion import Array, Motion
-from robot_ident.recording.low_pass import ZeroPhaseLowPass
 from robot_ident.recording.measurement import Measurement
+from robot_ident.signals.filters import ZeroPhaseLowPass
+from robot_ident.signals.motion import Array, Motion
 
 _SAMPLES = 50.0  # a second per Hz of the low pass: enough to time a reversal
 _ROWS = 4.0  # a second per Hz of the low pass: more say nothing new

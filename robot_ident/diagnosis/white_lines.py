@@ -14,7 +14,7 @@ import numpy as np
 
 from robot_ident.diagnosis.evidence import Evidence, Trajectory, fitted, kept_between_parts
 from robot_ident.diagnosis.spectrum import relative_density
-from robot_ident.motion import Array
+from robot_ident.signals.motion import Array
 
 _LEAST = 0.1  # of the noise's mean density: where a filter leaves less, a line is no better proof than one there
 _MATTERS = 0.05  # of the torque's noise in a line: less from the positions' noise changes nothing

@@ -9,10 +9,10 @@ from typing import Any
 
 import numpy as np
 
-from robot_ident.effects.along_time import derivatives, step
 from robot_ident.effects.effect import Coefficient, Course, Effect, Inner, Mathematics, Signals, Torques, scaled
 from robot_ident.effects.gap_crossing import Crossing, Drives, Mesh, crossing
-from robot_ident.motion import Array, Motion
+from robot_ident.signals.derivatives import derivatives, step
+from robot_ident.signals.motion import Array, Motion
 
 _SLOWEST = 1e-3  # Nm/s: a load that changes more slowly takes long to reverse
 _BEDDING = 0.2  # of the gap: approach of the flanks until all teeth bear

@@ -13,9 +13,9 @@ import numpy as np
 
 from robot_ident.effects.own import faults_of, is_own, own_columns
 from robot_ident.errors import InputError, did_you_mean
-from robot_ident.motion import Array, Motion
 from robot_ident.robot.effort import Side, in_ampere
 from robot_ident.robot.robot import Robot
+from robot_ident.signals.motion import Array, Motion
 
 Symmetry = Literal["dissipative", "conservative", "memory", "mixed"]
 """What a column does when a motion runs backwards: its sign turns, it stays, depends on the past, or has both."""

@@ -7,9 +7,9 @@ from typing import Any
 
 import numpy as np
 
-from robot_ident.effects.along_time import lagged
 from robot_ident.effects.effect import Coefficient, Course, Effect, Inner, Mathematics, Signals, Torques
-from robot_ident.motion import Array, Motion
+from robot_ident.signals.derivatives import lagged
+from robot_ident.signals.motion import Array, Motion
 
 
 class EffortFilter(Effect):

@@ -8,8 +8,8 @@ from typing import Any
 import numpy as np
 
 from robot_ident.effects.effect import Coefficient, Course, Effect, Inner, Mathematics, Signals, Torques, scaled
-from robot_ident.motion import Array, Motion
 from robot_ident.robot.robot import Robot
+from robot_ident.signals.motion import Array, Motion
 
 
 class EncoderEccentricity(Effect):

@@ -9,7 +9,7 @@ from typing import Any
 import numpy as np
 
 from robot_ident.effects.effect import Coefficient, Effect, Inner, Mathematics, Signals
-from robot_ident.motion import Motion
+from robot_ident.signals.motion import Motion
 
 _UPPER, _LOWER, _BOTH = 1.0, -1.0, 0.0
 _INSETS = (0.04, 0.08, 0.13, 0.2, 0.27)  # of the range, from its end: further in nobody builds a stop

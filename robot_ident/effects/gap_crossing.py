@@ -21,7 +21,7 @@ from typing import Any, NamedTuple
 
 import numpy as np
 
-from robot_ident.motion import Array
+from robot_ident.signals.motion import Array
 
 _LONGEST = 3.5e-3  # s: of a step; the implicit midpoint is stable at any
 _LARGEST = 1e3  # times the gap: a deviation that no arm has, of estimates that no arm has either

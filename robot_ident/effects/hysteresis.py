@@ -9,7 +9,7 @@ from collections.abc import Iterator
 
 import numpy as np
 
-from robot_ident.motion import Array
+from robot_ident.signals.motion import Array
 
 ELEMENTS = (0.2, 0.5, 1.0, 2.0)
 """Breakaway of the Maxwell-slip elements over their scale; their mean, nearly one, is comparable to Dahl's."""

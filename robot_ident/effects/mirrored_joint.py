@@ -5,7 +5,7 @@ from __future__ import annotations
 import numpy as np
 
 from robot_ident.effects.effect import Coefficient, Effect, Torques
-from robot_ident.motion import Array, Motion
+from robot_ident.signals.motion import Array, Motion
 
 
 class MirroredJoint(Effect):

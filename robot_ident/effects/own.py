@@ -13,7 +13,7 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from robot_ident.errors import InputError
-from robot_ident.motion import Array, Motion
+from robot_ident.signals.motion import Array, Motion
 
 if TYPE_CHECKING:
     from robot_ident.effects.effect import Effect, Torques

@@ -9,7 +9,7 @@ import numpy as np
 
 from robot_ident.effects.effect import Coefficient, Course, Effect, Inner, Mathematics, Signals, Torques
 from robot_ident.effects.hysteresis import ELEMENTS, dahl, maxwell_slip
-from robot_ident.motion import Array, Motion
+from robot_ident.signals.motion import Array, Motion
 
 _DAHL, _MAXWELL = 0.0, 1.0
 _TURN = 0.2  # how sharply the smooth stand-in tells before from after a reversal

@@ -6,8 +6,8 @@ from functools import lru_cache
 
 import numpy as np
 
-from robot_ident.motion import Array, Motion
 from robot_ident.robot.rigid_body import RigidBody
+from robot_ident.signals.motion import Array, Motion
 
 _SPANNED = 1e-8  # share of a column's norm that may remain
 

@@ -7,10 +7,10 @@ from typing import Any
 
 import numpy as np
 
-from robot_ident.effects.along_time import step
 from robot_ident.effects.effect import Coefficient, Course, Effect, Inner, Mathematics, Signals, Torques
 from robot_ident.errors import InputError
-from robot_ident.motion import Array, Motion
+from robot_ident.signals.derivatives import step
+from robot_ident.signals.motion import Array, Motion
 
 _HIDDEN = "a periodic motion shows no drift but from period to period, and when its periods were is not known"
 _SHORT = 0.02  # of T0: friction changes by this share over the recording

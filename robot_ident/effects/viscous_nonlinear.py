@@ -7,7 +7,7 @@ from math import inf
 from typing import Any
 
 from robot_ident.effects.effect import Coefficient, Effect, Inner, Mathematics, Signals
-from robot_ident.motion import Motion
+from robot_ident.signals.motion import Motion
 
 _STILL = 1e-12  # (rad/s)^2 that keep the derivative of |v|^p finite at standstill
 _POWERS = (0.6, 1.5, 2.0, 3.0)

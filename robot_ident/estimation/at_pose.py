@@ -6,8 +6,8 @@ from collections.abc import Mapping
 
 from robot_ident.errors import InputError
 from robot_ident.model.model import Model
+from robot_ident.recording.checks import STILL, held_angles, still_part
 from robot_ident.recording.recording import Recording
-from robot_ident.recording.still import STILL, held_angles, still_part
 
 
 def held_by(model: Model) -> Mapping[str, float]:

@@ -9,8 +9,8 @@ from typing import Any
 import numpy as np
 
 from robot_ident.estimation.held_out import Fitted
-from robot_ident.motion import Array
 from robot_ident.recording.measurement import Processing
+from robot_ident.signals.motion import Array
 
 OFFSET, ROTOR, SCALE = "torque_offset", "rotor_inertia", "torque_scale"
 PIECES = 8

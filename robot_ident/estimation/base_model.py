@@ -19,13 +19,13 @@ from robot_ident.estimation.coherent_band import coherent_band
 from robot_ident.estimation.held_out import Grams, held_out, total
 from robot_ident.estimation.thin_rows import ThinRows, thin_rows
 from robot_ident.model.structure import Structure
-from robot_ident.motion import Array, Mask
-from robot_ident.recording.chain import chain_of
-from robot_ident.recording.low_pass import SoftPeriodicLowPass
 from robot_ident.recording.measurement import Measurement, Processing
 from robot_ident.recording.process import process
 from robot_ident.recording.recording import Recording
+from robot_ident.recording.torque_channel import chain_of
 from robot_ident.robot.robot import Robot
+from robot_ident.signals.filters import SoftPeriodicLowPass
+from robot_ident.signals.motion import Array, Mask
 
 DIFFERENTIATION = (0.5, 0.7, 1.0, 2.0)  # times the band
 ROWS = (0.5, 1.0)  # times the band: the low pass of the rows that are fitted

@@ -8,10 +8,10 @@ from typing import Any
 
 import numpy as np
 
-from robot_ident.motion import Array
 from robot_ident.recording.conditions import KnownPayload, hand
 from robot_ident.robot.rigid_body import STANDARD
 from robot_ident.robot.robot import Robot
+from robot_ident.signals.motion import Array
 
 VAGUE = np.full(10, 200.0)  # kg, kg m, kg m^2: more than any payload, before data
 NOTHING = 10.0  # kg, m, kg m^2: a larger standard deviation is no knowledge of what a hand carries

@@ -24,11 +24,11 @@ from robot_ident.estimation.payload import rows_of_payload, solve_beside
 from robot_ident.estimation.problem import Problem, Solution, with_inner
 from robot_ident.estimation.solve import solve
 from robot_ident.model.structure import Structure
-from robot_ident.motion import Array
-from robot_ident.recording.arm_alone import less_payload
 from robot_ident.recording.conditions import KnownPayload
 from robot_ident.recording.measurement import Measurement
+from robot_ident.recording.payload_torque import less_payload
 from robot_ident.robot.robot import Robot
+from robot_ident.signals.motion import Array
 
 _ROUNDS = 8
 _STILL = 0.02  # standard deviations that a payload's parameter may yet move by

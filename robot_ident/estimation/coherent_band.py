@@ -10,9 +10,9 @@ import numpy as np
 from robot_ident.estimation.held_out import Grams, fit, total
 from robot_ident.estimation.thin_rows import ThinRows, thin_rows
 from robot_ident.model.structure import Structure
-from robot_ident.motion import Array
 from robot_ident.recording.measurement import Processing
 from robot_ident.recording.recording import Recording
+from robot_ident.signals.motion import Array
 
 _PILOT = 8.0  # Hz, of the first model
 _WIDER = 4.0  # times its low pass: the bandwidth of its positions' derivatives

@@ -13,9 +13,9 @@ import numpy as np
 
 from robot_ident.estimation.contradiction import Contradiction
 from robot_ident.estimation.declaration import clustered
-from robot_ident.motion import Array
 from robot_ident.recording.measurement import Measurement
 from robot_ident.robot.robot import Robot
+from robot_ident.signals.motion import Array
 
 _ALONG = 0.9  # cosine of the angle between found and declared row from which on they are the same
 _TOLD = 0.1  # sigma of an entry over the row's length up to which it is told

@@ -8,7 +8,7 @@ import numpy as np
 
 from robot_ident.estimation.equations import Equations
 from robot_ident.estimation.row_noise import RowNoise
-from robot_ident.motion import Array
+from robot_ident.signals.motion import Array
 
 _LEAST = 0.25  # of the scores' variance were rows independent: a short recording's own spectrum has fewer directions
 

@@ -11,8 +11,8 @@ import numpy as np
 
 from robot_ident.errors import InputError
 from robot_ident.estimation.problem import Problem, Solution
-from robot_ident.motion import Array
 from robot_ident.recording.measurement import Measurement
+from robot_ident.signals.motion import Array
 
 _LEAST = 3  # days, below which nothing is known of how they differ
 _TWICE = 2.0  # of what sigma lets expect

@@ -9,11 +9,11 @@ import numpy as np
 
 from robot_ident.estimation.clock_rate import by_clock
 from robot_ident.estimation.declared import NOT_TOLD, Declared
-from robot_ident.motion import Array
 from robot_ident.recording.measurement import Measurement, Processing
 from robot_ident.recording.process import process
 from robot_ident.recording.recording import Recording
 from robot_ident.robot.robot import Robot
+from robot_ident.signals.motion import Array
 
 _NEAR = 0.35  # a URDF's masses are seldom better than that
 _LITTLE = 0.15  # share below which next to nothing of it is found

@@ -9,8 +9,8 @@ import numpy as np
 
 from robot_ident.effects import Effect
 from robot_ident.model.structure import Structure
-from robot_ident.motion import Array
 from robot_ident.recording.measurement import Measurement
+from robot_ident.signals.motion import Array
 
 POSITIVE = ("viscous", "coulomb", "rotor_inertia")
 """Effects whose coefficient is the amount of something, so that none below zero is possible."""

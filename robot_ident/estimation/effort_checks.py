@@ -22,11 +22,11 @@ from robot_ident.estimation.coupling import coupling_contradiction
 from robot_ident.estimation.declaration import clock_notes, clustered, judge_all, judge_measured
 from robot_ident.estimation.effort_time import clocks_apart, out_of_step
 from robot_ident.estimation.unsigned import in_words, unsigned_joints
-from robot_ident.motion import Array
-from robot_ident.recording.arm_alone import beyond_base, with_payload
 from robot_ident.recording.conditions import sidecar
 from robot_ident.recording.measurement import Measurement
+from robot_ident.recording.payload_torque import beyond_base, with_payload
 from robot_ident.robot.robot import Robot
+from robot_ident.signals.motion import Array
 
 _ROWS = 4000  # that are looked at, at most
 _MOVES = 0.02  # rad or m

@@ -15,7 +15,7 @@ import numpy as np
 
 from robot_ident.estimation.clock_rate import by_clock
 from robot_ident.estimation.declared import Declared
-from robot_ident.motion import Array
+from robot_ident.signals.motion import Array
 
 _NEAR = 0.25  # s; a delay or a drive's lag up to that is an effect of the robot, not another time
 _CLEARLY = 0.9  # of what is left over as stamped, that another shift leaves at most: a motion that repeats ties

@@ -9,9 +9,9 @@ import numpy as np
 
 from robot_ident.errors import InputError
 from robot_ident.model.structure import Structure
-from robot_ident.motion import Array
+from robot_ident.recording.checks import refuse_silent
 from robot_ident.recording.measurement import Measurement
-from robot_ident.recording.silent import refuse_silent
+from robot_ident.signals.motion import Array
 
 
 @dataclass(frozen=True)

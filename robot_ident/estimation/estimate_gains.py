@@ -23,11 +23,11 @@ from robot_ident.estimation.open_load import basis_of, open_load
 from robot_ident.estimation.problem import Problem
 from robot_ident.estimation.row_noise import row_noise
 from robot_ident.model.structure import Structure
-from robot_ident.motion import Array
 from robot_ident.recording.measurement import Measurement, Processing
 from robot_ident.recording.process import process
 from robot_ident.recording.recording import Recording
 from robot_ident.robot.robot import Robot
+from robot_ident.signals.motion import Array
 
 _VAGUE = 1.0  # standard deviation of ln K before data, about what the URDF's masses or the other drives make of it
 _SURE = 3.0  # sigma of a share of the URDF's torque that tells a gain to begin with

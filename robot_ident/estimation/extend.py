@@ -10,8 +10,8 @@ import numpy as np
 from robot_ident.effects import Effect
 from robot_ident.estimation.identify import estimate, with_scale_spread
 from robot_ident.model.model import Model
-from robot_ident.motion import Array
 from robot_ident.recording.measurement import Measurement, Processing
+from robot_ident.signals.motion import Array
 
 
 def extend(model: Model, measurements: Sequence[Measurement], effects: Sequence[Effect]) -> list[Model]:

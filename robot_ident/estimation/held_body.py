@@ -8,9 +8,9 @@ import numpy as np
 
 from robot_ident.errors import InputError
 from robot_ident.estimation.body import ENTRIES, VAGUE
-from robot_ident.motion import Array
 from robot_ident.recording.conditions import Conditions, PayloadPart, hand
 from robot_ident.robot.robot import Robot
+from robot_ident.signals.motion import Array
 
 
 def part_of(stated: Iterable[tuple[str, Conditions]]) -> PayloadPart:

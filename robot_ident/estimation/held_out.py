@@ -12,7 +12,7 @@ from dataclasses import dataclass, replace
 import numpy as np
 
 from robot_ident.effects.torque_scale import SPREAD
-from robot_ident.motion import Array, Mask
+from robot_ident.signals.motion import Array, Mask
 
 FAINT = 0.01  # weight of the piece that is left out: directions which it alone excites stay bounded
 _RIDGE = 1e-10  # of a column's square, added: below the rank that identify itself asks for

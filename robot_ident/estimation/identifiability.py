@@ -9,8 +9,8 @@ import numpy as np
 
 from robot_ident.estimation.problem import Solution
 from robot_ident.model.structure import Structure
-from robot_ident.motion import Array, Motion
 from robot_ident.recording.measurement import Measurement
+from robot_ident.signals.motion import Array, Motion
 
 _OPEN = 0.5  # sigma over value, above which a parameter isn't known
 _MATTERS = 0.05  # of a joint's torque: what an open parameter makes uncertain on motions within the limits

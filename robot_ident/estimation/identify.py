@@ -28,13 +28,12 @@ from robot_ident.estimation.scale import scale_notes
 from robot_ident.estimation.solve import ESTIMATORS
 from robot_ident.model.model import Fit, Model, NoiseLevel
 from robot_ident.model.structure import Structure
-from robot_ident.motion import Array
-from robot_ident.recording.copies import refuse_copies, refuse_same_rows
-from robot_ident.recording.measurement import Measurement, Processing
+from robot_ident.recording.checks import refuse_copies, refuse_same_rows
+from robot_ident.recording.measurement import Measurement, Processing, time_scale_notes
 from robot_ident.recording.process import process
 from robot_ident.recording.recording import Recording
-from robot_ident.recording.time_scale import time_scale_notes
 from robot_ident.robot.robot import Robot
+from robot_ident.signals.motion import Array
 
 
 def identify(

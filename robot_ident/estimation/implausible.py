@@ -6,7 +6,7 @@ import numpy as np
 
 from robot_ident.estimation.equations import Equations
 from robot_ident.model.structure import Structure
-from robot_ident.motion import Array
+from robot_ident.signals.motion import Array
 
 _TIMES = 10.0  # of a joint's torque; the arms that we know stay below 2.5
 _SURE = 2.0  # standard deviations, below which the value is said to be unknown anyhow

@@ -10,8 +10,8 @@ from robot_ident.errors import InputError
 from robot_ident.estimation.maximum_likelihood import Trajectory
 from robot_ident.estimation.problem import Problem
 from robot_ident.model.structure import Structure
-from robot_ident.motion import Array
 from robot_ident.recording.measurement import Measurement
+from robot_ident.signals.motion import Array
 
 
 def information(

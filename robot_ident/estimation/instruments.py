@@ -20,9 +20,9 @@ from robot_ident.errors import InputError
 from robot_ident.estimation.covariance import long_run_scores
 from robot_ident.estimation.equations import Equations, stack
 from robot_ident.estimation.problem import Problem, Solution, solution
-from robot_ident.motion import Array, Motion
-from robot_ident.recording.low_pass import ZeroPhaseLowPass
 from robot_ident.recording.measurement import Measurement
+from robot_ident.signals.filters import ZeroPhaseLowPass
+from robot_ident.signals.motion import Array, Motion
 
 _HOLE = 0.6  # over the cutoff: half width [s] of what is left out about an instant, where the low pass keeps memory
 _REACH = 3.0  # times that: half width of what is used

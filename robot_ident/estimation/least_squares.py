@@ -8,7 +8,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from robot_ident.errors import InputError
-from robot_ident.motion import Array
+from robot_ident.signals.motion import Array
 
 _RANK = 1e-10  # singular values below this share of the largest (columns scaled to norm 1) count as zero
 

@@ -22,8 +22,8 @@ from robot_ident.estimation.equations import Equations
 from robot_ident.estimation.problem import Problem, Solution, solution, with_inner
 from robot_ident.model.derivatives import torque_derivatives
 from robot_ident.model.structure import Structure
-from robot_ident.motion import Array, Mask, Motion
 from robot_ident.recording.measurement import Measurement
+from robot_ident.signals.motion import Array, Mask, Motion
 
 _ITERATIONS = 30
 _TOLERANCE = 1e-6  # of the predicted fall of chi-square: no parameter then moves by more than a thousandth of its sigma

@@ -11,8 +11,8 @@ import numpy as np
 from robot_ident.errors import InputError
 from robot_ident.estimation.least_squares import Factor, factor
 from robot_ident.model.structure import Structure
-from robot_ident.motion import Array, Motion
 from robot_ident.parallel import run_parallel
+from robot_ident.signals.motion import Array, Motion
 
 _BATCH = 250  # runs that a worker does at a time; fewer aren't worth a process
 

@@ -10,9 +10,9 @@ import numpy as np
 from robot_ident.estimation.carried import rows_of_payloads
 from robot_ident.estimation.equations import Equations
 from robot_ident.estimation.held_body import Holding, part_of
-from robot_ident.motion import Array
 from robot_ident.recording.measurement import Measurement
 from robot_ident.robot.robot import Robot
+from robot_ident.signals.motion import Array
 
 _DIGITS = 1e-9  # share of the largest singular value below which a motion shows nothing
 

@@ -19,10 +19,10 @@ from robot_ident.estimation.equations import Equations
 from robot_ident.estimation.held_body import Holding
 from robot_ident.estimation.problem import Problem
 from robot_ident.model.model import Model
-from robot_ident.motion import Array
 from robot_ident.recording.conditions import Conditions, KnownPayload, PayloadPart, hand, payload_columns
 from robot_ident.recording.measurement import Measurement
 from robot_ident.robot.robot import Robot
+from robot_ident.signals.motion import Array
 
 _ROUNDS = 8
 _STILL = 0.02  # standard deviations that a parameter may yet move by

@@ -11,8 +11,8 @@ import numpy as np
 from robot_ident.errors import InputError
 from robot_ident.estimation.equations import Equations
 from robot_ident.estimation.problem import Problem, Solution
-from robot_ident.motion import Array
 from robot_ident.recording.measurement import Measurement
+from robot_ident.signals.motion import Array
 
 _FRICTION = ("viscous", "coulomb")
 _AT_ONCE = 32  # periods that are solved together

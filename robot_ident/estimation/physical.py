@@ -16,8 +16,8 @@ from robot_ident.estimation.problem import Solution
 from robot_ident.estimation.semidefinite import Nearest
 from robot_ident.estimation.violations import NEAR, never_negative, separating, violations
 from robot_ident.model.structure import Structure
-from robot_ident.motion import Array
 from robot_ident.robot.rigid_body import STANDARD
+from robot_ident.signals.motion import Array
 
 _DRAWS = 200  # of the noise, for the covariance; at least three a parameter
 

@@ -8,8 +8,8 @@ import numpy as np
 
 from robot_ident.estimation.problem import Solution
 from robot_ident.model.structure import Structure
-from robot_ident.motion import Array
 from robot_ident.recording.measurement import Measurement
+from robot_ident.signals.motion import Array
 
 _ACCELERATION = 1e-3  # of its rms: noise of the acceleration below which nothing needs to be computed
 _TORQUE = 0.1  # of the torque's noise variance: more is worth a word

@@ -10,10 +10,10 @@ import numpy as np
 from robot_ident.estimation.at_pose import at_pose
 from robot_ident.estimation.for_model import payload_in, processing_of, within_rate
 from robot_ident.model.model import Model
-from robot_ident.motion import Array, Motion
+from robot_ident.recording.checks import still_notes
 from robot_ident.recording.process import process
 from robot_ident.recording.recording import Recording
-from robot_ident.recording.silent import still_notes
+from robot_ident.signals.motion import Array, Motion
 
 _BAND = 1.96  # standard deviations of 95 % of a normal distribution
 _FURTHER = 0.1  # of the range and of the speed: more is beyond what was identified

@@ -14,8 +14,8 @@ from robot_ident.estimation.equations import Equations, stack
 from robot_ident.estimation.least_squares import Factor, factor, ordinary
 from robot_ident.estimation.row_noise import RowNoise, row_noise
 from robot_ident.model.structure import Structure
-from robot_ident.motion import Array
 from robot_ident.recording.measurement import Measurement
+from robot_ident.signals.motion import Array
 
 _TORQUE_ROUNDS = 4  # of the fixed point: load friction of 10 % leaves 1e-4 of itself after four
 STEP = 1e-3  # of the range between an inner parameter's bounds, for derivatives

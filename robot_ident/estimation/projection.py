@@ -15,7 +15,7 @@ from robot_ident.errors import InputError
 from robot_ident.estimation.least_squares import Factor
 from robot_ident.estimation.problem import Problem
 from robot_ident.model.structure import Structure
-from robot_ident.motion import Array
+from robot_ident.signals.motion import Array
 
 
 @dataclass(frozen=True)

@@ -9,8 +9,8 @@ from __future__ import annotations
 
 import numpy as np
 
-from robot_ident.motion import Array
 from robot_ident.robot.rigid_body import STANDARD
+from robot_ident.signals.motion import Array
 
 LEAST = 1e-5
 """Smallest eigenvalue, kg and kg m^2, that a link's pseudo-inertia is given where the data would have it vanish."""

@@ -8,8 +8,8 @@ from dataclasses import dataclass, replace
 import numpy as np
 
 from robot_ident.estimation.equations import Equations
-from robot_ident.motion import Array
 from robot_ident.recording.measurement import Measurement
+from robot_ident.signals.motion import Array
 
 _ROWS = 750  # of a block whose rows are whitened together; colour reaches over far fewer
 _NOT_NOISE = 2.0  # times the variance of the noise, above which a residual is mainly what the model lacks

@@ -7,8 +7,8 @@ from collections.abc import Sequence
 import numpy as np
 
 from robot_ident.estimation.problem import Solution
-from robot_ident.motion import Motion
 from robot_ident.recording.measurement import Measurement
+from robot_ident.signals.motion import Motion
 
 _FACTOR = 20.0  # by which the torque of the links may differ from the URDF's before a word is due
 _SAMPLES = 200

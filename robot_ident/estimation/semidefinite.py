@@ -13,7 +13,7 @@ import numpy as np
 from robot_ident.errors import InputError
 from robot_ident.estimation.pseudo_inertia import IDENTITY, LEAST, LENGTH, TRIANGLE
 from robot_ident.model.structure import Structure
-from robot_ident.motion import Array
+from robot_ident.signals.motion import Array
 
 _PRIOR = 1e-4  # weight, in chi-square, of staying near the URDF's inertias where the torque does not tell
 _HEAVIER = 0.1  # of a base parameter in units of the link: it may hold what several links carry

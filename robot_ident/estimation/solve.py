@@ -21,8 +21,8 @@ from robot_ident.estimation.problem import STEP, Problem, Solution, inner_bounds
 from robot_ident.estimation.projection import Projection
 from robot_ident.estimation.torque_scales import with_scales
 from robot_ident.model.structure import Structure
-from robot_ident.motion import Array
 from robot_ident.recording.measurement import Measurement
+from robot_ident.signals.motion import Array
 
 _MOST_STEPS = 25  # of the search for inner parameters: five of them at once take about 15
 

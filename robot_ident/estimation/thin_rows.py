@@ -5,13 +5,13 @@ from __future__ import annotations
 from dataclasses import dataclass, replace
 
 from robot_ident.model.structure import Structure
-from robot_ident.motion import Array, Mask, Motion
 from robot_ident.recording.clock import read_clock
-from robot_ident.recording.low_pass import ZeroPhaseLowPass
 from robot_ident.recording.measurement import Measurement, Processing
 from robot_ident.recording.process import process
 from robot_ident.recording.recording import Recording
 from robot_ident.robot.robot import Robot
+from robot_ident.signals.filters import ZeroPhaseLowPass
+from robot_ident.signals.motion import Array, Mask, Motion
 
 _FINE = 20.0  # rows in a period of the band's edge: what the jumps of friction alias into it stays below a percent
 _SLOWEST = 100.0  # Hz

@@ -10,7 +10,7 @@ from robot_ident.effects.torque_scale import SPREAD, TorqueScale
 from robot_ident.estimation.equations import Equations
 from robot_ident.estimation.problem import Problem
 from robot_ident.model.structure import Structure
-from robot_ident.motion import Array
+from robot_ident.signals.motion import Array
 
 _ROUNDS = 30
 _STEP = 0.3  # of ln a, in one round

@@ -7,8 +7,8 @@ from typing import Protocol
 
 import numpy as np
 
-from robot_ident.motion import Array
 from robot_ident.robot.robot import Robot
+from robot_ident.signals.motion import Array
 
 _NEGATIVE = 0.02  # of the largest effort, by which a filtered absolute value may fall below zero
 _TURNED = 0.1  # share of the samples whose sign is lost

@@ -13,13 +13,13 @@ from robot_ident.estimation.for_model import processing_of, with_payload_found, 
 from robot_ident.estimation.identify import fit
 from robot_ident.estimation.unusable import unusable
 from robot_ident.model.model import Fit, Model
-from robot_ident.motion import Array, Motion
-from robot_ident.recording.continuous import DEFAULT_LOW_PASS
-from robot_ident.recording.low_pass import SoftPeriodicLowPass, ZeroPhaseLowPass
+from robot_ident.recording.checks import still_notes
 from robot_ident.recording.measurement import Measurement
+from robot_ident.recording.non_periodic import DEFAULT_LOW_PASS
 from robot_ident.recording.process import process
 from robot_ident.recording.recording import Recording
-from robot_ident.recording.silent import still_notes
+from robot_ident.signals.filters import SoftPeriodicLowPass, ZeroPhaseLowPass
+from robot_ident.signals.motion import Array, Motion
 
 _TOUCHED = 0.1  # of a filtered value: the share of standstill from which on it counts as standstill
 

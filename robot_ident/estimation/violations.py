@@ -10,7 +10,7 @@ from robot_ident.estimation.driving import POSITIVE
 from robot_ident.estimation.pseudo_inertia import PLACE
 from robot_ident.estimation.semidefinite import Nearest
 from robot_ident.model.structure import Structure
-from robot_ident.motion import Array
+from robot_ident.signals.motion import Array
 
 NEAR = 1e-3
 """Fall of chi-square, below which parameters count as possible."""

@@ -12,8 +12,8 @@ from robot_ident.excitation.limits import Certifier
 from robot_ident.excitation.point_to_point import PointToPoint
 from robot_ident.excitation.stop import stop_from
 from robot_ident.excitation.validation import moves
-from robot_ident.motion import Array
 from robot_ident.robot.robot import Robot
+from robot_ident.signals.motion import Array
 
 __all__ = ["approach", "stop_from"]
 

@@ -7,7 +7,7 @@ from typing import Any
 import casadi as ca
 import numpy as np
 
-from robot_ident.motion import Array, Motion
+from robot_ident.signals.motion import Array, Motion
 
 
 class Batch:

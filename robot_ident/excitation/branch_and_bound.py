@@ -7,7 +7,7 @@ from typing import NamedTuple
 
 import numpy as np
 
-from robot_ident.motion import Array
+from robot_ident.signals.motion import Array
 
 _BUDGET = 400_000  # intervals
 

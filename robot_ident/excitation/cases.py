@@ -10,7 +10,7 @@ from typing import Any
 
 import numpy as np
 
-from robot_ident.motion import Array
+from robot_ident.signals.motion import Array
 
 _ITERATIONS = 180
 

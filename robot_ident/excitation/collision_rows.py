@@ -9,7 +9,7 @@ import numpy as np
 
 from robot_ident.excitation.rows import Grid, Rows
 from robot_ident.excitation.self_collision import LinkPairs, link_pairs
-from robot_ident.motion import Array
+from robot_ident.signals.motion import Array
 
 if TYPE_CHECKING:
     from robot_ident.excitation.setting import Setting

@@ -13,7 +13,7 @@ from typing import Any
 import casadi as ca
 import numpy as np
 
-from robot_ident.motion import Array
+from robot_ident.signals.motion import Array
 
 
 def line_bases(orders: Sequence[int], base_frequency: float, t: Array) -> tuple[Array, Array, Array]:

@@ -7,8 +7,8 @@ from typing import TYPE_CHECKING, NamedTuple
 import numpy as np
 
 from robot_ident.errors import InputError
-from robot_ident.motion import Array
 from robot_ident.robot.robot import Robot
+from robot_ident.signals.motion import Array
 
 if TYPE_CHECKING:
     from robot_ident.excitation.excitation import Excitation

@@ -20,8 +20,8 @@ from robot_ident.excitation.margins import Margins
 from robot_ident.excitation.multi_start import Progress, Run
 from robot_ident.excitation.setting import Family, Setting, family_of
 from robot_ident.excitation.target import Target
-from robot_ident.motion import Array
 from robot_ident.robot.robot import Robot
+from robot_ident.signals.motion import Array
 
 if TYPE_CHECKING:
     from robot_ident.excitation.search import Found

@@ -9,9 +9,9 @@ from itertools import product
 import numpy as np
 
 from robot_ident.errors import InputError
-from robot_ident.motion import Array, Motion, frozen_array
 from robot_ident.robot.robot import Limits, Robot
 from robot_ident.robot.workspace import Plane, WorkspaceRule
+from robot_ident.signals.motion import Array, Motion, frozen_array
 
 _LEAST = 0.02  # rad or m: a joint that moves less in all of them hardly moves
 _THIN = 1e-3  # m: a volume as flat as the tool's path in a plane gets this much on either side

@@ -14,9 +14,9 @@ from robot_ident.configuration import Closed, read, schema, to_yaml
 from robot_ident.errors import InputError
 from robot_ident.excitation.fourier import FourierSeries
 from robot_ident.files import write_text
-from robot_ident.motion import Array, Motion
 from robot_ident.robot.load import builtin_robots
 from robot_ident.robot.robot import Robot
+from robot_ident.signals.motion import Array, Motion
 
 SCHEMA = "robot_ident/excitation/1"
 _MOST_SAMPLES = 1e7  # a period

@@ -9,8 +9,8 @@ import numpy as np
 
 from robot_ident.errors import InputError
 from robot_ident.excitation.self_collision import LinkPairs, link_pairs
-from robot_ident.motion import Array, Motion
 from robot_ident.robot.robot import Robot
+from robot_ident.signals.motion import Array, Motion
 
 _TOGETHER = "limits that can't be met together: the position limits and"
 

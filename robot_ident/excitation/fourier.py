@@ -7,7 +7,7 @@ from typing import NamedTuple
 
 import numpy as np
 
-from robot_ident.motion import Array, Motion, frozen_array
+from robot_ident.signals.motion import Array, Motion, frozen_array
 
 _NEGLIGIBLE = 1e-13  # a harmonic this far below the largest one doesn't move an extreme by more than rounding
 

@@ -8,7 +8,7 @@ from typing import Any
 import casadi as ca
 import numpy as np
 
-from robot_ident.motion import Array
+from robot_ident.signals.motion import Array
 
 Range = tuple[Array, Array]
 _ROUNDING = 1e-9  # by which results are widened, relative to their size: far beyond what rounding does

@@ -12,8 +12,8 @@ from typing import TYPE_CHECKING, Any, NamedTuple
 import numpy as np
 
 from robot_ident.excitation.cases import Case, fallback, run_case
-from robot_ident.motion import Array
 from robot_ident.parallel import completed
+from robot_ident.signals.motion import Array
 
 if TYPE_CHECKING:
     from robot_ident.excitation.search import Found

@@ -6,7 +6,7 @@ import numpy as np
 
 from robot_ident.excitation.target import Target
 from robot_ident.model.base_parameters import random_states
-from robot_ident.motion import Array
+from robot_ident.signals.motion import Array
 
 _SAMPLES = 1500  # of a period
 _FIRMLY = 1e3  # times what one averaged period of a motion tells of the arm

@@ -14,8 +14,8 @@ from robot_ident.excitation.branch_and_bound import certified_minimum
 from robot_ident.excitation.excitation import Excitation
 from robot_ident.excitation.fourier import Extremes, FourierSeries, MotionExtremes
 from robot_ident.excitation.reference import Piece
-from robot_ident.motion import Array, Motion
 from robot_ident.robot.robot import Robot
+from robot_ident.signals.motion import Array, Motion
 
 __all__ = ["Playback", "approach", "stop_from"]
 

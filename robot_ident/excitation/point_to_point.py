@@ -20,8 +20,8 @@ from robot_ident.excitation.excitation import Excitation
 from robot_ident.excitation.fourier import Extremes, MotionExtremes
 from robot_ident.excitation.reference import Piece
 from robot_ident.files import write_text
-from robot_ident.motion import Array, Motion, frozen_array
 from robot_ident.robot.robot import Robot
+from robot_ident.signals.motion import Array, Motion, frozen_array
 
 SCHEMA = "robot_ident/point_to_point/1"
 LAWS = ("fastest", "smooth")

@@ -7,7 +7,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from robot_ident.motion import Array
+from robot_ident.signals.motion import Array
 
 _MOST = 1_000_000  # periods: more are never
 _OPEN = 1e-6  # share of a direction that no data tell, from which on a parameter is not told either

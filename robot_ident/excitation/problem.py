@@ -14,7 +14,7 @@ from robot_ident.excitation.fourier import FourierSeries
 from robot_ident.excitation.limits import Certifier
 from robot_ident.excitation.program import Grids, Program
 from robot_ident.excitation.setting import Setting
-from robot_ident.motion import Array, Motion
+from robot_ident.signals.motion import Array, Motion
 
 _SINGULAR = 1e-13  # share of the largest eigenvalue below which one is rounding
 _EXACT_SAMPLES = 1500  # of a period in the exact criterion of an iterate

@@ -18,7 +18,7 @@ from robot_ident.excitation.objective import (
 )
 from robot_ident.excitation.rows import BUILDERS, Grid
 from robot_ident.excitation.setting import Setting
-from robot_ident.motion import Array
+from robot_ident.signals.motion import Array
 
 _BELOW_FLOOR = 0.02  # decades by which a determinant is asked to stay below its floor
 

@@ -7,7 +7,7 @@ from dataclasses import dataclass
 from typing import Protocol
 
 from robot_ident.excitation.fourier import MotionExtremes
-from robot_ident.motion import Array, Motion
+from robot_ident.signals.motion import Array, Motion
 
 
 class Reference(Protocol):

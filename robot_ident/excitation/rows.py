@@ -10,10 +10,10 @@ import casadi as ca
 import numpy as np
 
 from robot_ident.excitation.workspace_margin import FrameKinematics
-from robot_ident.motion import Array
 from robot_ident.robot.robot import Robot
 from robot_ident.robot.symbolic import frame_function
 from robot_ident.robot.workspace import Clause
+from robot_ident.signals.motion import Array
 
 if TYPE_CHECKING:
     from robot_ident.excitation.setting import Setting

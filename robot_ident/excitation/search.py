@@ -12,8 +12,8 @@ import numpy as np
 
 from robot_ident.excitation.problem import Problem
 from robot_ident.excitation.program import Program
-from robot_ident.motion import Array
 from robot_ident.parallel import nothing_swallowed
+from robot_ident.signals.motion import Array
 
 _STEPS: dict[str, dict[str, str]] = {  # how IPOPT steps, by what was measured to lead furthest in a given time
     "d-optimal": {"mehrotra_algorithm": "yes"},

@@ -15,10 +15,10 @@ import numpy as np
 
 from robot_ident.excitation.capsules import capsule_about, segment_distance
 from robot_ident.excitation.reference import Piece
-from robot_ident.motion import Array
 from robot_ident.robot.geometry import Body, MeshMissing, Shapes
 from robot_ident.robot.robot import Robot
 from robot_ident.robot.symbolic import placements_function
+from robot_ident.signals.motion import Array
 
 TOLERANCE = 1e-4  # m, of the certified margin
 _SOLVER = 1e-5  # m by which a computed distance may be wrong: ten times the tolerance of coal's GJK

@@ -11,8 +11,8 @@ from robot_ident.errors import InputError
 from robot_ident.excitation.excitation import check_sampling
 from robot_ident.excitation.fourier import FourierSeries
 from robot_ident.model.structure import Structure
-from robot_ident.motion import Array, Motion
 from robot_ident.robot.robot import Robot
+from robot_ident.signals.motion import Array, Motion
 
 SIGN_WIDTH = 0.035  # width of the smooth sign as a share of the speed that a joint can reach
 HARMONICS = 5  # free ones, where nothing else is asked for

@@ -11,8 +11,8 @@ from numpy.polynomial import polynomial
 from robot_ident.excitation.fourier import Extremes, MotionExtremes
 from robot_ident.excitation.limits import Certifier
 from robot_ident.excitation.reference import Piece
-from robot_ident.motion import Array, Motion
 from robot_ident.robot.robot import Robot
+from robot_ident.signals.motion import Array, Motion
 
 _SMOOTH = np.geomspace(1.0, 4.0, 13)  # durations tried, in shares of the shortest
 _SHORTEST = 1e-3  # s

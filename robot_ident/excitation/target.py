@@ -14,8 +14,8 @@ from robot_ident.excitation.excitation import Excitation
 from robot_ident.model.derivatives import torque_derivatives
 from robot_ident.model.model import Model
 from robot_ident.model.structure import Structure
-from robot_ident.motion import Array
 from robot_ident.robot.robot import Robot
+from robot_ident.signals.motion import Array
 
 
 @dataclass(frozen=True)

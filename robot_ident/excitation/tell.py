@@ -27,9 +27,9 @@ from robot_ident.excitation.margins import Margins
 from robot_ident.excitation.target import Target
 from robot_ident.excitation.tell_motions import MENU, Sketch, draw, perturbed
 from robot_ident.model.structure import Structure
-from robot_ident.motion import Array, Motion
 from robot_ident.parallel import completed
 from robot_ident.robot.robot import Robot
+from robot_ident.signals.motion import Array, Motion
 
 NEEDED = 25.0  # noncentrality from which two effects are told apart
 _VISIBLE = 1.0  # Nm rms beyond the model of a typical effect on an industrial arm, a tenth of it on a light one

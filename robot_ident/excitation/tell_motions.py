@@ -9,8 +9,8 @@ import numpy as np
 
 from robot_ident.excitation.fourier import FourierSeries
 from robot_ident.excitation.setting import HARMONICS, Family
-from robot_ident.motion import Array
 from robot_ident.robot.robot import Robot
+from robot_ident.signals.motion import Array
 
 MENU = (
     ("slow", 10),

@@ -17,7 +17,7 @@ from robot_ident.excitation.multi_start import Run, search_from_starts
 from robot_ident.excitation.problem import Problem
 from robot_ident.excitation.search import Found
 from robot_ident.excitation.setting import Setting
-from robot_ident.motion import Array
+from robot_ident.signals.motion import Array
 
 STARTS = 12  # cold starts
 COLD_PER_ROUND = 3  # as many rounds of hops as a third of the cold starts, where no time limit rules

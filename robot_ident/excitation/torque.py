@@ -10,8 +10,8 @@ import numpy as np
 
 from robot_ident.model.expressions import columns_function
 from robot_ident.model.structure import Structure
-from robot_ident.motion import Array, Motion
 from robot_ident.robot.robot import Robot
+from robot_ident.signals.motion import Array, Motion
 
 
 class TorqueModel:

@@ -14,7 +14,7 @@ import numpy as np
 from robot_ident.excitation.interval import Range, RangeFunction, Unbounded
 from robot_ident.excitation.reference import Piece
 from robot_ident.excitation.torque import TorqueModel
-from robot_ident.motion import Array
+from robot_ident.signals.motion import Array
 
 TOLERANCE = 2e-3  # of the certified torque, as a share of the limit
 _FIRST = 64  # intervals

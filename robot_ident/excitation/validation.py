@@ -8,8 +8,8 @@ from robot_ident.errors import InputError
 from robot_ident.excitation.feasibility import allowed_poses, require_limits
 from robot_ident.excitation.limits import Certifier
 from robot_ident.excitation.point_to_point import PointToPoint
-from robot_ident.motion import Array
 from robot_ident.robot.robot import Robot
+from robot_ident.signals.motion import Array
 
 _TRIES = 400  # random points for one move
 _PACES = (1.0, 0.7, 0.5, 0.35, 0.25)  # tried in turn where the full speed would take too much torque

@@ -18,8 +18,8 @@ from robot_ident.excitation.margins import Margins
 from robot_ident.excitation.point_to_point import LAWS, LONGEST_PAUSE, PointToPoint
 from robot_ident.excitation.target import Target
 from robot_ident.excitation.validation import moves
-from robot_ident.motion import Array
 from robot_ident.robot.robot import Robot
+from robot_ident.signals.motion import Array
 
 PACES = (1.0, 0.6, 0.35)  # shares of the speed that a move may use: friction shows in how torque changes with it
 _RIDGE = 1e-9  # of a column's largest information: keeps a tour that tells not all parameters comparable with others

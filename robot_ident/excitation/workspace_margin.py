@@ -15,9 +15,9 @@ import numpy as np
 
 from robot_ident.excitation.branch_and_bound import Minimum, certified_minimum, certified_positive
 from robot_ident.excitation.reference import Piece
-from robot_ident.motion import Array, Motion
 from robot_ident.robot.robot import Robot
 from robot_ident.robot.workspace import Alternative, Plane, WorkspaceRule
+from robot_ident.signals.motion import Array, Motion
 
 TOLERANCE = 1e-7  # m
 

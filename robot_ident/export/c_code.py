@@ -18,7 +18,7 @@ from robot_ident.export.exported import Exported
 from robot_ident.model.expressions import columns_function
 from robot_ident.model.model import Model
 from robot_ident.model.structure import Structure
-from robot_ident.motion import Array
+from robot_ident.signals.motion import Array
 
 _FUNCTIONS = {
     "torque": ("q, dq, ddq", "torque of the whole model"),

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import numpy as np
 
-from robot_ident.motion import Array
+from robot_ident.signals.motion import Array
 
 
 def about_centre(ten: Array) -> tuple[float, Array, Array]:

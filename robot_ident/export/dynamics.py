@@ -8,7 +8,7 @@ import numpy as np
 
 from robot_ident.export.full_inertias import FullInertias
 from robot_ident.model.model import Model
-from robot_ident.motion import Array
+from robot_ident.signals.motion import Array
 
 
 @dataclass(frozen=True)

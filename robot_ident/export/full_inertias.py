@@ -16,7 +16,7 @@ from robot_ident.estimation.semidefinite import Nearest, inertial_scale, pseudo_
 from robot_ident.estimation.violations import NEAR, never_negative, violations
 from robot_ident.model.model import Model
 from robot_ident.model.structure import Structure
-from robot_ident.motion import Array, Mask
+from robot_ident.signals.motion import Array, Mask
 
 _ROTOR = 10.0  # cost of a rotor inertia of its link's unit, beside the squared distance to the URDF: kept where needed
 _NOTHING = 1e-11  # of a link's unit: what the solver leaves of a zero

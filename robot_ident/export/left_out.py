@@ -7,7 +7,7 @@ from collections.abc import Collection
 import numpy as np
 
 from robot_ident.model.model import Model
-from robot_ident.motion import Array, Motion
+from robot_ident.signals.motion import Array, Motion
 
 
 def torque_of(model: Model, labels: Collection[str], motion: Motion) -> dict[str, Array]:

@@ -10,8 +10,8 @@ from robot_ident.export.centre import about_centre
 from robot_ident.export.dynamics import Dynamics
 from robot_ident.export.exported import CHOICE, Exported
 from robot_ident.export.full_inertias import FullInertias
-from robot_ident.motion import Array
 from robot_ident.robot.load import definition_of
+from robot_ident.signals.motion import Array
 
 _GRAVITY = np.array([0.0, 0.0, -9.81])
 

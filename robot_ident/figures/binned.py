@@ -7,7 +7,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from robot_ident.motion import Array, Mask
+from robot_ident.signals.motion import Array, Mask
 
 
 @dataclass(frozen=True)

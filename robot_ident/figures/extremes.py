@@ -5,7 +5,7 @@ from __future__ import annotations
 import numpy as np
 from numpy.typing import NDArray
 
-from robot_ident.motion import Array
+from robot_ident.signals.motion import Array
 
 POINTS = 2000
 """Points of a curve at most; about as many as a page is wide in pixels."""

@@ -11,8 +11,8 @@ from robot_ident.diagnosis.residual_lines import ResidualLines
 from robot_ident.figures.extremes import extremes_along
 from robot_ident.figures.models import NOISE_LINE, model_colour, plain
 from robot_ident.figures.theme import themed
-from robot_ident.motion import Array, Mask
 from robot_ident.robot.robot import Robot
+from robot_ident.signals.motion import Array, Mask
 
 if TYPE_CHECKING:
     from plotly.graph_objects import Figure, Scatter

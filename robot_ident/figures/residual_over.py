@@ -13,8 +13,8 @@ from robot_ident.figures.binned import Binned, binned
 from robot_ident.figures.models import model_colour, plain
 from robot_ident.figures.noise_band import noise_band
 from robot_ident.figures.theme import themed
-from robot_ident.motion import Array
 from robot_ident.robot.robot import Robot
+from robot_ident.signals.motion import Array
 
 if TYPE_CHECKING:
     from plotly.graph_objects import Figure, Scatter

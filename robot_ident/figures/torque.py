@@ -12,7 +12,7 @@ from robot_ident.figures.extremes import extremes
 from robot_ident.figures.models import MEASURED, model_colour, plain
 from robot_ident.figures.noise_band import noise_band
 from robot_ident.figures.theme import themed
-from robot_ident.motion import Array
+from robot_ident.signals.motion import Array
 
 if TYPE_CHECKING:
     from plotly.graph_objects import Figure, Scatter

@@ -13,9 +13,9 @@ from dataclasses import dataclass
 import numpy as np
 
 from robot_ident.errors import InputError, did_you_mean
-from robot_ident.motion import Array, Motion, frozen_array
 from robot_ident.robot.rigid_body import STANDARD, STANDARD_UNITS
 from robot_ident.robot.robot import Robot
+from robot_ident.signals.motion import Array, Motion, frozen_array
 
 _DEPENDENT = 1e-9  # a column is spanned by others when less than this share of its norm remains
 

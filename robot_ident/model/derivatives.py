@@ -10,7 +10,7 @@ import numpy as np
 
 from robot_ident.effects import Effect, Signals
 from robot_ident.model.structure import Structure
-from robot_ident.motion import Array, Motion
+from robot_ident.signals.motion import Array, Motion
 
 
 @dataclass(frozen=True)

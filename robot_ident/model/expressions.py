@@ -15,9 +15,9 @@ from robot_ident.errors import InputError
 from robot_ident.model.base_parameters import BaseParameters
 from robot_ident.model.rigid_sensitivity import standard_parameters
 from robot_ident.model.structure import Structure
-from robot_ident.motion import Array
 from robot_ident.robot.robot import Robot
 from robot_ident.robot.symbolic import regressor_expression
+from robot_ident.signals.motion import Array
 
 _NAMES = ("q", "dq", "ddq", "d3q", "d4q")
 

@@ -10,9 +10,9 @@ from typing import Any
 import numpy as np
 
 from robot_ident.model.structure import Parameter, Structure
-from robot_ident.motion import Array, Motion, frozen_array
 from robot_ident.robot.rigid_body import STANDARD
 from robot_ident.robot.robot import Robot
+from robot_ident.signals.motion import Array, Motion, frozen_array
 
 _POOR = 0.5  # of a joint's torque, in rms: a model that misses more is none of that joint
 _ABOVE_NOISE = 4.0  # times the noise's variance: what a torque is at least to tell anything

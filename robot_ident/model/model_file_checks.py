@@ -10,9 +10,9 @@ import numpy as np
 from robot_ident.errors import InputError, did_you_mean
 from robot_ident.model.model_schema import ModelFile
 from robot_ident.model.structure import Structure
-from robot_ident.motion import Array
 from robot_ident.robot.rigid_body import STANDARD
 from robot_ident.robot.robot import Robot
+from robot_ident.signals.motion import Array
 
 
 def check_parameters(file: ModelFile, structure: Structure, path: Path | str) -> None:

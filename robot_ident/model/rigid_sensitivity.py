@@ -9,8 +9,8 @@ from typing import Any
 import numpy as np
 
 from robot_ident.model.base_parameters import BaseParameters
-from robot_ident.motion import Array, Motion
 from robot_ident.robot.robot import Robot
+from robot_ident.signals.motion import Array, Motion
 
 _MASSLESS = 1e-3  # kg, for links whose mass nothing tells: a centre of mass needs one, and a gram changes no torque
 

@@ -9,12 +9,12 @@ from rclpy.action import ActionClient
 
 from robot_ident.errors import InputError
 from robot_ident.excitation.reference import Reference
-from robot_ident.motion import Motion
 from robot_ident.nodes.common import BaseNode
 from robot_ident.nodes.joint_states import trajectory
 from robot_ident.playing.goals import Goals
 from robot_ident.playing.player import Command, Player
 from robot_ident.playing.windows import WindowSchedule
+from robot_ident.signals.motion import Motion
 
 
 def follow_joint_trajectory() -> Any:

@@ -24,7 +24,6 @@ from robot_ident.estimation.identify import identify
 from robot_ident.excitation.excitation import Excitation
 from robot_ident.model.model import Model
 from robot_ident.model.model_file import read_model, write_model
-from robot_ident.motion import Array, Motion
 from robot_ident.nodes.common import ERROR, OK, WARN, Abandoned, BaseNode, latched, reliable, run
 from robot_ident.nodes.estimator_parameters import TABLE
 from robot_ident.nodes.intake import Intake
@@ -37,6 +36,7 @@ from robot_ident.recording.effort import joint_torque
 from robot_ident.recording.measurement import Processing
 from robot_ident.recording.recording import Recording
 from robot_ident.robot import Robot, load_robot
+from robot_ident.signals.motion import Array, Motion
 
 _SPREAD = 0.05  # s between batches of predictions
 _USUAL_PERIODS = 16

@@ -10,7 +10,6 @@ from rclpy.serialization import deserialize_message
 from sensor_msgs.msg import JointState
 
 from robot_ident.bags import Topic
-from robot_ident.motion import Array
 from robot_ident.nodes.collector import Collector, recording_of
 from robot_ident.nodes.common import BaseNode, reliable
 from robot_ident.nodes.effort_topics import EffortMessage, EffortTopics, sources_of, topics_of
@@ -19,6 +18,7 @@ from robot_ident.nodes.joint_states import columns, stamp_of
 from robot_ident.playing.pairing import Paired, Pairing
 from robot_ident.recording.recording import Recording
 from robot_ident.robot import Robot
+from robot_ident.signals.motion import Array
 
 
 class Intake:

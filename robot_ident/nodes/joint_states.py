@@ -10,8 +10,8 @@ from sensor_msgs.msg import JointState
 from std_msgs.msg import Float64MultiArray, MultiArrayDimension, MultiArrayLayout
 from trajectory_msgs.msg import JointTrajectory, JointTrajectoryPoint
 
-from robot_ident.motion import Array, Motion
 from robot_ident.playing.windows import Window
+from robot_ident.signals.motion import Array, Motion
 
 
 def stamp_of(message: JointState | JointTrajectory) -> int:

@@ -12,12 +12,12 @@ from sensor_msgs.msg import JointState
 from trajectory_msgs.msg import JointTrajectory
 
 from robot_ident.excitation.reference import Reference
-from robot_ident.motion import Motion
 from robot_ident.nodes.common import BaseNode, overridable, reliable
 from robot_ident.nodes.joint_states import joint_state, trajectory
 from robot_ident.nodes.neighbours import Neighbours
 from robot_ident.playing.player import Command, Player
 from robot_ident.playing.windows import WindowSchedule
+from robot_ident.signals.motion import Motion
 
 OUTPUTS = {
     "joint_state": "positions and velocities, sample by sample, on joint_command",

@@ -6,12 +6,12 @@ import numpy as np
 from sensor_msgs.msg import JointState
 from std_msgs.msg import Float64MultiArray
 
-from robot_ident.motion import Array
 from robot_ident.nodes.common import BaseNode, overridable, reliable
 from robot_ident.nodes.effort_topics import KINDS, sources_of, topics_of
 from robot_ident.nodes.joint_states import joint_state
 from robot_ident.recording.effort import as_reported
 from robot_ident.robot import Robot
+from robot_ident.signals.motion import Array
 
 
 class ReportedStates:

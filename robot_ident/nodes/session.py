@@ -15,7 +15,6 @@ from robot_ident.excitation.approach import NotWanted
 from robot_ident.excitation.limits import Certifier
 from robot_ident.excitation.playback import approach, stop_from
 from robot_ident.excitation.reference import Reference
-from robot_ident.motion import Array, Motion
 from robot_ident.nodes.action_output import ActionOutput
 from robot_ident.nodes.common import BaseNode, reliable
 from robot_ident.nodes.effort_topics import EffortMessage, EffortTopics, sources_of
@@ -29,6 +28,7 @@ from robot_ident.playing.set_clock import SetClock
 from robot_ident.playing.speed_scaling import SpeedScaling
 from robot_ident.playing.ticker import Stall, Ticker
 from robot_ident.playing.watch import Bounds, Watch
+from robot_ident.signals.motion import Array, Motion
 
 _DEPTH = 100  # joint states that may wait to be looked at
 _LEFT_OUT = 3  # ticks that may be left out between two commands, however tight the bound on tracking

@@ -12,7 +12,6 @@ from std_srvs.srv import Trigger
 from trajectory_msgs.msg import JointTrajectory
 
 from robot_ident.errors import InputError
-from robot_ident.motion import Array, Motion
 from robot_ident.nodes.common import THREAD_PRIORITY, BaseNode, reliable, run
 from robot_ident.nodes.hearing import poll
 from robot_ident.nodes.joint_states import columns, points_of, stamp_of
@@ -21,6 +20,7 @@ from robot_ident.nodes.reported import ReportedStates
 from robot_ident.playing.command_buffer import CommandBuffer
 from robot_ident.playing.ticker import Stall, Ticker
 from robot_ident.robot import load_robot
+from robot_ident.signals.motion import Array, Motion
 from robot_ident.simulation.interpolator import CommandInterpolator
 from robot_ident.simulation.servo import BANDWIDTH, SERVOS
 from robot_ident.simulation.simulated_robot import SimulatedRobot

@@ -5,7 +5,7 @@ from __future__ import annotations
 from collections import deque
 from dataclasses import dataclass, replace
 
-from robot_ident.motion import Array
+from robot_ident.signals.motion import Array
 
 _FOREIGN_NS = 1_000_000_000  # a stamp further from the receive time than this is of another clock
 

@@ -4,9 +4,9 @@ from __future__ import annotations
 
 import numpy as np
 
-from robot_ident.motion import Array
 from robot_ident.recording.effort import joint_torque
 from robot_ident.robot import Robot
+from robot_ident.signals.motion import Array
 
 
 class EffortLoad:

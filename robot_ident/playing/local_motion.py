@@ -7,7 +7,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from robot_ident.motion import Array, Motion
+from robot_ident.signals.motion import Array, Motion
 
 _DEGREE = 4
 _FEWEST = 11  # samples, that the polynomial smooths more than it follows

@@ -8,8 +8,8 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from robot_ident.motion import Array
-from robot_ident.recording.effort_series import EffortSeries
+from robot_ident.recording.effort import EffortSeries
+from robot_ident.signals.motion import Array
 
 _PATIENCE = 1_000_000_000  # ns for which a position waits for efforts after it
 _BEFORE = 16  # efforts kept before the latest position that was paired

@@ -6,7 +6,7 @@ from collections import deque
 
 import numpy as np
 
-from robot_ident.motion import Array
+from robot_ident.signals.motion import Array
 
 _MOVES = 1e-2  # rad; a motion smaller than this is a robot at rest, which repeats itself trivially
 _ALIKE = 3e-3  # share of the range of a joint within which two periods are the same

@@ -5,7 +5,7 @@ from __future__ import annotations
 from dataclasses import dataclass
 
 from robot_ident.excitation.reference import Reference
-from robot_ident.motion import Array, Motion
+from robot_ident.signals.motion import Array, Motion
 
 
 @dataclass(frozen=True)

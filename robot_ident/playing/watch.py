@@ -9,7 +9,7 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
-from robot_ident.motion import Array
+from robot_ident.signals.motion import Array
 
 _REST_SPAN = 0.2  # s over which the speed of a robot is judged from its positions alone
 _MUTE = 1.0  # s without an effort that comes by messages of its own, of which some drivers send few

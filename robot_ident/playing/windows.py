@@ -8,8 +8,8 @@ from dataclasses import dataclass
 import numpy as np
 
 from robot_ident.excitation.reference import Reference
-from robot_ident.motion import Array, Motion
 from robot_ident.playing.player import Phase, Player
+from robot_ident.signals.motion import Array, Motion
 
 _IN_TIME = 0.8  # of the lead of a stop may have passed when it is sent
 

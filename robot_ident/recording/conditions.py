@@ -12,8 +12,8 @@ from pydantic import BeforeValidator, Discriminator, Field, Tag
 
 from robot_ident.configuration import ALTERNATIVE, Closed, read, schema, to_yaml
 from robot_ident.errors import InputError
-from robot_ident.motion import Array, Motion
 from robot_ident.robot.robot import Robot
+from robot_ident.signals.motion import Array, Motion
 
 Positive = Annotated[float, Field(gt=0)]
 Vector = tuple[float, float, float]

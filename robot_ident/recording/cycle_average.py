@@ -6,15 +6,15 @@ from dataclasses import replace
 
 import numpy as np
 
-from robot_ident.recording.average import Average, mean_of
+from robot_ident.recording.averaging import Average, mean_of
 from robot_ident.recording.clock import Clock
-from robot_ident.recording.continuous import DEFAULT_LOW_PASS, even_samples
 from robot_ident.recording.cycles import Cycles
-from robot_ident.recording.low_pass import SoftPeriodicLowPass
 from robot_ident.recording.measurement import Measurement, Processing
+from robot_ident.recording.non_periodic import DEFAULT_LOW_PASS, even_samples
 from robot_ident.recording.periodic import of_mean
 from robot_ident.recording.recording import Recording
 from robot_ident.robot.robot import Robot
+from robot_ident.signals.filters import SoftPeriodicLowPass
 
 _ROWS = 5.0  # a second per Hz of the low pass: it leaves 7e-4 of what lies beyond half of that
 _TOUCHED = 0.02  # of a filtered row: the share of standstill from which on it counts as standstill

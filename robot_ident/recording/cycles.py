@@ -14,8 +14,8 @@ from typing import Any
 
 import numpy as np
 
-from robot_ident.motion import Array
 from robot_ident.recording.clock import roughness
+from robot_ident.signals.motion import Array
 
 _SPAN = 0.04  # s over which speed is judged
 _SLOW = 0.01  # of the top speed: below it a joint rests

@@ -1,20 +1,40 @@
-"""A processed recording: motion with its derivatives and torque on an even grid, its noise, and which rows count."""
+"""A processed recording: motion with its derivatives and torque on an even grid, its noise, which rows count, and what
+beside its stamps tells how fast its time runs.
+"""
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from dataclasses import dataclass, replace
 from typing import Any, Literal
 
 import numpy as np
 
-from robot_ident.motion import Array, Mask, Motion
 from robot_ident.recording.clock import Stamps
 from robot_ident.recording.conditions import Conditions
 from robot_ident.recording.cycles import Cycles
-from robot_ident.recording.direction import direction_known
-from robot_ident.recording.low_pass import LowPass, PeriodicLowPass, SoftPeriodicLowPass
-from robot_ident.recording.noise import NoiseSpectrum
-from robot_ident.recording.off_clock import OffClock
+from robot_ident.recording.noise_spectrum import NoiseSpectrum, OffClock
+from robot_ident.recording.recording import Recording
+from robot_ident.signals.filters import LowPass, PeriodicLowPass, SoftPeriodicLowPass
+from robot_ident.signals.motion import Array, Mask, Motion
+
+_KINK = 9.0  # (|c_k| / its noise)^2 below which a Fourier line may hide among noise
+
+
+def direction_known(motion: Motion, lines: Mask, variance: Array, frequency: float, dt: float) -> Mask:
+    """Return the rows [N, n] where kinks of the path that noise hides can't have turned the direction of motion.
+
+    lines [K + 1, n]: Fourier lines of the positions that stand above white noise of `variance` [n] rad^2 a row, at
+    multiples of `frequency` [Hz]; dt: between rows [s]. A drive that sticks or gives way as it reverses bends its
+    velocity at once. Lines of such a kink fall with the third power of frequency, so that those beyond the last one
+    above the noise (at f_c, of amplitude c) add up to a velocity of 2 pi c f_c^2 / f_0 beside the reversal. No more is
+    given up than the motion usually gains within a sample.
+    """
+    amplitude = np.sqrt(_KINK * 4.0 * variance / len(motion.q))
+    hidden = 2.0 * np.pi * amplitude * lines.sum(axis=0) ** 2 * frequency
+    usual = np.sqrt(np.mean(motion.ddq**2, axis=0)) * dt
+    return np.asarray(np.abs(motion.dq) >= np.minimum(hidden, usual))
+
 
 TimeScale = Literal["", "period", "received", "apart"]
 """`period`: that of the motion is declared; `received`: the times at which messages came say the same, `apart`: they
@@ -159,3 +179,48 @@ class Measurement:
         """Return x [N, ...] as it is compared: low-passed and decimated."""
         y = self.low_pass.apply(x) if self.low_pass else x
         return y[self.rows]
+
+
+@dataclass(frozen=True)
+class Source:
+    """A recording by its path and sha256, as read, and as it was processed for a model."""
+
+    path: str
+    sha256: str
+    recording: Recording
+    measured: Measurement
+
+
+_SAME = 0.01  # by which the pace of two clocks may differ: 2 % of inertia
+
+
+def time_scale(recording: Recording, base_frequency: float | None) -> TimeScale:
+    """Return what tells: `period` where the motion's is declared, `received` where messages were received at the pace
+    of their stamps, `apart` where they came at another pace; empty where nothing does.
+
+    base_frequency [Hz]: as the user declares it. The recording was found to have it.
+    """
+    if base_frequency is not None:
+        return "period"
+    if recording.pace is None:
+        return ""
+    return "received" if abs(recording.pace - 1.0) < _SAME else "apart"
+
+
+def time_scale_notes(measurements: Sequence[Measurement]) -> list[str]:
+    """Return a line that names the recordings whose time scale nothing verifies, and one those whose messages came at
+    another pace than their stamps.
+    """
+    untimed, apart = ([m.source for m in measurements if m.time_scale == kind] for kind in ("", "apart"))
+    notes = []
+    if untimed:
+        notes.append(
+            f"time scale not verified ({', '.join(untimed)}): only the stamps give it, and an error of 1 % changes"
+            " inertias by 2 %; give --trajectory EXCITATION once per recording, or a bag with receive times"
+        )
+    if apart:
+        notes.append(
+            f"time scale contradicted ({', '.join(apart)}): messages came at another pace than their stamps; right for"
+            " a simulated robot, on a real one the stamps' clock runs wrong, and inertia goes with the square of it"
+        )
+    return notes

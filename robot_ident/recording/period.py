@@ -8,8 +8,8 @@ from dataclasses import dataclass
 import numpy as np
 
 from robot_ident.errors import InputError
-from robot_ident.motion import Array, Mask
 from robot_ident.recording.clock import roughness
+from robot_ident.signals.motion import Array, Mask
 
 _COARSE = 1500  # samples of the coarse search
 _STRETCH = 1 << 17  # samples of a long recording that are searched at first, then twice as many

@@ -1,29 +1,75 @@
-"""From a recording to a measurement: checked, put on its clock, periods averaged or low-passed."""
+"""From a recording to a measurement: checked, put on its clock, periods or cycles averaged, or one pass low-passed.
+
+Whether it repeats as a whole, or only its commanded motion does, is decided by what would be left over.
+"""
 
 from __future__ import annotations
 
 from dataclasses import replace
 
+import numpy as np
+
 from robot_ident.errors import InputError
-from robot_ident.motion import Array
-from robot_ident.recording.arm_alone import arm_alone
-from robot_ident.recording.checks import check_samples, without_leaps
-from robot_ident.recording.clipped import find_clipped, without_clipped
-from robot_ident.recording.clock import Clock, even_positions, read_clock, roughness
-from robot_ident.recording.continuous import low_passed
+from robot_ident.recording.checks import check_efforts, check_plausible, check_samples, without_leaps
+from robot_ident.recording.clock import Clock, even_positions, rate_note, read_clock, roughness
 from robot_ident.recording.cycle_average import averaged_cycles
 from robot_ident.recording.cycles import find_cycles
 from robot_ident.recording.effort import at_the_joints
-from robot_ident.recording.measurement import Measurement, Processing
+from robot_ident.recording.measurement import Measurement, Processing, time_scale
+from robot_ident.recording.non_periodic import low_passed
+from robot_ident.recording.payload_torque import arm_alone
 from robot_ident.recording.period import find_period, refine_period, steady_part
 from robot_ident.recording.periodic import averaged
-from robot_ident.recording.plausibility import check_efforts, check_plausible
-from robot_ident.recording.rate import rate_note
 from robot_ident.recording.recording import Recording
-from robot_ident.recording.repeats import better, disturbed, doubtful
 from robot_ident.recording.resolution import coarse_notes
-from robot_ident.recording.time_scale import time_scale
+from robot_ident.recording.saturation import find_clipped, without_clipped
 from robot_ident.robot.robot import Robot
+from robot_ident.signals.motion import Array
+
+_STRAY = 30.0  # times its noise: how far the position may stray from one period to the next
+_BURSTS = 8.0  # kurtosis of the torque's scatter about the mean period; noise has 3, coloured noise little more
+_SMOOTH = 0.5  # correlation of that scatter from one sample to the next; bursts last longer than a sample
+_STRAYS = 3.0  # times its noise: how far the position may stray from period to period without a second look
+_KEPT = 0.5  # of the recording that periods should hold
+_CALMER, _MORE = 0.25, 1.5  # variance of the positions, and share of the recording, for which cycles are preferred
+
+
+def doubtful(variance: Array, samples: int, q: Array) -> bool:
+    """Return whether the positions q [N, n] stray more from period to period than noise does, by their variance [n]
+    about the mean, or whether periods hold few of the samples: cycles that start when they may look like periods that
+    are not quite kept.
+    """
+    strays = np.sqrt(variance) > _STRAYS * np.maximum(roughness(q), 1e-12)
+    return bool(strays.any()) or samples < _KEPT * len(q)
+
+
+def better(variance: Array, samples: int, beside: Array, samples_beside: int) -> bool:
+    """Return whether aligned cycles repeat far better than periods, or hold far more samples; see `doubtful`."""
+    calmer = float(np.mean(variance / np.maximum(beside, 1e-300))) < _CALMER
+    return calmer or samples > _MORE * samples_beside
+
+
+def disturbed(measured: Measurement, step: Array) -> tuple[int, ...]:
+    """Return the joints whose torque has bursts of its own in each period and moves the arm by them.
+
+    measured: periods averaged. step [n]: noise of a position sample, judged from sample to sample. Such torque (pushes,
+    contacts, added pulses) is no noise: averaging blurs it, and its scatter would pass for a noise floor.
+    """
+    periods = measured.period_torque
+    if periods is None:
+        return ()
+    found = []
+    for joint in range(periods.shape[2]):
+        x = periods[:, :, joint] - np.nanmean(periods[:, :, joint], axis=0)
+        power = float(np.nanmean(x**2))
+        if not power > 0.0:
+            continue
+        bursts = float(np.nanmean(x**4)) / power**2
+        smooth = float(np.nanmean(x[:, 1:] * x[:, :-1])) / power
+        strays = np.sqrt(measured.position_variance[joint]) > _STRAY * step[joint]
+        if strays and bursts > _BURSTS and smooth > _SMOOTH:
+            found.append(int(joint))
+    return tuple(found)
 
 
 def process(

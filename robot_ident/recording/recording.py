@@ -8,8 +8,8 @@ from dataclasses import dataclass, replace
 import numpy as np
 
 from robot_ident.errors import InputError
-from robot_ident.motion import Array, Mask, frozen_array
 from robot_ident.recording.conditions import Conditions
+from robot_ident.signals.motion import Array, Mask, frozen_array
 
 LONGEST = 9e9  # s, of which whole nanoseconds can be counted
 LARGEST = 1e12

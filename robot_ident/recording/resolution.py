@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import numpy as np
 
-from robot_ident.motion import Array
+from robot_ident.signals.motion import Array
 
 _LARGEST = 64  # steps: differences beyond as many say little about one of them
 _OFF = 0.02  # of a step: how far a difference may lie from a whole number of steps

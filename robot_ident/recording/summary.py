@@ -1,26 +1,28 @@
-"""What a recording holds, before any robot is named: rate, gaps, period, noise, range of motion."""
+"""What a recording holds, before any robot is named: rate, gaps, period, noise, range of motion.
+
+A speed override stretches time: the same path, run through slower, is recognised by its shape.
+"""
 
 from __future__ import annotations
 
+from collections.abc import Callable
 from dataclasses import dataclass
 from typing import Any
 
 import numpy as np
 
 from robot_ident.errors import InputError
-from robot_ident.motion import Array
-from robot_ident.recording.average import Average, average
-from robot_ident.recording.checks import without_leaps
-from robot_ident.recording.clipped import clipped_notes, find_clipped
-from robot_ident.recording.clock import Clock, Stamps, even_positions, read_clock
+from robot_ident.recording.averaging import Average, average
+from robot_ident.recording.checks import silent_efforts, silent_note, without_leaps
+from robot_ident.recording.clock import Clock, Stamps, even_positions, rate_note, read_clock
 from robot_ident.recording.cycle_average import cycle_notes, mean_cycle
 from robot_ident.recording.cycles import Cycles, find_cycles
 from robot_ident.recording.period import find_period
-from robot_ident.recording.plausibility import silent_efforts, silent_note
-from robot_ident.recording.rate import rate_note
+from robot_ident.recording.process import better, doubtful
 from robot_ident.recording.recording import Recording
-from robot_ident.recording.repeats import better, doubtful
 from robot_ident.recording.resolution import position_step
+from robot_ident.recording.saturation import clipped_notes, find_clipped
+from robot_ident.signals.motion import Array
 
 
 @dataclass(frozen=True)
@@ -136,3 +138,46 @@ def _mean_period(recording: Recording, clock: Clock, period: float) -> tuple[Ave
     except InputError as error:
         return None, None, str(error)
     return mean, steady.periods, ""
+
+
+_SAME = 5e-3  # share by which a period may be off without a word
+_ALIKE = 0.05  # of a joint's rms motion: how far the measured path may stray from the commanded one
+_OTHER = 0.3  # of it: another path
+
+
+def speed_scale(recording: Recording, path: Callable[[Array], Array], base_frequency: float) -> float | None:
+    """Return at which share of its speed a periodic motion was run, q(t) = path(s t); None where it is no such motion.
+
+    path: positions [N, n] of the recording's joints at instants [N] s of the commanded motion, whose period is 1 /
+    base_frequency. The measured mean period is shifted along the commanded one until they agree best. InputError where
+    it has that period and is another path.
+    """
+    clock = read_clock(recording)
+    period = find_period(even_positions(recording, clock), clock.dt)
+    if period is None:
+        return None
+    scale = 1.0 / (period * clock.dt * base_frequency)
+    same = abs(scale - 1.0) < _SAME
+    try:
+        _, mean = average(recording, clock, period)
+    except InputError:
+        return 1.0 if same else None
+    commanded = path(np.arange(len(mean.q)) / len(mean.q) / base_frequency)
+    apart = _apart(mean.q, commanded)
+    if same and apart > _OTHER:
+        raise InputError(
+            f"{recording.source}: not the motion of the trajectory, though it has its period: the path differs by"
+            f" {100 * apart:.0f} % of what its joints move (rms); name the trajectory that was played"
+        )
+    if same:
+        return 1.0
+    return scale if apart < _ALIKE else None
+
+
+def _apart(measured: Array, commanded: Array) -> float:
+    """Return by how much two periods [N, n] differ, over the rms motion, the start of either unknown."""
+    a, b = (x - x.mean(axis=0) for x in (measured, commanded))
+    match = np.fft.irfft(np.sum(np.fft.rfft(a, axis=0) * np.conj(np.fft.rfft(b, axis=0)), axis=1), len(a))
+    rest = a - np.roll(b, int(np.argmax(match)), axis=0)
+    size = np.sqrt(np.mean(commanded.var(axis=0)))
+    return float(np.sqrt(np.mean(rest**2)) / size)

@@ -16,7 +16,7 @@ from robot_ident.excitation.excitation import Excitation
 from robot_ident.excitation.limits import certify
 from robot_ident.excitation.margins import Margins
 from robot_ident.model.model import Model
-from robot_ident.recording.source import Source
+from robot_ident.recording.measurement import Source
 from robot_ident.robot.robot import Robot
 
 

@@ -10,7 +10,7 @@ from robot_ident.estimation.for_model import measured_for
 from robot_ident.excitation.excitation import Excitation
 from robot_ident.model.model import Model
 from robot_ident.provenance import fingerprint
-from robot_ident.recording.source import Source
+from robot_ident.recording.measurement import Source
 
 
 def read_sources(

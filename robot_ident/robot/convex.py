@@ -7,7 +7,7 @@ from typing import Any
 
 import numpy as np
 
-from robot_ident.motion import Array
+from robot_ident.signals.motion import Array
 
 _PIECES = 4  # most pieces of one mesh
 _GAIN = 0.06  # share of the hull's volume that a cut must save

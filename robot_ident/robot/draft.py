@@ -6,8 +6,8 @@ import json
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field
 
-from robot_ident.motion import Array
 from robot_ident.robot.inventory import Inventory, UrdfJoint
+from robot_ident.signals.motion import Array
 
 GRAVITY = 9.81
 MOUNTS: dict[str, tuple[float, float, float]] = {  # gravity in the base frame, m/s^2

@@ -8,7 +8,7 @@ from typing import Literal
 
 import numpy as np
 
-from robot_ident.motion import Array
+from robot_ident.signals.motion import Array
 
 Side = Literal["motor", "joint", "link"]
 """Where effort is measured: on the motor's shaft, the same referred to the joint, or by a sensor behind the gear."""

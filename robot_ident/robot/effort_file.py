@@ -13,8 +13,8 @@ from pydantic import BeforeValidator, Field
 
 from robot_ident.configuration import Closed
 from robot_ident.errors import InputError, did_you_mean
-from robot_ident.motion import frozen_array
 from robot_ident.robot.effort import Effort, Efforts, EffortSource, Side
+from robot_ident.signals.motion import frozen_array
 
 Positive = Annotated[float, Field(gt=0)]
 _FIELD = re.compile(r"effort|velocity|position|data(\[\d+\])?")

@@ -13,10 +13,10 @@ import numpy as np
 
 from robot_ident.errors import InputError, did_you_mean
 from robot_ident.files import read_text
-from robot_ident.motion import Array
 from robot_ident.robot.meshes import mesh_shapes
 from robot_ident.robot.packages import find_resource
 from robot_ident.robot.urdf import lock, lock_geometry, parse_urdf, prepared, quiet
+from robot_ident.signals.motion import Array
 
 CLEARANCE = 0.01  # m, kept between links where a robot YAML doesn't say
 _POSES = 200  # random poses within the position limits that tell which pairs always touch

@@ -8,7 +8,7 @@ from typing import Any
 
 import numpy as np
 
-from robot_ident.motion import Array, Motion
+from robot_ident.signals.motion import Array, Motion
 
 # Pinocchio's order of the ten inertial parameters of a link, about and along its joint frame.
 STANDARD = ("m", "mx", "my", "mz", "Ixx", "Ixy", "Iyy", "Ixz", "Iyz", "Izz")

@@ -11,11 +11,11 @@ from typing import Any, Literal
 import numpy as np
 
 from robot_ident.errors import InputError, did_you_mean
-from robot_ident.motion import Array
 from robot_ident.robot.effort import Efforts, Side
 from robot_ident.robot.geometry import Geometry
 from robot_ident.robot.rigid_body import RigidBody
 from robot_ident.robot.workspace import WorkspaceRule
+from robot_ident.signals.motion import Array
 
 
 @dataclass(frozen=True)

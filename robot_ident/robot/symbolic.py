@@ -10,8 +10,8 @@ from typing import Any
 import casadi as ca
 import numpy as np
 
-from robot_ident.motion import Array
 from robot_ident.robot.robot import Robot
+from robot_ident.signals.motion import Array
 
 
 def _skew(v: Any) -> Any:

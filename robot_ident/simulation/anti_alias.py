@@ -5,8 +5,8 @@ from __future__ import annotations
 import numpy as np
 
 from robot_ident.errors import InputError
-from robot_ident.motion import Array
 from robot_ident.robot.robot import AntiAlias, Robot
+from robot_ident.signals.motion import Array
 from robot_ident.simulation.sensors import Sensors
 
 PAPER = AntiAlias(order=8, cutoff=40.0)

@@ -9,12 +9,11 @@ import numpy as np
 
 from robot_ident.excitation.fourier import FourierSeries
 from robot_ident.model.structure import Structure
-from robot_ident.motion import Array, Mask, Motion
-from robot_ident.recording.direction import direction_known
-from robot_ident.recording.lines import above_noise, evaluate, lines_of_grid
-from robot_ident.recording.measurement import Processing
+from robot_ident.recording.measurement import Processing, direction_known
 from robot_ident.recording.periodic import trusted, velocity_noise
 from robot_ident.robot.robot import Robot
+from robot_ident.signals.fourier import above_noise, evaluate, lines_of_grid
+from robot_ident.signals.motion import Array, Mask, Motion
 from robot_ident.simulation.periodic import Play
 from robot_ident.simulation.physics import Physics, home_pose
 from robot_ident.simulation.physics.physics import strength

@@ -6,7 +6,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from robot_ident.motion import Array, Motion
+from robot_ident.signals.motion import Array, Motion
 from robot_ident.simulation.servo import Servo
 
 

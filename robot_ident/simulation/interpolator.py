@@ -8,7 +8,7 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import ArrayLike
 
-from robot_ident.motion import Array, Motion, frozen_array
+from robot_ident.signals.motion import Array, Motion, frozen_array
 
 STOP_TIME = 0.2
 """How long a stop takes [s] for joints whose acceleration isn't limited."""

@@ -11,9 +11,9 @@ from dataclasses import dataclass
 import numpy as np
 import pinocchio
 
-from robot_ident.motion import Array
 from robot_ident.recording import Recording
 from robot_ident.robot import Robot
+from robot_ident.signals.motion import Array
 
 FINE = 1000.0  # Hz, at which the arm moves
 RATES = (50.0, 125.0, 250.0, 500.0, 1000.0)

@@ -8,8 +8,8 @@ import casadi as ca
 import numpy as np
 
 from robot_ident.errors import InputError
-from robot_ident.motion import Array, Motion
 from robot_ident.robot.robot import Robot
+from robot_ident.signals.motion import Array, Motion
 from robot_ident.simulation.physics import Physics
 from robot_ident.simulation.physics.physics import Instant
 

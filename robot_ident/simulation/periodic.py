@@ -8,10 +8,10 @@ from dataclasses import dataclass
 import numpy as np
 
 from robot_ident.excitation.fourier import FourierSeries
-from robot_ident.motion import Array, Motion
 from robot_ident.recording.effort import as_reported
 from robot_ident.recording.recording import Recording
 from robot_ident.robot.robot import Robot
+from robot_ident.signals.motion import Array, Motion
 from robot_ident.simulation.physics import Physics
 from robot_ident.simulation.plant import Plant
 from robot_ident.simulation.readings import FIELDS, Readings, blend, read

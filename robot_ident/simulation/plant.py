@@ -8,8 +8,8 @@ from functools import cached_property
 
 import numpy as np
 
-from robot_ident.motion import Array, Mask, Motion
 from robot_ident.robot.robot import Robot
+from robot_ident.signals.motion import Array, Mask, Motion
 from robot_ident.simulation.commands import Commands
 from robot_ident.simulation.equations import start_values
 from robot_ident.simulation.physics import Physics

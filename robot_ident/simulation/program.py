@@ -9,8 +9,8 @@ from typing import Any
 
 import numpy as np
 
-from robot_ident.motion import Array
 from robot_ident.robot.robot import Robot
+from robot_ident.signals.motion import Array
 from robot_ident.simulation.equations import Equations
 from robot_ident.simulation.physics import Physics
 from robot_ident.simulation.servo import Servo

@@ -10,7 +10,7 @@ import numpy as np
 
 from robot_ident.errors import InputError
 from robot_ident.excitation.reference import Reference
-from robot_ident.motion import Array, Motion
+from robot_ident.signals.motion import Array, Motion
 from robot_ident.simulation.link_sensor import link_side, link_torque
 from robot_ident.simulation.physics import Physics
 from robot_ident.simulation.plant import Plant

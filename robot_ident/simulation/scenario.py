@@ -12,9 +12,9 @@ from robot_ident.errors import InputError, did_you_mean
 from robot_ident.excitation.excitation import Excitation
 from robot_ident.excitation.fourier import FourierSeries
 from robot_ident.model.structure import Structure
-from robot_ident.motion import Array, Motion
 from robot_ident.recording.recording import Recording
 from robot_ident.robot.robot import Robot
+from robot_ident.signals.motion import Array, Motion
 from robot_ident.simulation.calibrate import TOLERANCE, Calibrated, calibrate, pooled, standard_motions, visible
 from robot_ident.simulation.periodic import Play
 from robot_ident.simulation.physics import PHYSICS, Physics, nominal_physics, plant_physics

@@ -7,8 +7,8 @@ from dataclasses import dataclass
 import numpy as np
 
 from robot_ident.errors import InputError, did_you_mean
-from robot_ident.motion import Array, Motion
 from robot_ident.robot.robot import Robot
+from robot_ident.signals.motion import Array, Motion
 from robot_ident.simulation.physics import Instant, home_inertia, nominal_physics
 from robot_ident.simulation.vectorised import Vectorised
 

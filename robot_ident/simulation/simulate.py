@@ -9,10 +9,10 @@ import numpy as np
 
 from robot_ident.errors import InputError
 from robot_ident.excitation.reference import Reference
-from robot_ident.motion import Array, Motion
 from robot_ident.recording.effort import as_reported
 from robot_ident.recording.recording import Recording
 from robot_ident.robot.robot import Robot
+from robot_ident.signals.motion import Array, Motion
 from robot_ident.simulation.anti_alias import filtered
 from robot_ident.simulation.physics import Physics, plant_physics
 from robot_ident.simulation.plant import Plant

@@ -9,8 +9,8 @@ import numpy as np
 from numpy.typing import ArrayLike
 
 from robot_ident.errors import InputError
-from robot_ident.motion import Array, Motion
 from robot_ident.robot.robot import Robot
+from robot_ident.signals.motion import Array, Motion
 from robot_ident.simulation.commands import Commands
 from robot_ident.simulation.physics import home_pose, plant_physics
 from robot_ident.simulation.plant import Plant

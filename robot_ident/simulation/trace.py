@@ -8,7 +8,7 @@ import numpy as np
 
 from robot_ident.errors import InputError
 from robot_ident.excitation.reference import Reference
-from robot_ident.motion import Array
+from robot_ident.signals.motion import Array
 from robot_ident.simulation.commands import Commands
 from robot_ident.simulation.plant import Plant
 

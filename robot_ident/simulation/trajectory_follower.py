@@ -6,7 +6,7 @@ import numpy as np
 from numpy.typing import ArrayLike
 
 from robot_ident.errors import InputError
-from robot_ident.motion import Array, Motion, frozen_array
+from robot_ident.signals.motion import Array, Motion, frozen_array
 from robot_ident.simulation.interpolator import Piece
 
 _AT_REST = 1e-12  # rad/s at the last point

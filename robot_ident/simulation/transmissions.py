@@ -10,8 +10,8 @@ import casadi as ca
 import numpy as np
 
 from robot_ident.errors import InputError
-from robot_ident.motion import Array
 from robot_ident.robot.robot import Robot
+from robot_ident.signals.motion import Array
 from robot_ident.simulation.physics import Physics
 
 Shaft = tuple[int, int, tuple[Any, Any, Any]]

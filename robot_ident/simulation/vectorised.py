@@ -10,7 +10,7 @@ from typing import Any
 import casadi as ca
 import numpy as np
 
-from robot_ident.motion import Array
+from robot_ident.signals.motion import Array
 
 AT_ONCE = 1024
 """Instants a pass: what an operation reads and writes then stays in the processor's cache."""

@@ -9,7 +9,7 @@ from typing import Any
 import numpy as np
 
 from robot_ident.errors import InputError
-from robot_ident.motion import Array, Mask
+from robot_ident.signals.motion import Array, Mask
 from robot_ident.workbench.series import Rows
 
 

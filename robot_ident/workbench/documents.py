@@ -17,8 +17,8 @@ from robot_ident.estimation.extend import mean_square_errors
 from robot_ident.estimation.unusable import unusable_on
 from robot_ident.files import write_text
 from robot_ident.model.model import Model
-from robot_ident.motion import Array
 from robot_ident.recording.measurement import Measurement
+from robot_ident.signals.motion import Array
 from robot_ident.workbench.preview import Preview
 
 

@@ -16,10 +16,9 @@ from robot_ident.model.model import Model
 from robot_ident.model.model_file import read_model
 from robot_ident.provenance import fingerprint
 from robot_ident.provenance import provenance as _provenance
-from robot_ident.recording.measurement import Measurement
+from robot_ident.recording.measurement import Measurement, Source
 from robot_ident.recording.process import process
 from robot_ident.recording.recording import Recording
-from robot_ident.recording.source import Source
 from robot_ident.robot import Robot, load_robot
 from robot_ident.robot.load import definition_of
 from robot_ident.workbench.session import Session

@@ -16,8 +16,8 @@ from robot_ident.effects import Effect, candidates_of, make_effect
 from robot_ident.errors import InputError
 from robot_ident.estimation.apart import apart
 from robot_ident.model.structure import Structure
-from robot_ident.motion import Array
 from robot_ident.recording.measurement import Measurement
+from robot_ident.signals.motion import Array
 
 
 @dataclass(frozen=True)

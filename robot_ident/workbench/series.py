@@ -12,7 +12,7 @@ import numpy as np
 from robot_ident.diagnosis.residual_lines import ResidualLines
 from robot_ident.errors import InputError
 from robot_ident.files import whole
-from robot_ident.motion import Array, Mask
+from robot_ident.signals.motion import Array, Mask
 
 VARIABLES = ("time", "velocity", "position", "load", "acceleration", "time_since_reversal")
 """What a residual is looked at over; `speed`, the size of the velocity, is brushed as well."""

@@ -32,9 +32,9 @@ from robot_ident.files import whole, write_text
 from robot_ident.model.model import Model
 from robot_ident.model.model_file import read_model, write_model
 from robot_ident.model.structure import Structure
-from robot_ident.motion import Array
 from robot_ident.recording.measurement import Measurement, Processing
 from robot_ident.robot import Robot
+from robot_ident.signals.motion import Array
 from robot_ident.workbench import documents
 from robot_ident.workbench.commands import model_name
 from robot_ident.workbench.inputs import Inputs

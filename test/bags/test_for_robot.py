@@ -13,9 +13,9 @@ import yaml
 from robot_ident.bags import BagWriter, Topic, read_for
 from robot_ident.bags.storage import JOINT_STATE, NUMBERS
 from robot_ident.errors import InputError
-from robot_ident.motion import Array
 from robot_ident.robot import Robot, load_robot
 from robot_ident.robot.held import hold
+from robot_ident.signals.motion import Array
 
 from .conftest import START, STORE, serialise
 

@@ -14,7 +14,7 @@ from robot_ident.diagnosis.diagnose import diagnose
 from robot_ident.errors import InputError
 from robot_ident.estimation.identify import identify
 from robot_ident.recording import process
-from robot_ident.recording.copies import of_one_motion
+from robot_ident.recording.checks import of_one_motion
 from robot_ident.recording.measurement import Measurement
 
 

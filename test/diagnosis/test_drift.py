@@ -16,8 +16,8 @@ from robot_ident.errors import InputError
 from robot_ident.estimation.apart import apart
 from robot_ident.estimation.identify import estimate
 from robot_ident.model.structure import Structure
-from robot_ident.motion import Array
 from robot_ident.recording.measurement import Measurement
+from robot_ident.signals.motion import Array
 
 DRIFT = ("temperature_drift@joint_1:temperature_drift=8,time_constant=40",)
 COLUMN = "temperature_drift@joint_1"

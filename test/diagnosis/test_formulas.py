@@ -11,8 +11,8 @@ import pytest
 
 from robot_ident.diagnosis.diagnose import diagnose
 from robot_ident.effects import make_effect
-from robot_ident.motion import Array
 from robot_ident.recording.measurement import Measurement
+from robot_ident.signals.motion import Array
 
 Law = Callable[[Array, Array, Array], Array]  # of position, velocity and torque of a joint
 

@@ -18,10 +18,10 @@ from robot_ident.diagnosis.stage import GAIN, OWN
 from robot_ident.diagnosis.white_lines import whitened
 from robot_ident.estimation.identify import estimate
 from robot_ident.model.structure import Structure
-from robot_ident.motion import Motion
 from robot_ident.recording import Recording, process
 from robot_ident.recording.measurement import Measurement
 from robot_ident.robot import Robot
+from robot_ident.signals.motion import Motion
 
 PERIODS = 16
 RIPPLE = "torque_ripple@joint_2:torque_ripple=8.9,order=206.47,phase=-3,second=0.15"

@@ -20,7 +20,7 @@ from robot_ident.effects import make_effect
 from robot_ident.errors import InputError
 from robot_ident.model.structure import Structure
 from robot_ident.recording import Recording, process
-from robot_ident.recording.off_clock import off_clock
+from robot_ident.recording.noise_spectrum import off_clock
 from robot_ident.robot import Robot
 from robot_ident.robot.load import definition_of, robot_of
 from robot_ident.robot.robot import Definition

@@ -14,9 +14,9 @@ from robot_ident.diagnosis.lack_of_fit import lack_of_fit
 from robot_ident.diagnosis.more_than_noise import ALPHA, Share, _moments, noise_tests
 from robot_ident.diagnosis.scan import base_gram
 from robot_ident.estimation.identify import estimate
-from robot_ident.motion import Array
 from robot_ident.recording import Processing, Recording, process
 from robot_ident.recording.measurement import Measurement
+from robot_ident.signals.motion import Array
 
 SEEDS = range(3)
 GAINS = {

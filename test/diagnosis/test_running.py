@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 
 from robot_ident.diagnosis.running import RunningVerdict
-from robot_ident.motion import Array
+from robot_ident.signals.motion import Array
 
 RATE = 150.0
 JOINTS = ("joint_1", "joint_2")

@@ -14,7 +14,7 @@ from robot_ident.diagnosis.evidence import gather
 from robot_ident.diagnosis.scan import BaseFit, BaseGram, add
 from robot_ident.diagnosis.stage import Stage
 from robot_ident.diagnosis.white_lines import whitened
-from robot_ident.motion import Array
+from robot_ident.signals.motion import Array
 
 ROWS, NOISE = 400, 1.0
 TRUE = np.array([30.0, 20.0])

@@ -15,9 +15,9 @@ from robot_ident.diagnosis.refine import refined
 from robot_ident.diagnosis.shapes import doubted, of_another_form, shapes
 from robot_ident.diagnosis.stage import Stage
 from robot_ident.diagnosis.white_lines import whitened
-from robot_ident.motion import Motion
 from robot_ident.recording import process
 from robot_ident.recording.recording import Recording
+from robot_ident.signals.motion import Motion
 
 PERIOD = 1500
 Torque = Callable[[np.ndarray, np.ndarray, np.ndarray], np.ndarray]

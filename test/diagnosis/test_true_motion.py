@@ -9,9 +9,9 @@ import numpy as np
 import pytest
 
 from robot_ident.diagnosis.true_motion import TrueMotion
-from robot_ident.effects.along_time import derivatives
 from robot_ident.estimation.identify import estimate
 from robot_ident.recording.process import process
+from robot_ident.signals.derivatives import derivatives
 from robot_ident.simulation.periodic import Play
 from robot_ident.simulation.physics import plant_physics
 from robot_ident.simulation.servo import Servo

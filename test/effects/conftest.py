@@ -13,8 +13,8 @@ import pytest
 from robot_ident.effects import CATALOGUE, Effect, Torques
 from robot_ident.excitation.fourier import FourierSeries
 from robot_ident.model.structure import Structure
-from robot_ident.motion import Array, Motion
 from robot_ident.robot import Robot, load_robot
+from robot_ident.signals.motion import Array, Motion
 
 PENDULUM = """
 <robot name="pendulum">

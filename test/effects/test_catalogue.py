@@ -16,8 +16,8 @@ from robot_ident.effects.check import problems
 from robot_ident.errors import InputError
 from robot_ident.model.expressions import columns_function
 from robot_ident.model.structure import Structure
-from robot_ident.motion import Array, Motion
 from robot_ident.robot import load_robot
+from robot_ident.signals.motion import Array, Motion
 
 NAMES = sorted(CATALOGUE)
 ARMS = ("kuka", "six_axes", "slide")

@@ -8,8 +8,8 @@ import numpy as np
 import pytest
 
 from robot_ident.effects import Torques, make_effect
-from robot_ident.motion import Motion
 from robot_ident.robot import load_robot
+from robot_ident.signals.motion import Motion
 
 Q, V, A = 0.7, -0.4, 1.3  # of joint_2
 LOAD, TOTAL = -80.0, 120.0

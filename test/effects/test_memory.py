@@ -8,11 +8,11 @@ import numpy as np
 import pytest
 
 from robot_ident.effects import Torques, make_effect
-from robot_ident.effects.along_time import delayed, derivatives
 from robot_ident.effects.hysteresis import ELEMENTS, dahl, maxwell_slip, stretches
 from robot_ident.excitation.fourier import FourierSeries
-from robot_ident.motion import Array, Motion
 from robot_ident.robot import load_robot
+from robot_ident.signals.derivatives import delayed, derivatives
+from robot_ident.signals.motion import Array, Motion
 
 SERIES = FourierSeries(0.1, np.array([0.1, 0.0, 0.2]), *0.25 * np.random.default_rng(3).normal(size=(2, 3, 5)))
 

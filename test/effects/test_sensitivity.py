@@ -13,8 +13,8 @@ from robot_ident.effects import make_effect
 from robot_ident.excitation.fourier import FourierSeries
 from robot_ident.model.rigid_sensitivity import RigidSensitivity, standard_parameters
 from robot_ident.model.structure import Structure
-from robot_ident.motion import Array, Motion
 from robot_ident.robot import Robot
+from robot_ident.signals.motion import Array, Motion
 
 ARMS = ("kuka", "six_axes")
 

@@ -14,8 +14,8 @@ from robot_ident.effects import CATALOGUE, load_effects, make_effect, register
 from robot_ident.errors import InputError
 from robot_ident.model.expressions import columns_function
 from robot_ident.model.structure import Structure
-from robot_ident.motion import Motion
 from robot_ident.robot import load_robot
+from robot_ident.signals.motion import Motion
 
 GOOD = '''
 from robot_ident.effects import Coefficient, Effect

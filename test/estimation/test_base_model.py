@@ -19,10 +19,10 @@ from robot_ident.export.left_out import torque_of
 from robot_ident.model.expressions import columns_function
 from robot_ident.model.model_file import read_model, write_model
 from robot_ident.model.structure import Structure
-from robot_ident.motion import Array, Motion
 from robot_ident.recording import Processing, Recording
 from robot_ident.recording.process import process
 from robot_ident.robot import Robot, load_robot
+from robot_ident.signals.motion import Array, Motion
 from robot_ident.simulation.like_real import like_real
 from robot_ident.simulation.periodic import Play
 from robot_ident.simulation.physics import plant_physics

@@ -24,11 +24,11 @@ from robot_ident.estimation.validate import validate
 from robot_ident.model.model import Model
 from robot_ident.model.model_file import read_model, write_model
 from robot_ident.model.structure import Structure
-from robot_ident.motion import Array
 from robot_ident.recording import Recording, process
 from robot_ident.recording.conditions import Conditions, KnownPayload, payload_columns
 from robot_ident.robot import Robot, load_robot
 from robot_ident.robot.held import hold
+from robot_ident.signals.motion import Array
 from robot_ident.simulation.calibrate import standard_motions
 from robot_ident.simulation.periodic import Play
 from robot_ident.simulation.physics import plant_physics

@@ -9,8 +9,8 @@ import numpy as np
 import pytest
 
 from robot_ident.estimation.declaration import judge_declaration
-from robot_ident.motion import Motion
 from robot_ident.robot.effort import Effort, Efforts
+from robot_ident.signals.motion import Motion
 
 
 @pytest.fixture(scope="module")

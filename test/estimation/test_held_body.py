@@ -16,10 +16,10 @@ from robot_ident.estimation.held_body import Holding
 from robot_ident.estimation.identify import identify
 from robot_ident.estimation.payload import identify_payload
 from robot_ident.model.model_file import write_model
-from robot_ident.motion import Array
 from robot_ident.recording import Recording, process
 from robot_ident.recording.conditions import Conditions, KnownPayload, PayloadPart
 from robot_ident.robot import Robot, load_robot
+from robot_ident.signals.motion import Array
 from robot_ident.simulation.calibrate import standard_motions
 from robot_ident.simulation.periodic import Play
 from robot_ident.simulation.physics import plant_physics

@@ -11,8 +11,8 @@ from robot_ident.errors import InputError
 from robot_ident.estimation.identify import identify
 from robot_ident.estimation.instruments import without_neighbours
 from robot_ident.estimation.solve import solve
-from robot_ident.motion import Motion
 from robot_ident.recording import Processing, Recording, process
+from robot_ident.signals.motion import Motion
 
 RUNS = 12
 

@@ -16,9 +16,9 @@ from robot_ident.estimation.solve import solve
 from robot_ident.estimation.violations import never_negative, violations
 from robot_ident.model.model_file import read_model, write_model
 from robot_ident.model.structure import Structure
-from robot_ident.motion import Motion
 from robot_ident.recording import Recording, process
 from robot_ident.robot import load_robot
+from robot_ident.signals.motion import Motion
 
 TABLE_1 = np.array(
     [45.38, -0.31, -2.22, -28.69, 0.3, -0.2, 3.36, 41.74, 0.07, 2.6, 8.21, 0.07, -0.21, 0.69, 7.63]

@@ -13,8 +13,8 @@ from robot_ident.estimation.least_squares import factor
 from robot_ident.estimation.problem import Problem
 from robot_ident.estimation.projection import Projection
 from robot_ident.model.structure import Structure
-from robot_ident.motion import Array
 from robot_ident.recording import Measurement, Recording, process
+from robot_ident.signals.motion import Array
 
 STRIBECK = ["stribeck@joint_1", "gravity_spring@joint_2", "stribeck@joint_3"]
 

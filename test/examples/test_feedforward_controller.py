@@ -17,7 +17,7 @@ import pytest
 
 from robot_ident.export.c_code import to_c
 from robot_ident.model.model import Fit, Model, NoiseLevel
-from robot_ident.motion import Motion
+from robot_ident.signals.motion import Motion
 
 pytestmark = pytest.mark.skipif(shutil.which("g++") is None, reason="no C++ compiler")
 

@@ -14,8 +14,8 @@ from robot_ident.excitation.setting import family_of
 from robot_ident.excitation.target import Target
 from robot_ident.model.expressions import columns_function
 from robot_ident.model.structure import Structure
-from robot_ident.motion import Array
 from robot_ident.robot import Robot
+from robot_ident.signals.motion import Array
 
 LIKENESS = {"presliding": 0.8, "backlash": 0.85}
 """Correlation of a stand-in with the exact column along a usual motion; every other effect's is one."""

@@ -12,7 +12,7 @@ from robot_ident.excitation.envelope import tool_volume, within_envelope
 from robot_ident.excitation.excitation import Excitation
 from robot_ident.excitation.fourier import FourierSeries
 from robot_ident.excitation.limits import certify
-from robot_ident.motion import Motion
+from robot_ident.signals.motion import Motion
 
 
 def run_before(arm: Any, share: float = 0.5) -> Motion:

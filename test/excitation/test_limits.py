@@ -15,10 +15,10 @@ from robot_ident.excitation.excitation import Excitation
 from robot_ident.excitation.fourier import FourierSeries
 from robot_ident.excitation.limits import Certifier, Margins, certify
 from robot_ident.excitation.workspace_margin import FrameKinematics
-from robot_ident.motion import Array
 from robot_ident.robot import Robot
 from robot_ident.robot.symbolic import frame_function
 from robot_ident.robot.workspace import box, cylinder, half_space
+from robot_ident.signals.motion import Array
 
 DENSE = 6400  # the certificate begins with 64 intervals a period
 GRID = 3e-3  # what even the dense grid may miss where two alternatives of a rule meet at an angle

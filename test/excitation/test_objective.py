@@ -23,8 +23,8 @@ from robot_ident.excitation.search import random_start
 from robot_ident.excitation.setting import SIGN_WIDTH, Setting, family_of
 from robot_ident.model.expressions import columns_function
 from robot_ident.model.structure import Structure
-from robot_ident.motion import Motion
 from robot_ident.robot import Robot
+from robot_ident.signals.motion import Motion
 
 
 @pytest.fixture(scope="module")

@@ -15,9 +15,9 @@ from robot_ident.excitation.limits import Certifier, certify
 from robot_ident.excitation.playback import Playback, approach, stop_from
 from robot_ident.excitation.point_to_point import PointToPoint, load_motion
 from robot_ident.excitation.validation import moves, validation_motion
-from robot_ident.motion import Motion
 from robot_ident.robot import Robot
 from robot_ident.robot.workspace import box
+from robot_ident.signals.motion import Motion
 
 
 @pytest.fixture(scope="module")

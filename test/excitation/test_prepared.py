@@ -14,8 +14,8 @@ import pytest
 from robot_ident.excitation.approach import NotWanted, approach, stop_from
 from robot_ident.excitation.feasibility import allowed_poses
 from robot_ident.excitation.limits import Certifier
-from robot_ident.motion import Motion
 from robot_ident.robot import Robot
+from robot_ident.signals.motion import Motion
 
 
 @contextmanager

@@ -20,8 +20,8 @@ from robot_ident.excitation.limits import Certifier, certify
 from robot_ident.excitation.reference import Piece
 from robot_ident.excitation.rows import Grid
 from robot_ident.excitation.self_collision import LinkPairs, keeps_apart
-from robot_ident.motion import Array
 from robot_ident.robot import Robot
+from robot_ident.signals.motion import Array
 
 
 @pytest.fixture(scope="module")

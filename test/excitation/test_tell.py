@@ -14,8 +14,8 @@ from robot_ident.excitation.limits import certify
 from robot_ident.excitation.target import Target
 from robot_ident.excitation.tell import NEEDED, experiment_between, tell_apart, tell_command
 from robot_ident.excitation.tell_motions import MENU, Sketch, draw
-from robot_ident.motion import Array
 from robot_ident.robot import Robot
+from robot_ident.signals.motion import Array
 
 
 @pytest.fixture

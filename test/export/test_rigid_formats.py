@@ -21,9 +21,9 @@ from robot_ident.export.full_inertias import FullInertias
 from robot_ident.export.mjcf import to_mjcf
 from robot_ident.export.urdf import to_urdf
 from robot_ident.model.model import Model
-from robot_ident.motion import Motion
 from robot_ident.robot import Robot, load_robot
 from robot_ident.robot.urdf import parse_urdf
+from robot_ident.signals.motion import Motion
 
 Make = Callable[..., Model]
 

@@ -9,8 +9,8 @@ import pytest
 
 from robot_ident.model.base_parameters import random_states, reduce_to_base
 from robot_ident.model.structure import Structure
-from robot_ident.motion import Array, Motion
 from robot_ident.robot import load_robot
+from robot_ident.signals.motion import Array, Motion
 
 # Table I made physically possible (p11, p15), p1 to p15
 TABLE_I = [45.38, -0.31, -2.22, -28.69, 0.3, -0.2, 3.36, 41.74, 0.07, 2.6, 7.65, 0.07, -0.21, 0.69, 7.73]

@@ -7,8 +7,8 @@ import pytest
 
 from robot_ident.model.derivatives import torque_derivatives
 from robot_ident.model.structure import Structure
-from robot_ident.motion import Motion
 from robot_ident.robot import load_robot
+from robot_ident.signals.motion import Motion
 
 
 @pytest.mark.parametrize("name", ["kuka_ir361", "kuka_ir361_spring"])

@@ -10,8 +10,8 @@ import pytest
 from robot_ident.errors import InputError
 from robot_ident.model.expressions import columns_function
 from robot_ident.model.structure import Structure
-from robot_ident.motion import Motion
 from robot_ident.robot import load_robot
+from robot_ident.signals.motion import Motion
 
 
 @pytest.mark.parametrize(

@@ -7,7 +7,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from robot_ident.excitation.fourier import FourierSeries
-from robot_ident.motion import Array, Motion
+from robot_ident.signals.motion import Array, Motion
 
 
 @dataclass(frozen=True)

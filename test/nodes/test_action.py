@@ -15,10 +15,10 @@ import pytest
 pytest.importorskip("rclpy")
 
 from robot_ident.errors import InputError  # noqa: E402
-from robot_ident.motion import Array, Motion  # noqa: E402
 from robot_ident.nodes import action_output  # noqa: E402
 from robot_ident.playing.player import Phase, Player  # noqa: E402
 from robot_ident.playing.watch import Bounds, Watch  # noqa: E402
+from robot_ident.signals.motion import Array, Motion  # noqa: E402
 
 JOINTS = ("a", "b")
 

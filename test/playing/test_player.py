@@ -8,10 +8,10 @@ from typing import Any
 import numpy as np
 import pytest
 
-from robot_ident.motion import Array, Motion
 from robot_ident.playing.player import Command, Phase, Player
 from robot_ident.playing.slowed import Slowed
 from robot_ident.playing.watch import Bounds, Watch
+from robot_ident.signals.motion import Array, Motion
 
 DT = 0.01
 

@@ -7,10 +7,10 @@ import struct
 import numpy as np
 import pytest
 
-from robot_ident.motion import Array
 from robot_ident.playing.local_motion import LocalMotion
 from robot_ident.playing.periods import PeriodCounter
 from robot_ident.playing.stamps import SequenceWatch, StampWatch, header_stamp
+from robot_ident.signals.motion import Array
 
 MS = 1_000_000
 

@@ -5,10 +5,10 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
-from robot_ident.motion import Array, Motion
 from robot_ident.playing.player import Phase, Player
 from robot_ident.playing.watch import Bounds, Watch
 from robot_ident.playing.windows import Window, WindowSchedule
+from robot_ident.signals.motion import Array, Motion
 from robot_ident.simulation.trajectory_follower import TrajectoryFollower
 from test.playing.test_player import DT, Quintic, plan_stop
 

@@ -14,10 +14,10 @@ from robot_ident.diagnosis.diagnose import diagnose
 from robot_ident.diagnosis.diagnosis import Diagnosis
 from robot_ident.effects import Effect
 from robot_ident.model.structure import Structure
-from robot_ident.motion import Array
 from robot_ident.recording import Processing, Recording, process
 from robot_ident.recording.measurement import Measurement
 from robot_ident.robot import Robot, load_robot
+from robot_ident.signals.motion import Array
 
 
 @dataclass(frozen=True)

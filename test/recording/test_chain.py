@@ -12,7 +12,7 @@ from scipy import signal
 from robot_ident.errors import InputError
 from robot_ident.estimation.identify import identify
 from robot_ident.recording import Processing, Recording, process
-from robot_ident.recording.chain import Chain
+from robot_ident.recording.torque_channel import Chain
 from robot_ident.robot.load import definition_of, robot_of
 from robot_ident.robot.robot import AntiAlias, Definition
 

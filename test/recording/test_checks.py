@@ -9,8 +9,7 @@ import pytest
 
 from robot_ident.errors import InputError
 from robot_ident.recording import Recording
-from robot_ident.recording.checks import check_samples
-from robot_ident.recording.copies import refuse_same_rows
+from robot_ident.recording.checks import check_samples, refuse_same_rows
 
 NAMES = ("a", "b", "c")
 

@@ -12,7 +12,7 @@ from robot_ident.diagnosis.diagnose import diagnose
 from robot_ident.errors import InputError
 from robot_ident.estimation.identify import estimate
 from robot_ident.recording import Processing, Recording, process
-from robot_ident.recording.clipped import find_clipped
+from robot_ident.recording.saturation import find_clipped
 from robot_ident.recording.summary import summarise
 
 

@@ -8,9 +8,9 @@ import numpy as np
 import pytest
 
 from robot_ident.errors import InputError
-from robot_ident.motion import Array
 from robot_ident.recording import Recording, process
 from robot_ident.recording.clock import _grid, read_clock
+from robot_ident.signals.motion import Array
 
 
 def test_even_stamps_need_no_word(arm: Any) -> None:

@@ -11,12 +11,12 @@ import pytest
 from robot_ident.bags import read_for, read_recording, write_recording
 from robot_ident.errors import InputError
 from robot_ident.excitation.fourier import FourierSeries
-from robot_ident.motion import Array, Motion
 from robot_ident.recording import Recording, process
+from robot_ident.recording.checks import reach_of, refuse_payload
 from robot_ident.recording.conditions import Conditions, KnownPayload, PayloadPart, hand, read_conditions, sidecar
-from robot_ident.recording.payload_checks import reach_of, refuse_payload
 from robot_ident.robot import Robot, load_robot
 from robot_ident.robot.rigid_body import RigidBody
+from robot_ident.signals.motion import Array, Motion
 from robot_ident.simulation.calibrate import standard_motions
 
 TILTED = (1.5, -2.0, -9.0)

@@ -12,11 +12,11 @@ from production_line import POSES, Line, Shift, production
 from robot_ident.diagnosis.diagnose import diagnose
 from robot_ident.errors import InputError
 from robot_ident.estimation.identify import estimate
-from robot_ident.motion import Motion
 from robot_ident.recording import Measurement, Processing, Recording, process
 from robot_ident.recording.clock import even_positions, read_clock
 from robot_ident.recording.cycles import Cycles, find_cycles
 from robot_ident.recording.summary import summarise
+from robot_ident.signals.motion import Motion
 from robot_ident.simulation.simulate import simulate
 
 

@@ -11,11 +11,11 @@ import pytest
 import yaml
 
 from robot_ident.errors import InputError
-from robot_ident.motion import Motion
 from robot_ident.recording import Recording
 from robot_ident.recording.effort import as_reported, at_the_joints
 from robot_ident.robot import Robot
 from robot_ident.robot.load import definition_of
+from robot_ident.signals.motion import Motion
 
 
 @pytest.fixture(scope="module")

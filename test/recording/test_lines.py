@@ -4,8 +4,8 @@ from __future__ import annotations
 
 import numpy as np
 
-from robot_ident.motion import Array, Mask
-from robot_ident.recording.lines import Lines, above_noise, evaluate, lines_of_grid, share_of_motion
+from robot_ident.signals.fourier import Lines, above_noise, evaluate, lines_of_grid, share_of_motion
+from robot_ident.signals.motion import Array, Mask
 
 SAMPLES, SIGMA = 1500, 1e-5
 FREQUENCY = 0.1

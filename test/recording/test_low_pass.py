@@ -5,7 +5,7 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
-from robot_ident.recording.low_pass import PeriodicLowPass, ZeroPhaseLowPass
+from robot_ident.signals.filters import PeriodicLowPass, ZeroPhaseLowPass
 
 
 @pytest.mark.parametrize("frequency", [0.5, 5.0, 10.0, 20.0])

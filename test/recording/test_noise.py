@@ -9,8 +9,8 @@ import pytest
 from scipy.signal import lfilter
 
 from robot_ident.recording import Recording, process
-from robot_ident.recording.noise import noise_spectrum
-from robot_ident.recording.outliers import outlying_periods
+from robot_ident.recording.averaging import outlying_periods
+from robot_ident.recording.noise_spectrum import noise_spectrum
 
 
 def coloured(seed: int, shape: tuple[int, int], pole: float, shared: float = 0.0) -> np.ndarray:

@@ -10,9 +10,9 @@ import pytest
 
 from robot_ident.errors import InputError
 from robot_ident.recording import Processing, Recording, process
-from robot_ident.recording.lines import evaluate, fit_lines, lines_of_grid
 from robot_ident.recording.period import find_period
 from robot_ident.recording.summary import summarise
+from robot_ident.signals.fourier import evaluate, fit_lines, lines_of_grid
 
 
 @pytest.mark.parametrize("periods", [2, 3, 16])

@@ -9,7 +9,7 @@ import pytest
 
 from robot_ident.excitation.validation import moves
 from robot_ident.recording import Recording
-from robot_ident.recording.rate import rate_note
+from robot_ident.recording.clock import rate_note
 from robot_ident.recording.summary import summarise
 
 POINTS = np.array([[0, 0, 0], [1, 0.5, -0.5], [0.3, -0.4, 0.8], [-1, 0.2, 0.1], [0, 0, 0]] * 4)

@@ -11,7 +11,7 @@ import pytest
 from robot_ident.errors import InputError
 from robot_ident.excitation.fourier import FourierSeries
 from robot_ident.recording import Processing, process
-from robot_ident.recording.speed_scaling import speed_scale
+from robot_ident.recording.summary import speed_scale
 
 
 def slowed(arm: Any, share: float) -> Any:

@@ -9,7 +9,7 @@ import numpy as np
 import pytest
 
 from robot_ident.errors import InputError
-from robot_ident.recording.still import held_angles, still_part
+from robot_ident.recording.checks import held_angles, still_part
 
 
 def held(arm: Any, moved: float = 0.0) -> Any:

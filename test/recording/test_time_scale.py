@@ -11,8 +11,8 @@ import pytest
 
 from robot_ident.bags import JOINT_STATE, BagWriter, Topic, read_recording
 from robot_ident.bags.cdr import serialise
+from robot_ident.recording.measurement import time_scale_notes
 from robot_ident.recording.process import process
-from robot_ident.recording.time_scale import time_scale_notes
 
 
 def recorded(path: Path, recording: Any, pace: float, jitter: float) -> Any:

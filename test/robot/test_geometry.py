@@ -9,11 +9,11 @@ import numpy as np
 import pytest
 
 from robot_ident.errors import InputError
-from robot_ident.motion import Array
 from robot_ident.robot import load_robot
 from robot_ident.robot.convex import convex_pieces
 from robot_ident.robot.geometry import MeshMissing
 from robot_ident.robot.packages import find_resource
+from robot_ident.signals.motion import Array
 
 YAML = "schema: robot_ident/robot/1\nname: arm\nurdf: arm.urdf\n"
 

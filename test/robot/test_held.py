@@ -11,9 +11,9 @@ import pytest
 from robot_ident.errors import InputError
 from robot_ident.model.base_parameters import random_states
 from robot_ident.model.structure import Structure
-from robot_ident.motion import Motion
 from robot_ident.robot import load_robot
 from robot_ident.robot.held import hold, moving_joints
+from robot_ident.signals.motion import Motion
 
 
 @pytest.mark.parametrize("held", [("joint_1",), ("joint_2",), ("joint_1", "joint_2"), ("joint_3",)])

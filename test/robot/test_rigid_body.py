@@ -8,9 +8,9 @@ import numpy as np
 import pinocchio
 import pytest
 
-from robot_ident.motion import Motion
 from robot_ident.robot import Robot, load_robot
 from robot_ident.robot.symbolic import dynamics_function, frame_function, inverse_dynamics_function, regressor_function
+from robot_ident.signals.motion import Motion
 
 PANDA = """
 schema: robot_ident/robot/1

@@ -10,8 +10,8 @@ import numpy as np
 import pytest
 
 from robot_ident.excitation.fourier import FourierSeries
-from robot_ident.motion import Array, Motion
 from robot_ident.robot import Robot, load_robot
+from robot_ident.signals.motion import Array, Motion
 
 PERIOD = 4.0
 

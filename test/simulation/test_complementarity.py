@@ -7,7 +7,7 @@ from typing import Any
 import numpy as np
 import pytest
 
-from robot_ident.motion import Array
+from robot_ident.signals.motion import Array
 from robot_ident.simulation.complementarity import solver_function
 
 H = 1 / 1500

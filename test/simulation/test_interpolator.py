@@ -5,7 +5,7 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
-from robot_ident.motion import Array
+from robot_ident.signals.motion import Array
 from robot_ident.simulation.interpolator import CommandInterpolator, braking, hermite, settling
 
 PERIOD, HALF = 1 / 150, 1 / 3000

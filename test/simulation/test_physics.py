@@ -9,8 +9,8 @@ import pytest
 
 from robot_ident.errors import InputError
 from robot_ident.model.structure import Structure
-from robot_ident.motion import Motion
 from robot_ident.robot import Robot
+from robot_ident.signals.motion import Motion
 from robot_ident.simulation.physics import PHYSICS, make_physics, nominal_physics, plant_physics
 from robot_ident.simulation.servo import Servo
 

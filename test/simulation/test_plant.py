@@ -7,8 +7,8 @@ import pinocchio
 import pytest
 from scipy.integrate import solve_ivp
 
-from robot_ident.motion import Array, Motion
 from robot_ident.robot import Robot
+from robot_ident.signals.motion import Array, Motion
 from robot_ident.simulation.commands import Commands
 from robot_ident.simulation.physics import Contribution, Instant, Physics, Value, make_physics, plant_physics
 from robot_ident.simulation.plant import Plant

@@ -8,8 +8,8 @@ import numpy as np
 import pytest
 
 from robot_ident.errors import InputError
-from robot_ident.motion import Motion
 from robot_ident.robot import Robot
+from robot_ident.signals.motion import Motion
 from robot_ident.simulation.physics import plant_physics
 from robot_ident.simulation.simulate import simulate
 

@@ -6,8 +6,8 @@ import numpy as np
 import pytest
 
 from robot_ident.errors import InputError
-from robot_ident.motion import Motion
 from robot_ident.robot import Robot
+from robot_ident.signals.motion import Motion
 from robot_ident.simulation.simulate import simulate
 from robot_ident.simulation.simulated_robot import SimulatedRobot
 

@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 
 from robot_ident.errors import InputError
-from robot_ident.motion import Array, Motion
+from robot_ident.signals.motion import Array, Motion
 from robot_ident.simulation.trajectory_follower import TrajectoryFollower
 
 

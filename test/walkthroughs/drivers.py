@@ -19,8 +19,8 @@ from robot_ident.bags.qos import Qos, qos_text
 from robot_ident.bags.storage import JOINT_STATE, Topic
 from robot_ident.bags.writer import BagWriter
 from robot_ident.excitation.point_to_point import PointToPoint
-from robot_ident.motion import Array
 from robot_ident.robot import Robot, load_robot
+from robot_ident.signals.motion import Array
 from robot_ident.simulation.simulate import simulate
 
 START = 1_760_000_000_000_000_000

@@ -20,8 +20,8 @@ from robot_ident.diagnosis.measuring.finding import Finding, fitted_loss, folds,
 from robot_ident.diagnosis.scan import BaseFit, BaseGram, base_gram
 from robot_ident.effects import Effect
 from robot_ident.effects.catalogue import CATALOGUE
-from robot_ident.motion import Array, Motion
 from robot_ident.robot.robot import Robot
+from robot_ident.signals.motion import Array, Motion
 
 GROSS = 1.5
 """Chi-square per degree of freedom from which on a mistake of this kind is looked for."""

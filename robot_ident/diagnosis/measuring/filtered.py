@@ -23,7 +23,7 @@ from robot_ident.diagnosis.measuring.finding import (
 from robot_ident.diagnosis.measuring.passage import LOW_PASSES, ORDERS, Passage
 from robot_ident.diagnosis.scan import BaseFit, BaseGram, base_gram
 from robot_ident.effects.catalogue import CATALOGUE
-from robot_ident.motion import Array
+from robot_ident.signals.motion import Array
 
 NAME = "effort_filter"
 CUTOFFS = (1.0, 1.4, 2.0, 3.0, 4.5, 6.5, 9.5, 14.0, 20.0, 30.0, 45.0, 65.0, 95.0)

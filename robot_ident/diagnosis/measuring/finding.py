@@ -11,7 +11,7 @@ from robot_ident.diagnosis.diagnosis import Estimate
 from robot_ident.diagnosis.evidence import Evidence
 from robot_ident.diagnosis.scan import BaseFit, BaseGram, base_gram
 from robot_ident.effects import Effect
-from robot_ident.motion import Array
+from robot_ident.signals.motion import Array
 
 Columns = Callable[[Evidence], tuple[Array, ...]]
 """The model's columns [N, n, p] on every trajectory of some evidence, as they are with a fault."""

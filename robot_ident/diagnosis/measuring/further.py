@@ -12,7 +12,7 @@ from robot_ident.diagnosis.evidence import Evidence
 from robot_ident.diagnosis.measuring.finding import Finding, fitted_loss, with_columns
 from robot_ident.diagnosis.scan import BaseGram, Columns, base_gram, columns_of
 from robot_ident.effects.catalogue import CATALOGUE
-from robot_ident.motion import Array
+from robot_ident.signals.motion import Array
 
 _SIGMA = 2.0
 _FARTHEST = 250.0  # mm by which a link may be longer or shorter than described; more, and the robot is another one

@@ -20,7 +20,7 @@ from robot_ident.diagnosis.refine import refined, sharpened
 from robot_ident.diagnosis.scan import BaseFit, base_gram
 from robot_ident.diagnosis.ties import alike, block_losses, in_blocks, significant
 from robot_ident.effects.catalogue import CATALOGUE
-from robot_ident.motion import Array
+from robot_ident.signals.motion import Array
 
 LIKE = CATALOGUE[NAME].confused_with
 """Names of the effects that look like a low pass."""

@@ -9,7 +9,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from robot_ident.diagnosis.evidence import Trajectory
-from robot_ident.motion import Array
+from robot_ident.signals.motion import Array
 
 Response = NDArray[np.complex128]
 

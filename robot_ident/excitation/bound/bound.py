@@ -19,7 +19,7 @@ from robot_ident.excitation.feasibility import require_limits
 from robot_ident.excitation.setting import Family
 from robot_ident.excitation.target import Target
 from robot_ident.model.expressions import columns_function
-from robot_ident.motion import Array
+from robot_ident.signals.motion import Array
 
 TIME_LIMIT = 60.0  # s
 TIGHT = 0.03  # share of the D-efficiency within which a bound is as good as its relaxation gives

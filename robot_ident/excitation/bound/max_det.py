@@ -7,7 +7,7 @@ from dataclasses import dataclass
 import numpy as np
 from scipy.linalg import cho_factor, cho_solve, solve_triangular
 
-from robot_ident.motion import Array
+from robot_ident.signals.motion import Array
 
 _CENTRING = 0.1  # by which the complementarity is asked to fall in a step
 _ITERATIONS = 150

@@ -16,7 +16,7 @@ from typing import Any
 import numpy as np
 
 from robot_ident.excitation.bound.states import StateSet
-from robot_ident.motion import Array, Motion
+from robot_ident.signals.motion import Array, Motion
 
 
 @dataclass(frozen=True)

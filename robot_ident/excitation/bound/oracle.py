@@ -10,10 +10,10 @@ import casadi as ca
 import numpy as np
 
 from robot_ident.excitation.bound.moments import Moments
-from robot_ident.motion import Array, Motion
 from robot_ident.robot.robot import Robot
 from robot_ident.robot.symbolic import frame_function
 from robot_ident.robot.workspace import Clause
+from robot_ident.signals.motion import Array, Motion
 
 _STEEPNESS = 2e3  # of the penalty, in log det per m^2 of a broken rule: ends within a millimetre, then polished
 _SLACK = 1e-6  # m by which a rule may be broken: more states only loosen the bound

@@ -13,7 +13,7 @@ from robot_ident.excitation.bound.max_det import Weights, maximise_log_det
 from robot_ident.excitation.bound.moments import Moments
 from robot_ident.excitation.bound.oracle import Oracle, Prices
 from robot_ident.excitation.bound.seeds import stacked
-from robot_ident.motion import Array, Motion
+from robot_ident.signals.motion import Array, Motion
 
 _ADDED = 150  # states that a search adds at most
 _POLISHED = 4

@@ -9,8 +9,8 @@ import numpy as np
 from robot_ident.excitation.bound.states import StateSet
 from robot_ident.excitation.feasibility import allowed_poses, rule_margins
 from robot_ident.excitation.setting import Family
-from robot_ident.motion import Array, Motion
 from robot_ident.robot.robot import Robot
+from robot_ident.signals.motion import Array, Motion
 
 _TRAJECTORIES = 12
 _POSES = 40

@@ -13,8 +13,8 @@ from typing import Any
 
 import numpy as np
 
-from robot_ident.motion import Array, Motion
 from robot_ident.robot.robot import Robot
+from robot_ident.signals.motion import Array, Motion
 
 _ALMOST_STILL = 1e-9  # share of the top speed: the limit dq -> 0 from either side, where sign(dq) still is 1 or -1
 _INSIDE = 1.0 - 1e-12  # keeps the root of the ellipse differentiable at its end

@@ -12,7 +12,7 @@ from typing import Any
 from robot_ident import __version__
 from robot_ident.diagnosis.staircase import Step
 from robot_ident.effects.own import is_own
-from robot_ident.recording.source import Source
+from robot_ident.recording.measurement import Source
 from robot_ident.report.findings import Findings
 from robot_ident.report.section import Section, Table
 from robot_ident.report.words import joined

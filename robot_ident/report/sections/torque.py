@@ -9,7 +9,7 @@ from typing import Any
 from robot_ident.diagnosis.beside import Beside, beside
 from robot_ident.figures.extremes import POINTS
 from robot_ident.figures.torque import torque_figure, torque_text
-from robot_ident.recording.source import Source
+from robot_ident.recording.measurement import Source
 from robot_ident.report.findings import Findings
 from robot_ident.report.section import Plot, Section
 

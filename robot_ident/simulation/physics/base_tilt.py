@@ -9,9 +9,9 @@ from typing import Any
 import casadi as ca
 import numpy as np
 
-from robot_ident.motion import Motion
 from robot_ident.robot.rigid_body import RigidBody
 from robot_ident.robot.robot import Robot
+from robot_ident.signals.motion import Motion
 from robot_ident.simulation.links import links_function
 from robot_ident.simulation.physics.physics import Contribution, Instant, Physics, Value, between
 

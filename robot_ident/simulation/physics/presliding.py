@@ -6,8 +6,8 @@ from typing import Any
 
 import numpy as np
 
-from robot_ident.motion import Motion
 from robot_ident.robot.robot import Robot
+from robot_ident.signals.motion import Motion
 from robot_ident.simulation.physics.maxwell_slip import MaxwellSlip
 from robot_ident.simulation.physics.physics import Contribution, Instant, Physics, Value, between, dry_friction
 

@@ -7,8 +7,8 @@ from typing import Any, Self
 import casadi as ca
 import numpy as np
 
-from robot_ident.motion import Array, Motion
 from robot_ident.robot.robot import Robot
+from robot_ident.signals.motion import Array, Motion
 from robot_ident.simulation.physics.physics import Contribution, Instant, Physics, Value, between, damping
 
 STOPPED = 1e12

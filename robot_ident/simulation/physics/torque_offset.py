@@ -4,8 +4,8 @@ from __future__ import annotations
 
 import numpy as np
 
-from robot_ident.motion import Motion
 from robot_ident.robot.robot import Robot
+from robot_ident.signals.motion import Motion
 from robot_ident.simulation.physics.physics import Contribution, Instant, Physics, Value, either_sign, strength
 
 

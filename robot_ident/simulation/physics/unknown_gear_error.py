@@ -5,8 +5,8 @@ from __future__ import annotations
 import casadi as ca
 import numpy as np
 
-from robot_ident.motion import Motion
 from robot_ident.robot.robot import Robot
+from robot_ident.signals.motion import Motion
 from robot_ident.simulation.physics.physics import Contribution, Instant, Physics, Value
 
 

@@ -7,7 +7,7 @@ from typing import Any
 from dash import Dash, Input, Output, State
 from dash.exceptions import PreventUpdate
 
-from robot_ident.motion import Mask
+from robot_ident.signals.motion import Mask
 from robot_ident.workbench.brush import Condition, brushed
 from robot_ident.workbench.callbacks.looked import looked_at
 from robot_ident.workbench.desk import Desk

@@ -13,7 +13,7 @@ from typing import Any, Literal
 import numpy as np
 
 from robot_ident.figures.theme import BLUE, GREEN, ORANGE, PURPLE, SHADES, SKY, axis_look, page_look
-from robot_ident.motion import Array
+from robot_ident.signals.motion import Array
 
 Shade = Literal["light", "dark"]
 Trace = dict[str, Any]

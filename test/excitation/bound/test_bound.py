@@ -21,8 +21,8 @@ from robot_ident.excitation.excitation import Excitation
 from robot_ident.excitation.fourier import FourierSeries
 from robot_ident.excitation.setting import Family, family_of
 from robot_ident.excitation.target import Target
-from robot_ident.motion import Motion
 from robot_ident.robot import Robot, load_robot
+from robot_ident.signals.motion import Motion
 
 SLIDER = """<robot name="slider"><link name="base"/>
 <joint name="slide" type="prismatic"><parent link="base"/><child link="carriage"/><axis xyz="1 0 0"/>

@@ -5,7 +5,7 @@ from __future__ import annotations
 import numpy as np
 from numpy.typing import NDArray
 
-from robot_ident.motion import Array, Mask
+from robot_ident.signals.motion import Array, Mask
 
 Lines = NDArray[np.complex128]  # [K + 1, n]; line 0 is the mean, line k the amplitude of exp(i k w t)
 

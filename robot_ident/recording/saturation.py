@@ -12,10 +12,10 @@ from dataclasses import dataclass, replace
 import numpy as np
 
 from robot_ident.errors import InputError
-from robot_ident.motion import Array, Mask
 from robot_ident.recording.clock import Clock
 from robot_ident.recording.measurement import Measurement
 from robot_ident.recording.recording import Recording
+from robot_ident.signals.motion import Array, Mask
 
 _LEAST, _SHARE = 20, 0.005  # samples, and share of them, that stand at a bound
 _OFTEN = 5.0  # times as often as at any of the next values

@@ -8,7 +8,7 @@ from typing import Protocol
 
 import numpy as np
 
-from robot_ident.motion import Array
+from robot_ident.signals.motion import Array
 
 
 class LowPass(Protocol):

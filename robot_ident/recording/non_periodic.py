@@ -4,14 +4,14 @@ from __future__ import annotations
 
 import numpy as np
 
-from robot_ident.motion import Array, Mask, Motion
-from robot_ident.recording.chain import chain_of
 from robot_ident.recording.clock import Clock, fill, roughness
-from robot_ident.recording.low_pass import ZeroPhaseLowPass
 from robot_ident.recording.measurement import Measurement, Processing
 from robot_ident.recording.periodic import at_rest, trusted
 from robot_ident.recording.recording import Recording
+from robot_ident.recording.torque_channel import chain_of
 from robot_ident.robot.robot import Robot
+from robot_ident.signals.filters import ZeroPhaseLowPass
+from robot_ident.signals.motion import Array, Mask, Motion
 
 DEFAULT_LOW_PASS = 10.0  # Hz, the paper's choice for validation
 

@@ -7,10 +7,10 @@ from dataclasses import replace
 import numpy as np
 
 from robot_ident.model.base_parameters import reduce_to_base
-from robot_ident.motion import Array, Motion
 from robot_ident.recording.conditions import Conditions, KnownPayload
 from robot_ident.recording.measurement import Measurement
 from robot_ident.robot.robot import Robot
+from robot_ident.signals.motion import Array, Motion
 
 
 def arm_alone(measured: Measurement, conditions: Conditions, robot: Robot) -> Measurement:

@@ -8,8 +8,8 @@ import numpy as np
 from numpy.typing import NDArray
 
 from robot_ident.errors import InputError
-from robot_ident.motion import Array
 from robot_ident.robot.robot import AntiAlias, Robot
+from robot_ident.signals.motion import Array
 
 Response = NDArray[np.complex128]
 

@@ -1,0 +1,1 @@
+"""What is done to sampled signals: Fourier lines, filters, derivatives."""
