@@ -184,8 +184,9 @@ class Geometry:
 
     def random_poses(self, count: int) -> Array:
         """Return random poses [count, n] within the position limits (a turn where there are none), always the same."""
-        lower = np.where(np.isfinite(self.lower), self.lower, -np.pi)
-        upper = np.where(np.isfinite(self.upper), self.upper, np.pi)
+        below = np.where(np.isfinite(self.upper), self.upper - 2.0 * np.pi, -np.pi)
+        lower = np.where(np.isfinite(self.lower), self.lower, below)
+        upper = np.where(np.isfinite(self.upper), self.upper, lower + 2.0 * np.pi)
         return np.asarray(np.random.default_rng(0).uniform(lower, upper, (count, len(lower))))
 
 
