@@ -23,7 +23,7 @@ from processes import Process, environment, parameters, wait_until, write_trajec
 
 import robot_ident
 from robot_ident.bags import read_messages, read_recording
-from robot_ident.playing.stamps import header_stamp
+from robot_ident.playback.stamps import header_stamp
 from robot_ident.robot import load_robot
 
 LOADED = 90.0  # s; what a heavily loaded machine may take for anything
@@ -120,7 +120,7 @@ class Scene:
         """Publish time no faster than real time, and no faster than those who are `awaited` can follow."""
         from rosgraph_msgs.msg import Clock
 
-        from robot_ident.nodes.joint_states import time_message
+        from robot_ident.nodes.messages import time_message
 
         while not self._ended.wait(_STEP):
             late = any(self._newest.get(name, self.now_ns) < self.now_ns - _AHEAD_NS for name in self.awaited)

@@ -14,7 +14,7 @@ from pathlib import Path
 
 import numpy as np
 
-from robot_ident.export.c_code import to_c
+from robot_ident.export.to_c import to_c
 from robot_ident.model.model import Fit, Model, NoiseLevel
 from robot_ident.model.structure import Structure
 from robot_ident.robot import load_robot

@@ -9,7 +9,7 @@ import numpy as np
 from robot_ident.bags.compression import DECOMPRESSORS
 from robot_ident.bags.mcap_records import CHANNEL, CHUNK, MAGIC, MESSAGE_HEAD, Fields, chunk_fields, message_heads, scan
 from robot_ident.bags.storage import Bytes
-from robot_ident.playing.stamps import header_stamp
+from robot_ident.playback.stamps import header_stamp
 
 
 class BagGrowth:

@@ -111,23 +111,23 @@ def run(args: argparse.Namespace) -> int:
 
 
 def _urdf(model: Model, args: argparse.Namespace) -> Exported:
-    from robot_ident.export.dynamics import Dynamics
-    from robot_ident.export.urdf import to_urdf
+    from robot_ident.export.exported import Dynamics
+    from robot_ident.export.to_urdf import to_urdf
 
     return to_urdf(Dynamics.of(model))
 
 
 def _mjcf(model: Model, args: argparse.Namespace) -> Exported:
-    from robot_ident.export.dynamics import Dynamics
-    from robot_ident.export.mjcf import to_mjcf
+    from robot_ident.export.exported import Dynamics
+    from robot_ident.export.to_mjcf import to_mjcf
 
     return to_mjcf(Dynamics.of(model))
 
 
 def _c(model: Model, args: argparse.Namespace) -> Exported:
     from robot_ident.errors import InputError
-    from robot_ident.export.c_code import to_c
-    from robot_ident.export.full_inertias import impossible
+    from robot_ident.export.inertias import impossible
+    from robot_ident.export.to_c import to_c
 
     made = to_c(model, args.smoothing)
     found = None if model.physical_inertias is not None else impossible(model)
@@ -159,7 +159,7 @@ def _held_against(model: Model, made: Exported, args: argparse.Namespace) -> _He
     from robot_ident.bags import read_for
     from robot_ident.estimation.for_model import measured_for
     from robot_ident.estimation.unusable import residual_on, unusable
-    from robot_ident.export.left_out import torque_of
+    from robot_ident.export.exported import torque_of
 
     measured = measured_for(model, read_for(args.validation, model.robot, topic=args.topic))
     residual = residual_on(model, measured)

@@ -5,8 +5,8 @@ from __future__ import annotations
 from collections.abc import Mapping, Sequence
 from typing import Any
 
+from robot_ident.effects.base_tilt import gravity_loads, spans_sine
 from robot_ident.effects.effect import Coefficient, Effect, Inner, Mathematics, Signals
-from robot_ident.effects.rigid_span import gravity_loads, spans_sine
 from robot_ident.robot.robot import Robot
 
 

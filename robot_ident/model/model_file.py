@@ -1,21 +1,242 @@
-"""`model.yaml`: written for people, read back to the last digit, sufficient by itself."""
+"""`model.yaml`: written for people, read back to the last digit, sufficient by itself.
+
+What can't be right in one is refused though every field for itself could be: names, units, joints, covariance.
+"""
 
 from __future__ import annotations
 
+from collections.abc import Iterable
 from pathlib import Path
+from typing import Annotated, Any, Literal
 
 import numpy as np
+from pydantic import Field
 
-from robot_ident.configuration import read, to_yaml
-from robot_ident.errors import InputError
+from robot_ident.configuration import Closed, read, schema, to_yaml
+from robot_ident.errors import InputError, did_you_mean
 from robot_ident.files import is_special, write_text
 from robot_ident.model.model import Fit, Model, NoiseLevel
-from robot_ident.model.model_file_checks import check_covariance, check_joints, check_parameters
-from robot_ident.model.model_schema import ModelFile
 from robot_ident.model.structure import Structure
 from robot_ident.robot import load_robot
 from robot_ident.robot.load import robot_of
+from robot_ident.robot.rigid_body import STANDARD
 from robot_ident.robot.robot import Definition, Robot
+from robot_ident.signals.motion import Array
+
+MOST_DECIMATED = 1000
+"""Of so many rows one is kept at most: of a minute at 1 kHz 60 are left then."""
+HIGHEST_BASE_FREQUENCY = 1e4
+"""Hz: no motion repeats as often."""
+Positive = Annotated[float, Field(gt=0)]
+NotNegative = Annotated[float, Field(ge=0)]
+
+
+class ParameterFile(Closed):
+    """A parameter in `model.yaml`."""
+
+    name: str
+    value: float
+    std: float | None = Field(ge=0)
+    unit: str
+    joint: str | None
+    effect: str
+    meaning: str = ""
+    at_bound: bool = False
+
+
+class FitFile(Closed):
+    """The residual of a joint in `model.yaml`."""
+
+    mse: NotNegative
+    rms: NotNegative
+    noise_variance: NotNegative | None
+    relative: NotNegative | None
+
+
+class NoiseFile(Closed):
+    """The noise in `model.yaml`."""
+
+    torque_variance: list[NotNegative | None]
+    position_variance: list[NotNegative | None]
+    periods: int = Field(ge=1)
+    samples_per_period: int = Field(ge=1)
+
+
+class ProcessingFile(Closed):
+    """How recordings were processed, in `model.yaml`; what is left out is as the program has it."""
+
+    base_frequency: Annotated[float, Field(gt=0, le=HIGHEST_BASE_FREQUENCY)] | None = None
+    periodic: bool | None = None
+    low_pass: Positive | None = None
+    derivative_bandwidth: Positive | None = None
+    decimate: int = Field(1, ge=1, le=MOST_DECIMATED)
+    minimum_speed: list[NotNegative] | None = None
+    anti_alias: tuple[NotNegative, NotNegative] | None = None
+    band: Positive | None = None
+    band_derivative: Positive | None = None
+
+
+class PhysicalFile(Closed):
+    """Physically consistent inertias in `model.yaml`."""
+
+    distance: NotNegative
+    residual_rise: float
+    violated: list[str]
+    covariance: Literal["data", "constrained"]
+    inertias: dict[str, dict[str, float]]
+    rotor_inertia: dict[str, float]
+
+
+class GainFile(Closed):
+    """The gain of a drive in `model.yaml`, as recordings with and without a known payload told it."""
+
+    joint: str
+    value: Positive
+    std: NotNegative
+    unit: str
+    payload_rms: NotNegative
+    loaded: bool
+
+
+class BodyParameterFile(Closed):
+    """One of the ten inertial parameters of a payload in `model.yaml`, in the last joint's frame."""
+
+    name: str
+    value: float
+    std: NotNegative
+    told: bool
+
+
+class PayloadFile(Closed):
+    """A payload in `model.yaml` that was found together with the arm."""
+
+    name: str
+    recordings: list[str]
+    mass: float
+    mass_std: NotNegative
+    mass_interval: tuple[float, float]
+    centre: tuple[float, float, float]
+    centre_std: tuple[NotNegative, NotNegative, NotNegative]
+    centre_interval: list[tuple[float, float]]
+    inertia: Annotated[list[float], Field(min_length=6, max_length=6)]
+    inertia_std: Annotated[list[NotNegative], Field(min_length=6, max_length=6)]
+    parameters: list[BodyParameterFile]
+    given: list[Literal["mass", "centre", "inertia"]] = []
+    covariance: list[list[float]]
+    notes: list[str] = []
+
+
+class RecordingFile(Closed):
+    """How a recording was taken that a model rests on, in `model.yaml`."""
+
+    source: str
+    sample_rate: NotNegative
+    clock: dict[str, Any] | None
+    taken_as: Literal["periods", "cycles", "one_pass"]
+    period: Positive | None
+    repeats: int = Field(ge=1)
+    time_scale: Literal["period", "received", "apart"] | None = None
+    reach: dict[str, tuple[float, float, NotNegative]]
+
+
+class DefinitionFile(Closed):
+    """The robot in `model.yaml`, where it doesn't come with the package."""
+
+    yaml: dict[str, Any]
+    urdf: str
+
+
+class ModelFile(Closed):
+    """`schema: robot_ident/model/1`."""
+
+    schema_: schema("robot_ident/model/1") = Field(alias="schema")  # type: ignore[valid-type]
+    robot: str
+    estimator: Literal["ls", "wls", "ml", "iv"]
+    effects: list[str]
+    parameters: list[ParameterFile]
+    noise: NoiseFile
+    residual: dict[str, FitFile]
+    condition_number: float
+    log10_det_covariance: float
+    chi_square: NotNegative | None = None
+    dof: Positive | None = None
+    per_period: list[dict[str, Any]] = []
+    physical: PhysicalFile | None = None
+    recordings: list[RecordingFile] = Field(min_length=1)
+    gains: list[GainFile] | None = None
+    days: dict[str, Any] | None = None
+    base: dict[str, Any] | None = None
+    payloads: list[PayloadFile] = []
+    processing: ProcessingFile = ProcessingFile()
+    provenance: dict[str, Any] = {}
+    notes: list[str] = []
+    covariance: list[list[float]]
+    robot_definition: DefinitionFile | None = None
+
+
+def check_parameters(file: ModelFile, structure: Structure, path: Path | str) -> None:
+    """Raise InputError where a parameter's unit, joint or effect is not that of its name, or no effect is listed."""
+    for place, (told, known) in enumerate(zip(file.parameters, (*structure.parameters, *structure.inner), strict=True)):
+        for field in ("unit", "joint", "effect"):
+            found, expected = getattr(told, field), getattr(known, field)
+            if found != expected:
+                raise InputError(f"{path}: parameters.{place}.{field} = {found!r}: of {known.name} it is {expected!r}")
+    lacking = [label for label in structure.labels if label not in file.effects]
+    if lacking:
+        raise InputError(f"{path}: effects lacks {', '.join(lacking)}, which its parameters have")
+
+
+def check_covariance(covariance: Array, file: ModelFile, path: Path | str) -> None:
+    """Raise InputError where the matrix can't be a covariance, or is that of other standard deviations."""
+    scale = np.sqrt(np.maximum(np.diag(covariance), 0.0))
+    if np.any(np.diag(covariance) < 0):
+        name = file.parameters[int(np.argmin(np.diag(covariance)))].name
+        raise InputError(f"{path}: covariance: the variance of {name} is negative")
+    unit = np.outer(scale, scale) + 1e-300
+    if np.abs((covariance - covariance.T) / unit).max() > 1e-6:
+        raise InputError(f"{path}: covariance is not symmetric")
+    if np.abs(covariance / unit).max() > 1.0 + 1e-6:
+        raise InputError(f"{path}: covariance holds a correlation above 1")
+    for parameter, own in zip(file.parameters, scale, strict=True):
+        if parameter.std is not None and abs(parameter.std - own) > 1e-6 * max(own, parameter.std):
+            raise InputError(
+                f"{path}: {parameter.name}: std {parameter.std:.6g} is not the root of its variance, {own:.6g}"
+            )
+
+
+def check_joints(file: ModelFile, robot: Robot, path: Path | str) -> None:
+    """Raise InputError where what is kept by joint is not of the robot's joints."""
+    by_joint: dict[str, Iterable[str]] = {"residual": file.residual}
+    if file.physical is not None:
+        by_joint |= {"physical.inertias": file.physical.inertias}
+        by_joint |= {"physical.rotor_inertia": file.physical.rotor_inertia}
+        for joint, ten in file.physical.inertias.items():
+            if set(ten) != set(STANDARD):
+                raise InputError(f"{path}: physical.inertias.{joint} must hold {', '.join(STANDARD)} and nothing else")
+    for field, names in by_joint.items():
+        if set(names) != set(robot.joints):
+            raise InputError(
+                f"{path}: {field} is of {', '.join(names) or 'no joint'}, not of {', '.join(robot.joints)}"
+            )
+    for field in ("torque_variance", "position_variance"):
+        if len(getattr(file.noise, field)) != robot.n:
+            raise InputError(f"{path}: noise.{field} must have {robot.n} values, one a joint")
+    speeds = file.processing.minimum_speed
+    if speeds is not None and len(speeds) != robot.n:
+        raise InputError(f"{path}: processing.minimum_speed must have {robot.n} values, one a joint")
+    for place, (joint, variance) in enumerate(zip(robot.joints, file.noise.torque_variance, strict=True)):
+        if variance == 0.0 and file.residual[joint].relative is not None:
+            raise InputError(
+                f"{path}: noise.torque_variance.{place} = 0: no torque sensor is without noise; null: unknown"
+            )
+    for place, one in enumerate(file.recordings):
+        for joint, (low, high, _) in one.reach.items():
+            if joint not in robot.joints:
+                words = did_you_mean(joint, robot.joints)
+                raise InputError(f"{path}: recordings.{place}.reach: {joint!r} is no joint of the robot{words}")
+            if low > high:
+                raise InputError(f"{path}: recordings.{place}.reach.{joint} = [{low:g}, {high:g}, ...]: lowest first")
+
 
 _SCHEMA = tuple(f"\nschema: {quote}robot_ident/model/" for quote in ("", "'", '"'))
 _ROUNDING = 1e-9  # by which a bound may be passed in writing and reading

@@ -15,9 +15,9 @@ from std_msgs.msg import Float64MultiArray
 
 from robot_ident.bags import JOINT_STATE, NUMBERS
 from robot_ident.errors import InputError
-from robot_ident.nodes.common import BaseNode, offered
-from robot_ident.nodes.hearing import Hearing, hear_raw
-from robot_ident.nodes.joint_states import stamp_of
+from robot_ident.nodes.messages import stamp_of
+from robot_ident.nodes.node import BaseNode, offered
+from robot_ident.nodes.subscriptions import Hearing, hear_raw
 from robot_ident.robot import Robot
 from robot_ident.robot.effort import EffortSource
 

@@ -17,12 +17,12 @@ from std_srvs.srv import Trigger
 
 from robot_ident.bags import BagWriter, Topic, qos_text
 from robot_ident.errors import InputError, RobotIdentError
-from robot_ident.nodes.common import ERROR, OK, WARN, BaseNode, offered, qos_of, reliable, run
-from robot_ident.nodes.definitions import definition_of
 from robot_ident.nodes.effort_topics import sources_of, topics_of
-from robot_ident.nodes.hearing import Hearing
+from robot_ident.nodes.messages import definition_of
+from robot_ident.nodes.node import ERROR, OK, WARN, BaseNode, offered, qos_of, reliable, run
 from robot_ident.nodes.parameters import Parameter
-from robot_ident.playing.stamps import SequenceWatch, StampWatch, header_stamp
+from robot_ident.nodes.subscriptions import Hearing
+from robot_ident.playback.stamps import SequenceWatch, StampWatch, header_stamp
 from robot_ident.robot import load_robot
 
 _TAKE = 0.01  # s between looks at what has come

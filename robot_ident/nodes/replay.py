@@ -16,8 +16,8 @@ from rclpy.signals import SignalHandlerOptions
 from sensor_msgs.msg import JointState
 
 from robot_ident.errors import InputError
-from robot_ident.nodes.common import reliable
-from robot_ident.nodes.joint_states import joint_state
+from robot_ident.nodes.messages import joint_state
+from robot_ident.nodes.node import reliable
 from robot_ident.recording.recording import Recording
 
 _DRAIN = 10.0  # s that the readers have to take in the last messages

@@ -12,11 +12,11 @@ from rosgraph_msgs.msg import Clock
 from sensor_msgs.msg import JointState
 from trajectory_msgs.msg import JointTrajectory
 
-from robot_ident.nodes.common import BaseNode, reliable, run
-from robot_ident.nodes.hearing import poll
-from robot_ident.nodes.joint_states import stamp_of, time_message
+from robot_ident.nodes.messages import stamp_of, time_message
+from robot_ident.nodes.node import BaseNode, reliable, run
 from robot_ident.nodes.outputs import TrajectoryOutput
 from robot_ident.nodes.parameters import Parameter
+from robot_ident.nodes.subscriptions import poll
 
 _POLL = 0.0005  # s between looks at those who are waited for
 

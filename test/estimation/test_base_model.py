@@ -15,7 +15,7 @@ from robot_ident.estimation.identify import estimate, identify
 from robot_ident.estimation.predict import predict
 from robot_ident.estimation.validate import validate
 from robot_ident.excitation.fourier import FourierSeries
-from robot_ident.export.left_out import torque_of
+from robot_ident.export.exported import torque_of
 from robot_ident.model.expressions import columns_function
 from robot_ident.model.model_file import read_model, write_model
 from robot_ident.model.structure import Structure

@@ -15,7 +15,7 @@ from xml.etree import ElementTree
 import numpy as np
 import pytest
 
-from robot_ident.export.c_code import to_c
+from robot_ident.export.to_c import to_c
 from robot_ident.model.model import Fit, Model, NoiseLevel
 from robot_ident.signals.motion import Motion
 

@@ -14,7 +14,7 @@ import pytest
 
 from robot_ident.effects import load_effects
 from robot_ident.errors import InputError
-from robot_ident.export.c_code import to_c
+from robot_ident.export.to_c import to_c
 from robot_ident.model.model import Model
 from robot_ident.robot import Robot, load_robot
 from robot_ident.signals.motion import Motion

@@ -16,10 +16,10 @@ import pytest
 from robot_ident.errors import InputError
 from robot_ident.estimation.identify import identify
 from robot_ident.estimation.pseudo_inertia import least_eigenvalues
-from robot_ident.export.dynamics import Dynamics
-from robot_ident.export.full_inertias import FullInertias
-from robot_ident.export.mjcf import to_mjcf
-from robot_ident.export.urdf import to_urdf
+from robot_ident.export.exported import Dynamics
+from robot_ident.export.inertias import FullInertias
+from robot_ident.export.to_mjcf import to_mjcf
+from robot_ident.export.to_urdf import to_urdf
 from robot_ident.model.model import Model
 from robot_ident.robot import Robot, load_robot
 from robot_ident.robot.urdf import parse_urdf

@@ -16,8 +16,7 @@ from robot_ident.cli.identify import parameter_table
 from robot_ident.errors import InputError
 from robot_ident.estimation.identify import identify
 from robot_ident.estimation.solve import ESTIMATORS
-from robot_ident.model.model_file import read_model, write_model
-from robot_ident.model.model_schema import ModelFile, ProcessingFile
+from robot_ident.model.model_file import ModelFile, ProcessingFile, read_model, write_model
 from robot_ident.recording import Processing
 
 

@@ -15,9 +15,9 @@ import pytest
 pytest.importorskip("rclpy")
 
 from robot_ident.errors import InputError  # noqa: E402
-from robot_ident.nodes import action_output  # noqa: E402
-from robot_ident.playing.player import Phase, Player  # noqa: E402
-from robot_ident.playing.watch import Bounds, Watch  # noqa: E402
+from robot_ident.nodes import outputs  # noqa: E402
+from robot_ident.playback.player import Phase, Player  # noqa: E402
+from robot_ident.playback.supervisor import Bounds, Watch  # noqa: E402
 from robot_ident.signals.motion import Array, Motion  # noqa: E402
 
 JOINTS = ("a", "b")
@@ -93,16 +93,16 @@ def troubles(monkeypatch: pytest.MonkeyPatch) -> list[str]:
     module.FollowJointTrajectory = kind  # type: ignore[attr-defined]
     monkeypatch.setitem(sys.modules, "control_msgs", ModuleType("control_msgs"))
     monkeypatch.setitem(sys.modules, "control_msgs.action", module)
-    monkeypatch.setattr(action_output, "ActionClient", Client)
+    monkeypatch.setattr(outputs, "ActionClient", Client)
     return []
 
 
 @pytest.fixture
-def scene(troubles: list[str]) -> tuple[action_output.ActionOutput, Client, Callable[[float], Player]]:
+def scene(troubles: list[str]) -> tuple[outputs.ActionOutput, Client, Callable[[float], Player]]:
     """Return the output, its client, and a function that plays for so long from the start on."""
     clock = [0]
     node: Any = SimpleNamespace(now_ns=lambda: clock[0])
-    output = action_output.ActionOutput(node, JOINTS, "/arm/", plan_stop, troubles.append)
+    output = outputs.ActionOutput(node, JOINTS, "/arm/", plan_stop, troubles.append)
     watch = Watch(JOINTS, Bounds(10.0, np.full(2, 10.0), np.full(2, 1e9)))
     player = Player(Way(0.5, -0.5), lambda q: Way(float(q[0]), 0.5), plan_stop, watch, lead=output.lead)
 
@@ -122,7 +122,7 @@ def scene(troubles: list[str]) -> tuple[action_output.ActionOutput, Client, Call
 
 def test_without_control_msgs(start: Callable[..., Any], trajectory: Path) -> None:
     with pytest.raises(InputError, match="ros-jazzy-control-msgs"):
-        action_output.follow_joint_trajectory()
+        outputs.follow_joint_trajectory()
     publisher = start(
         "trajectory_publisher", trajectory=trajectory, output="follow_joint_trajectory", controller="/arm_controller"
     )

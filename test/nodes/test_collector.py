@@ -9,8 +9,8 @@ import pytest
 
 from robot_ident.bags import read_messages, read_recording, write_recording
 from robot_ident.errors import InputError
-from robot_ident.nodes.collector import Collector, recording_of
-from robot_ident.playing.stamps import header_stamp
+from robot_ident.nodes.message_buffer import Collector, recording_of
+from robot_ident.playback.stamps import header_stamp
 from robot_ident.recording.recording import Recording
 
 NAMES = ("joint_1", "joint_2")

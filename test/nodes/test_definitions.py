@@ -10,7 +10,7 @@ pytest.importorskip("rclpy")
 
 from rosbags.typesys import Stores, get_types_from_msg, get_typestore  # noqa: E402
 
-from robot_ident.nodes.definitions import _file, definition_of  # noqa: E402
+from robot_ident.nodes.messages import _file, definition_of  # noqa: E402
 
 STORE = get_typestore(Stores.ROS2_JAZZY)
 

@@ -58,7 +58,7 @@ class Driver:
         self.efforts = client.create_publisher(kind, topic, best_effort)
 
     def play(self, rate: float, *, efforts: bool = True) -> None:
-        from robot_ident.nodes.joint_states import joint_state
+        from robot_ident.nodes.messages import joint_state
 
         one, begun = self.recording, time.monotonic()
         stamps = one.start_ns + np.rint(one.t * 1e9).astype(np.int64)

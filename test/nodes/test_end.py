@@ -14,7 +14,7 @@ pytest.importorskip("rclpy")
 
 BUSY = """
 import atexit, sys, time
-from robot_ident.nodes.common import Abandoned, BaseNode, run
+from robot_ident.nodes.node import Abandoned, BaseNode, run
 
 class Busy(BaseNode):
     node_name, description, table = "busy", "never done", ()
@@ -31,7 +31,7 @@ raise SystemExit(run(Busy, ["busy"]))
 
 SIGNALLED = """
 import os, signal, threading
-from robot_ident.nodes.common import BaseNode, run
+from robot_ident.nodes.node import BaseNode, run
 
 class Careful(BaseNode):
     node_name, description, table = "careful", "works under a lock", ()
@@ -57,7 +57,7 @@ raise SystemExit(run(Careful, ["careful"]))
 
 INTERRUPTED = """
 import os, signal, subprocess
-from robot_ident.nodes.common import BaseNode, run
+from robot_ident.nodes.node import BaseNode, run
 
 class Named:
     def __set_name__(self, owner, name):

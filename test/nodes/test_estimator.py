@@ -192,7 +192,7 @@ def test_covariance_is_live_and_another_model_can_be_set(
     from std_msgs.msg import Float64MultiArray, String
 
     from robot_ident.model.model_file import write_model
-    from robot_ident.nodes.common import latched
+    from robot_ident.nodes.node import latched
     from robot_ident.nodes.replay import replay
 
     covariances: list[Float64MultiArray] = []

@@ -17,9 +17,9 @@ from rclpy.qos import DurabilityPolicy, QoSProfile, ReliabilityPolicy
 from rclpy.serialization import deserialize_message
 from sensor_msgs.msg import JointState
 
-from robot_ident.nodes.common import BaseNode, reliable
-from robot_ident.nodes.hearing import hear, hear_raw, poll
+from robot_ident.nodes.node import BaseNode, reliable
 from robot_ident.nodes.parameters import Parameter
+from robot_ident.nodes.subscriptions import hear, hear_raw, poll
 
 COUNT = 50
 QUICK = {

@@ -21,7 +21,7 @@ NAMES = ("joint_1", "joint_2", "joint_3")
 
 
 def message(k: int) -> Any:
-    from robot_ident.nodes.joint_states import joint_state
+    from robot_ident.nodes.messages import joint_state
 
     stamp = 1_700_000_000_000_000_000 + k * 5_000_000
     return joint_state(NAMES, stamp, np.array([k, 2.0 * k, -k]), np.ones(3), np.array([0.5, k / 7, 1.0]))
