@@ -25,7 +25,7 @@ from robot_ident.excitation.excitation import Excitation
 from robot_ident.excitation.fourier import FourierSeries
 from robot_ident.excitation.limits import Certifier
 from robot_ident.excitation.target import Target
-from robot_ident.figures.paper import CONDITION, LOG10_DET
+from robot_ident.figures.parameter_bars import CONDITION, LOG10_DET
 from robot_ident.robot import load_robot
 from robot_ident.robot.robot import Robot
 

@@ -23,9 +23,8 @@ from robot_ident.diagnosis.comparison import compare
 from robot_ident.diagnosis.diagnose import diagnose
 from robot_ident.estimation.identify import estimate
 from robot_ident.excitation.design import design
-from robot_ident.figures.binned import binned
-from robot_ident.figures.models import NOISE
-from robot_ident.figures.theme import BLUE, FONT, GREY, SHADES, SKY, VERMILLION, themed
+from robot_ident.figures.residual_scatter import binned
+from robot_ident.figures.theme import BLUE, FONT, GREY, NOISE, SHADES, SKY, VERMILLION, themed
 from robot_ident.model.structure import Structure
 from robot_ident.recording import process
 from robot_ident.robot import load_robot

@@ -143,8 +143,7 @@ def findings(arm: ExactArm, tmp_path_factory: pytest.TempPathFactory) -> Finding
     from robot_ident.estimation.identify import identify
     from robot_ident.excitation.excitation import Excitation
     from robot_ident.provenance import provenance
-    from robot_ident.report.findings import gather
-    from robot_ident.report.sources import read_sources
+    from robot_ident.report.findings import gather, read_sources
 
     folder, rng = tmp_path_factory.mktemp("findings"), np.random.default_rng(5)
     bags = []

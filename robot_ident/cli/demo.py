@@ -139,9 +139,8 @@ def _report(runs: list[Run], count: int, folder: Path, page: Path) -> Findings:
     import shlex
 
     from robot_ident.model.model_file import read_model
-    from robot_ident.report.findings import gather
-    from robot_ident.report.report import write_report
-    from robot_ident.report.sources import read_excitations, read_sources
+    from robot_ident.report.findings import gather, read_excitations, read_sources
+    from robot_ident.report.sections import write_report
 
     tell("[5/5] Validating on 20 points with full stops, a motion that enters no fit; writing the report")
     paths = [str(folder / f"model_{number}.yaml") for number in range(1, count + 1)]

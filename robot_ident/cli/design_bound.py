@@ -92,7 +92,7 @@ def say_bound(bound: Bound, found: DesignResult) -> None:
 
 def write_design_page(args: argparse.Namespace, found: DesignResult, target: Target, bound: Bound | None) -> None:
     """Write the page of `--page`."""
-    from robot_ident.report.design import design_sections
+    from robot_ident.report.design_sections import design_sections
     from robot_ident.report.page import write_page
 
     units = tuple(parameter.unit for parameter in target.structure.parameters)

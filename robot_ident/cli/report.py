@@ -38,9 +38,8 @@ def run(args: argparse.Namespace) -> int:
     """Write one self-contained page on models beside recordings."""
     from robot_ident.files import refuse_existing
     from robot_ident.model.model_file import is_model, read_model
-    from robot_ident.report.findings import gather
-    from robot_ident.report.report import write_report
-    from robot_ident.report.sources import read_excitations, read_sources
+    from robot_ident.report.findings import gather, read_excitations, read_sources
+    from robot_ident.report.sections import write_report
 
     refuse_existing(args.output, force=args.force)
     for path in args.models:
@@ -64,7 +63,7 @@ def run(args: argparse.Namespace) -> int:
     if args.json:
         print_json(_to_dict(args.output, found))
         return 0
-    from robot_ident.report.verdict import verdict
+    from robot_ident.report.wording import verdict
 
     say(verdict(found))
     say(f"written: {args.output}")
@@ -82,7 +81,7 @@ def _command(args: argparse.Namespace) -> str:
 
 
 def _to_dict(path: str, found: Findings) -> dict[str, Any]:
-    from robot_ident.report.verdict import verdict
+    from robot_ident.report.wording import verdict
 
     file = Path(path)
     return {

@@ -1,11 +1,21 @@
-"""One look for all figures: colours that colour-blind readers tell apart, on a light or a dark page."""
+"""One look for all figures: colours that colour-blind readers tell apart, on a light or a dark page; how models,
+measurement and noise are told apart; long curves in fewer points with every extreme kept; no figure leaves this
+machine.
+"""
 
 from __future__ import annotations
 
+from html import escape
 from typing import TYPE_CHECKING, Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from robot_ident.signals.motion import Array
 
 if TYPE_CHECKING:
     from plotly.graph_objects import Figure
+
 
 # Okabe and Ito (2008), without black and yellow: each is legible on white and on near-black.
 BLUE, VERMILLION, GREEN, PURPLE, ORANGE, SKY = "#0072b2", "#d55e00", "#009e73", "#cc79a7", "#e69f00", "#56b4e9"
@@ -83,3 +93,62 @@ def recoloured(shade: str, axes: list[str]) -> dict[str, Any]:
     for axis in axes:
         out |= {f"{axis}.gridcolor": tone["grid"], f"{axis}.linecolor": tone["axis"], f"{axis}.tickcolor": tone["axis"]}
     return out
+
+
+MEASURED = GREY
+NOISE = "rgba(128, 136, 144, 0.28)"
+"""The band that noise alone fills."""
+
+NOISE_LINE = GREY
+_EARLIER = (VERMILLION, ORANGE, PURPLE, GREEN, SKY)
+
+
+def model_colour(place: int, count: int) -> str:
+    """Return the colour of a model among several in their order: the last one is blue, wherever it is shown."""
+    return BLUE if place == count - 1 else _EARLIER[place % len(_EARLIER)]
+
+
+def plain(text: str) -> str:
+    """Return a user's text as plotly shows it letter by letter, no part of it taken for mark-up."""
+    return escape(text, quote=False).replace("%{", "% {")
+
+
+POINTS = 2000
+"""Points of a curve at most; about as many as a page is wide in pixels."""
+
+
+def extremes(y: Array, points: int = POINTS) -> NDArray[np.int64]:
+    """Return which rows of a curve y [N] to draw: all where there are few, else the smallest and the largest of every
+    one of `points / 2` stretches of equal length, in their order.
+
+    No peak is lost and none is made. A stretch with nothing finite gives one of its rows, so that a gap stays a gap.
+    """
+    if len(y) <= points:
+        return np.arange(len(y))
+    edges = np.linspace(0, len(y), points // 2 + 1).astype(np.int64)
+    low = np.where(np.isfinite(y), y, np.inf)
+    high = np.where(np.isfinite(y), y, -np.inf)
+    chosen = []
+    for a, b in zip(edges[:-1], edges[1:], strict=True):
+        chosen += sorted({int(a + np.argmin(low[a:b])), int(a + np.argmax(high[a:b]))})
+    return np.array(chosen, dtype=np.int64)
+
+
+def extremes_along(x: Array, y: Array, points: int = POINTS) -> NDArray[np.int64]:
+    """Return which rows of a cloud (x, y) [N] to draw: smallest and largest y of every one of `points / 2` stretches
+    of x that hold equally many, in the order of x.
+    """
+    order = np.argsort(x, kind="stable")
+    return order[extremes(y[order], points)]
+
+
+def private(*removed: str, **more: Any) -> dict[str, Any]:
+    """Return plotly's configuration without the buttons that upload a figure, and without those that are named."""
+    return {
+        "displaylogo": False,
+        "showSendToCloud": False,
+        "showEditInChartStudio": False,
+        "plotlyServerURL": "",
+        "modeBarButtonsToRemove": ["sendChartToCloud", "sendDataToCloud", "editInChartStudio", *removed],
+        **more,
+    }

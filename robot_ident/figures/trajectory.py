@@ -1,4 +1,6 @@
-"""Position, velocity and acceleration of all joints over a period, with their limits (the paper's Figs. 2 and 3)."""
+"""Position, velocity and acceleration of all joints over a period, with their limits (the paper's Figs. 2 and 3), and
+the best value found over the time of a search, beside the bound and the paper's value.
+"""
 
 from __future__ import annotations
 
@@ -6,12 +8,16 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
+from robot_ident.excitation.bound import Bound
+from robot_ident.excitation.design import DesignResult
 from robot_ident.excitation.excitation import Excitation
-from robot_ident.figures.theme import GREY, colour, dash, themed
+from robot_ident.figures.parameter_bars import CONDITION, LOG10_DET, is_paper_model
+from robot_ident.figures.theme import BLUE, GREEN, GREY, ORANGE, colour, dash, themed
 from robot_ident.robot.robot import Robot
 
 if TYPE_CHECKING:
     from plotly.graph_objects import Figure
+
 
 _POINTS = 401
 _ROOM = 0.06  # above and below the limits
@@ -88,3 +94,62 @@ def _unit(base: str, order: int) -> str:
 def _units(robot: Robot, order: int) -> str:
     bases = dict.fromkeys("m" if slides else "rad" for slides in robot.prismatic)
     return ", ".join(_unit(base, order) for base in bases)
+
+
+def convergence_figure(found: DesignResult, bound: Bound | None = None) -> Figure:
+    """Return the criterion's best value over time, as steps, with the bound and (for its robot) the paper's value."""
+    from plotly.graph_objects import Figure, Scatter
+
+    seconds, costs = _history(found)
+    figure = Figure(
+        Scatter(
+            x=seconds,
+            y=costs,
+            mode="lines+markers",
+            line={"shape": "hv", "color": BLUE, "width": 2},
+            marker={"size": 6},
+            name="best so far",
+            hovertemplate="%{y:.3f} after %{x:.1f} s<extra></extra>",
+        )
+    )
+    span = [0.0, max(seconds[-1], 1.0)]
+    for value, name, shade, dashes in _references(found, bound):
+        line = {"color": shade, "dash": dashes, "width": 2}
+        figure.add_trace(Scatter(x=span, y=[value, value], mode="lines", line=line, name=f"{name}: {value:.2f}"))
+    figure.update_xaxes(title_text="time of the search [s]", rangemode="tozero")
+    title = "condition number" if _by_condition(found) else "log10 det of the covariance"
+    figure.update_yaxes(title_text=title)
+    return themed(figure, height=380)
+
+
+def convergence_text(found: DesignResult, bound: Bound | None = None) -> str:
+    """Return in words what the figure shows."""
+    seconds, costs = _history(found)
+    what = "condition number" if _by_condition(found) else "log10 of the determinant"
+    references = "".join(f" {name}: {value:.2f}." for value, name, _, _ in _references(found, bound))
+    return (
+        f"The best {what} fell from {costs[0]:.2f} after {seconds[0]:.1f} s to {costs[-1]:.2f} when the search ended"
+        f" after {seconds[-1]:.1f} s.{references}"
+    )
+
+
+def _by_condition(found: DesignResult) -> bool:
+    return found.excitation.criterion == "condition"
+
+
+def _history(found: DesignResult) -> tuple[list[float], list[float]]:
+    """Return times and values, the last one at the end of the search."""
+    last = found.condition_number if _by_condition(found) else found.log10_det_covariance
+    history = [*found.history, (found.seconds, last)]
+    return [time for time, _ in history], [cost for _, cost in history]
+
+
+def _references(found: DesignResult, bound: Bound | None) -> list[tuple[float, str, str, str]]:
+    """Return (value, name, colour, dash) of the lines beside the search."""
+    out = []
+    if is_paper_model(found.excitation.robot, found.parameters):
+        value = CONDITION["condition"] if _by_condition(found) else LOG10_DET["d-optimal"]
+        out.append((value, "Swevers et al. 1997", ORANGE, "dash"))
+    if bound is not None and not _by_condition(found):
+        out.append((bound.log10_det_covariance, "no trajectory passes", GREEN, "dot"))
+    return out

@@ -1,21 +1,27 @@
-"""All that a report tells, gathered through the core's one-call steps before a word of it is written."""
+"""All that a report tells, read from disk and gathered through the core's one-call steps before a word of it is
+written.
+"""
 
 from __future__ import annotations
 
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass
+from pathlib import Path
 from typing import Any
 
+from robot_ident.bags import read_for
 from robot_ident.diagnosis.diagnose import diagnose
 from robot_ident.diagnosis.diagnosis import Diagnosis
 from robot_ident.diagnosis.kept_aside import misfit_aside
 from robot_ident.diagnosis.staircase import Foreseen, Level, Step, foresee, staircase
 from robot_ident.estimation.effort_checks import taken_as_declared
+from robot_ident.estimation.for_model import measured_for
 from robot_ident.estimation.unusable import refuse_misdeclared, unusable_on
 from robot_ident.excitation.excitation import Excitation
 from robot_ident.excitation.limits import certify
 from robot_ident.excitation.margins import Margins
 from robot_ident.model.model import Model
+from robot_ident.provenance import fingerprint
 from robot_ident.recording.measurement import Source
 from robot_ident.robot.robot import Robot
 
@@ -140,3 +146,25 @@ def gather(
     return Findings(
         steps, tuple(training), tuple(validation), diagnoses, tuple(played), command, troubles, tuple(effects_from)
     )
+
+
+def read_sources(
+    bags: Sequence[str], model: Model, *, topic: str | None = None, heard: Callable[[str], None] = lambda what: None
+) -> tuple[Source, ...]:
+    """Return recordings as read and as measured for a model; InputError where one can't be used."""
+    out = []
+    for bag in bags:
+        heard(f"reading {bag}")
+        recording = read_for(bag, model.robot, topic=topic)
+        out.append(Source(str(bag), fingerprint(bag), recording, measured_for(model, recording)))
+    return tuple(out)
+
+
+def read_excitations(named: Sequence[str], models: Sequence[Model]) -> list[tuple[str, Excitation]]:
+    """Return the excitations that are named; where none is, those that the models say and that are still there."""
+    paths = list(named)
+    if not paths:
+        noted = [model.provenance.get("options", {}).get("trajectory") or () for model in models]
+        files = [file for one in noted for file in ([one] if isinstance(one, str) else one)]
+        paths = list(dict.fromkeys(str(path) for path in files if Path(str(path)).is_file()))
+    return [(path, Excitation.read(path)) for path in paths]

@@ -1,17 +1,65 @@
-"""The frame of a self-contained HTML page: it opens from disk, with no network, on a light or a dark screen."""
+"""A self-contained HTML page and its sections: it opens from disk, with no network, on a light or a dark screen."""
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+import re
+from abc import ABC, abstractmethod
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass
 from datetime import datetime, timezone
 from pathlib import Path
-from typing import Any
+from typing import TYPE_CHECKING, Any, ClassVar
 
 from robot_ident import __version__
-from robot_ident.figures.private import private
-from robot_ident.figures.theme import FONT, recoloured
+from robot_ident.figures.theme import FONT, private, recoloured
 from robot_ident.files import write_text
-from robot_ident.report.section import Plot, Section, Table
+
+if TYPE_CHECKING:
+    from plotly.graph_objects import Figure
+
+
+@dataclass(frozen=True)
+class Plot:
+    """A figure with what it shows in words (for readers who don't see it) and a caption below it."""
+
+    figure: Figure
+    text: str
+    caption: str = ""
+
+
+@dataclass(frozen=True)
+class Table:
+    """A table: header, rows, and which columns are numbers (to the right)."""
+
+    header: Sequence[str]
+    rows: Sequence[Sequence[Any]]
+    numeric: Sequence[int] = ()
+
+
+class Section(ABC):
+    """A part of a page. A subclass states `title` and `template` (a file beside the others) and gives `context`.
+
+    Whatever is in the context is escaped; a `Plot` is drawn by the template's `{{ plot(NAME) }}`, a `Table` by
+    `{{ table(NAME) }}`.
+    """
+
+    title: ClassVar[str]
+    template: ClassVar[str]
+
+    @abstractmethod
+    def context(self) -> Mapping[str, Any]:
+        """Return what the template needs."""
+
+    @property
+    def heading(self) -> str:
+        """The title as it is shown."""
+        return self.title
+
+    @property
+    def anchor(self) -> str:
+        """The section's place in the page's address."""
+        return re.sub(r"[^a-z0-9]+", "-", self.heading.lower()).strip("-")
+
 
 _TEMPLATES = Path(__file__).parent / "templates"
 _CONFIG = private("select2d", "lasso2d", responsive=True)

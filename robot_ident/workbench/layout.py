@@ -6,7 +6,7 @@ from typing import Any
 
 from dash import dcc, html
 
-from robot_ident.figures.private import private
+from robot_ident.figures.theme import private
 from robot_ident.workbench.panels.action import action
 
 UNDO, REDO = ({"do": deed, "label": "", "at": ""} for deed in ("undo", "redo"))

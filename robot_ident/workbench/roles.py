@@ -9,7 +9,7 @@ from typing import Literal
 import numpy as np
 
 from robot_ident.recording.measurement import Measurement
-from robot_ident.report.words import joined
+from robot_ident.report.wording import joined
 
 Role = Literal["training", "validation", "none"]
 

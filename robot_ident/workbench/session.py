@@ -21,7 +21,7 @@ from pydantic import Field
 from robot_ident.configuration import Closed, read, schema, to_yaml
 from robot_ident.errors import InputError
 from robot_ident.files import write_text
-from robot_ident.report.words import joined
+from robot_ident.report.wording import joined
 
 _PREFIX = "step_"
 _SCHEMA = "robot_ident/workbench/1"

@@ -6,7 +6,7 @@ from collections.abc import Mapping
 from dataclasses import dataclass
 from typing import Any, Literal
 
-from robot_ident.report.words import short
+from robot_ident.report.wording import short
 from robot_ident.workbench.jobs import Job
 from robot_ident.workbench.view import CANDIDATE, Overlay, View
 

@@ -122,7 +122,7 @@ class Work:
         left: of the file that it replaces; InputError where another one has come into its place.
         """
         from robot_ident.report.findings import gather
-        from robot_ident.report.report import write_report
+        from robot_ident.report.sections import write_report
 
         numbers = self.session.path(number)
         models = [read_model(self.session.model_file(k)) for k in numbers]

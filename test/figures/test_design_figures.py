@@ -9,12 +9,10 @@ import numpy as np
 import pytest
 
 from robot_ident.excitation.bound import Bound
-from robot_ident.figures.convergence import convergence_figure, convergence_text
-from robot_ident.figures.paper import LOG10_DET, PARAMETERS, SIGMA
-from robot_ident.figures.sigma import sigma_figure, sigma_text
+from robot_ident.figures.parameter_bars import LOG10_DET, PARAMETERS, SIGMA, sigma_figure, sigma_text
 from robot_ident.figures.theme import COLOURS, SHADES
-from robot_ident.figures.trajectory import trajectory_figure, trajectory_text
-from robot_ident.figures.workspace import workspace_figure, workspace_text
+from robot_ident.figures.tool_path import workspace_figure, workspace_text
+from robot_ident.figures.trajectory import convergence_figure, convergence_text, trajectory_figure, trajectory_text
 from robot_ident.robot import Robot, load_robot
 
 BOUND = Bound(-56.1, -55.9, 0.6, 21, 3, 1, 20, 60.0)

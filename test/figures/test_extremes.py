@@ -6,9 +6,9 @@ import numpy as np
 import pytest
 
 from robot_ident.diagnosis.beside import Beside
-from robot_ident.figures.binned import binned
-from robot_ident.figures.extremes import POINTS, extremes, extremes_along
-from robot_ident.figures.torque import torque_figure
+from robot_ident.figures.residual_scatter import binned
+from robot_ident.figures.theme import POINTS, extremes, extremes_along
+from robot_ident.figures.torque_over_time import torque_figure
 from robot_ident.robot import load_robot
 
 

@@ -6,10 +6,10 @@ from collections.abc import Callable
 
 import numpy as np
 import pytest
-from test.playback.test_player import Quintic, Robot, plan_stop
 
 from robot_ident.playback.player import Player
 from robot_ident.playback.supervisor import Bounds, Watch
+from test.playback.test_player import Quintic, Robot, plan_stop
 
 
 def with_rehearsals(judge: Callable[[int], str]) -> Player:

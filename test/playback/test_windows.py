@@ -4,13 +4,13 @@ from __future__ import annotations
 
 import numpy as np
 import pytest
-from test.playback.test_player import DT, Quintic, plan_stop
 
 from robot_ident.playback.player import Phase, Player
 from robot_ident.playback.supervisor import Bounds, Watch
 from robot_ident.playback.windows import Window, WindowSchedule
 from robot_ident.signals.motion import Array, Motion
 from robot_ident.simulation.trajectory_follower import TrajectoryFollower
+from test.playback.test_player import DT, Quintic, plan_stop
 
 LEAD = 0.1
 

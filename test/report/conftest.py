@@ -10,7 +10,7 @@ from typing import Any
 import pytest
 
 from robot_ident.excitation.bound import Bound
-from robot_ident.report.design import design_sections
+from robot_ident.report.design_sections import design_sections
 from robot_ident.report.page import write_page
 
 DRAWN = "document.querySelectorAll('.plot').length === document.querySelectorAll('.plot[data-drawn]').length"

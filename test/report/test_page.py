@@ -13,11 +13,10 @@ import pytest
 
 from robot_ident.diagnosis.beside import Beside
 from robot_ident.errors import InputError
-from robot_ident.figures.torque import torque_figure, torque_text
-from robot_ident.report.page import render_page, write_page
-from robot_ident.report.section import Plot, Section
-from robot_ident.report.sections.provenance import Provenance
-from robot_ident.report.sections.torque import torque_caption
+from robot_ident.figures.torque_over_time import torque_figure, torque_text
+from robot_ident.report.design_sections import Provenance
+from robot_ident.report.page import Plot, Section, render_page, write_page
+from robot_ident.report.sections import torque_caption
 
 Open = Callable[..., Any]
 Wait = Callable[..., None]

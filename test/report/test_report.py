@@ -11,7 +11,7 @@ import pytest
 
 from robot_ident.estimation.validate import validate
 from robot_ident.report.findings import Findings
-from robot_ident.report.report import report_sections, write_report
+from robot_ident.report.sections import report_sections, write_report
 
 EVIL = "<img src=x onerror=\"document.title='caught'\"><b>%{x}"
 SECTIONS = [
@@ -142,7 +142,7 @@ def test_it_is_small(report: Path) -> None:
 
 
 def test_every_plot_has_words_and_units(findings: Findings) -> None:
-    from robot_ident.report.section import Plot
+    from robot_ident.report.page import Plot
 
     def plots(value: Any) -> list[Plot]:
         if isinstance(value, Plot):

@@ -11,10 +11,8 @@ from robot_ident.cli.main import build_parser
 from robot_ident.diagnosis.diagnosis import EVERYWHERE, Diagnosis, Unexplained
 from robot_ident.provenance import fingerprint
 from robot_ident.report.findings import Findings
-from robot_ident.report.sections.candidates import Candidates
-from robot_ident.report.sections.origin import Origin
-from robot_ident.report.verdict import verdict
-from robot_ident.report.words import joined, percent, short, with_sigma
+from robot_ident.report.sections import Candidates, Origin
+from robot_ident.report.wording import joined, percent, short, verdict, with_sigma
 
 
 def only_first(findings: Findings, diagnosis: Diagnosis) -> Findings:

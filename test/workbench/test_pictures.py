@@ -9,7 +9,7 @@ from typing import Any
 import numpy as np
 import pytest
 
-from robot_ident.report.words import short
+from robot_ident.report.wording import short
 from robot_ident.workbench.brush import Condition, brushed
 from robot_ident.workbench.pictures.over_time import over_time
 from robot_ident.workbench.pictures.scatter import MOST, scatter

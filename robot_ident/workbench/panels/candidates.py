@@ -7,7 +7,7 @@ from typing import Any
 
 from dash import html
 
-from robot_ident.report.words import short, with_sigma
+from robot_ident.report.wording import short, with_sigma
 from robot_ident.workbench.panels.action import action
 from robot_ident.workbench.panels.tick import tick
 from robot_ident.workbench.view import CANDIDATE, View

@@ -6,7 +6,7 @@ from typing import Any
 
 from dash import html
 
-from robot_ident.report.words import short
+from robot_ident.report.wording import short
 from robot_ident.workbench.view import View
 
 

@@ -7,8 +7,7 @@ from typing import Any
 
 import numpy as np
 
-from robot_ident.figures.extremes import extremes
-from robot_ident.figures.models import MEASURED, NOISE, plain
+from robot_ident.figures.theme import MEASURED, NOISE, extremes, plain
 from robot_ident.signals.motion import Array, Mask
 from robot_ident.workbench.brush import Condition
 from robot_ident.workbench.pictures.look import (

@@ -8,9 +8,8 @@ from typing import Any
 
 import numpy as np
 
-from robot_ident.figures.binned import Binned, binned
-from robot_ident.figures.extremes import extremes
-from robot_ident.figures.models import plain
+from robot_ident.figures.residual_scatter import Binned, binned
+from robot_ident.figures.theme import extremes, plain
 from robot_ident.signals.motion import Array, Mask
 from robot_ident.workbench.brush import Condition, values
 from robot_ident.workbench.pictures.look import BRUSH, MODEL, OVERLAYS, Shade, Trace, brushed_band, curve, picture

@@ -7,8 +7,7 @@ from typing import Any
 
 import numpy as np
 
-from robot_ident.figures.extremes import extremes_along
-from robot_ident.figures.models import plain
+from robot_ident.figures.theme import extremes_along, plain
 from robot_ident.signals.motion import Array, Mask
 from robot_ident.workbench.pictures.look import MODEL, OVERLAYS, Shade, Trace, curve, ink, picture
 from robot_ident.workbench.view import Overlay, View

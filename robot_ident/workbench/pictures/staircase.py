@@ -8,9 +8,8 @@ from typing import Any
 
 import numpy as np
 
-from robot_ident.figures.models import plain
-from robot_ident.figures.theme import VERMILLION
-from robot_ident.report.words import short
+from robot_ident.figures.theme import VERMILLION, plain
+from robot_ident.report.wording import short
 from robot_ident.signals.motion import Array
 from robot_ident.workbench.pictures.look import MODEL, Shade, Trace, curve, picture
 from robot_ident.workbench.view import CANDIDATE, Overlay, View

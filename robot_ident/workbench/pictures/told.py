@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import numpy as np
 
-from robot_ident.report.words import joined, short
+from robot_ident.report.wording import joined, short
 from robot_ident.workbench.view import View
 
 

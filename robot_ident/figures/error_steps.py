@@ -7,11 +7,11 @@ from collections.abc import Mapping, Sequence
 from typing import TYPE_CHECKING
 
 from robot_ident.diagnosis.staircase import Foreseen, Level, Step
-from robot_ident.figures.models import plain
-from robot_ident.figures.theme import BLUE, VERMILLION, themed
+from robot_ident.figures.theme import BLUE, VERMILLION, plain, themed
 
 if TYPE_CHECKING:
     from plotly.graph_objects import Bar, Figure
+
 
 _ROW = 130  # px of a joint
 _HEADROOM = 1.3  # of the highest bar: its figure stands above it

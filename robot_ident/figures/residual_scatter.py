@@ -1,4 +1,6 @@
-"""Where a model fails: its mean residual over velocity, position and load, beside what noise alone leaves."""
+"""Where a model fails: its mean residual over velocity, position and load, in bins of equally many rows, beside what
+noise alone leaves.
+"""
 
 from __future__ import annotations
 
@@ -9,15 +11,47 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from robot_ident.diagnosis.beside import Beside
-from robot_ident.figures.binned import Binned, binned
-from robot_ident.figures.models import model_colour, plain
-from robot_ident.figures.noise_band import noise_band
-from robot_ident.figures.theme import themed
+from robot_ident.figures.theme import model_colour, plain, themed
+from robot_ident.figures.torque_over_time import noise_band
 from robot_ident.robot.robot import Robot
-from robot_ident.signals.motion import Array
+from robot_ident.signals.motion import Array, Mask
 
 if TYPE_CHECKING:
     from plotly.graph_objects import Figure, Scatter
+
+
+@dataclass(frozen=True)
+class Binned:
+    """Of K bins: the middle of the variable, mean of the residual [Nm], and the standard deviation that noise alone
+    gives that mean (nan where unknown).
+    """
+
+    middle: Array
+    mean: Array
+    spread: Array
+
+
+def binned(
+    x: Sequence[Array], y: Sequence[Array], used: Sequence[Mask], variance: Sequence[float], bins: int
+) -> Binned:
+    """Return the mean of y over x, recordings together; variance: of the noise of an independent row of each."""
+    values = np.concatenate([one[u] for one, u in zip(x, used, strict=True)])
+    rest = np.concatenate([one[u] for one, u in zip(y, used, strict=True)])
+    noise = np.concatenate([np.full(int(u.sum()), v) for u, v in zip(used, variance, strict=True)])
+    if not len(values):
+        nothing = np.zeros(0)
+        return Binned(nothing, nothing, nothing)
+    edges = np.unique(np.quantile(values, np.linspace(0.0, 1.0, bins + 1)))
+    place = np.clip(np.searchsorted(edges, values, side="right") - 1, 0, max(0, len(edges) - 2))
+    count = np.bincount(place, minlength=max(1, len(edges) - 1)).astype(float)
+    some = count > 0
+    count = count[some]
+
+    def mean(of: Array) -> Array:
+        return np.asarray(np.bincount(place, of, len(some))[some] / count)
+
+    return Binned(mean(values), mean(rest), np.sqrt(mean(noise) / count))
+
 
 _BINS = 24
 _ROW = 250  # px of a joint

@@ -8,14 +8,13 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from robot_ident.diagnosis.residual_lines import ResidualLines
-from robot_ident.figures.extremes import extremes_along
-from robot_ident.figures.models import NOISE_LINE, model_colour, plain
-from robot_ident.figures.theme import themed
+from robot_ident.figures.theme import NOISE_LINE, extremes_along, model_colour, plain, themed
 from robot_ident.robot.robot import Robot
 from robot_ident.signals.motion import Array, Mask
 
 if TYPE_CHECKING:
     from plotly.graph_objects import Figure, Scatter
+
 
 _ROW = 260  # px of a joint
 LINES = 1200

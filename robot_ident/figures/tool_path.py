@@ -14,6 +14,7 @@ from robot_ident.signals.motion import Array
 if TYPE_CHECKING:
     from plotly.graph_objects import Figure
 
+
 _POINTS = 801
 _GRID = 90
 _THROUGH = 25  # depths (angles about the vertical, heights) at which a rule is asked

@@ -8,14 +8,30 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from robot_ident.diagnosis.beside import Beside
-from robot_ident.figures.extremes import extremes
-from robot_ident.figures.models import MEASURED, model_colour, plain
-from robot_ident.figures.noise_band import noise_band
-from robot_ident.figures.theme import themed
+from robot_ident.figures.theme import MEASURED, NOISE, extremes, model_colour, plain, themed
 from robot_ident.signals.motion import Array
 
 if TYPE_CHECKING:
     from plotly.graph_objects import Figure, Scatter
+
+
+def noise_band(start: float, end: float, wide: float, label: str, *, shown: bool) -> Scatter:
+    """Return the band from -wide to wide between two abscissas; `shown`: it has an entry in the legend."""
+    from plotly.graph_objects import Scatter
+
+    return Scatter(
+        x=[start, end, end, start],
+        y=[-wide, -wide, wide, wide],
+        fill="toself",
+        fillcolor=NOISE,
+        line={"width": 0},
+        mode="lines",
+        name=label,
+        legendgroup=label,
+        showlegend=shown,
+        hoverinfo="skip",
+    )
+
 
 _JOINT = 320  # px: torque above, residual below
 BAND = 2.0

@@ -5,11 +5,11 @@ from __future__ import annotations
 from typing import TYPE_CHECKING
 
 from robot_ident.diagnosis.diagnosis import Diagnosis, Suspect
-from robot_ident.figures.models import plain
-from robot_ident.figures.theme import BLUE, GREY, themed
+from robot_ident.figures.theme import BLUE, GREY, plain, themed
 
 if TYPE_CHECKING:
     from plotly.graph_objects import Figure
+
 
 _BAR = 34  # px
 

@@ -1,0 +1,146 @@
+"""Parameters of two models beside each other, in units of their uncertainty; the standard deviation that a design
+promises for every parameter, beside Table II and section IV of Swevers et al. (1997) on the KUKA IR 361, for the
+paper's 21 parameters and one averaged period: 1500 samples a joint, torque noise of variance 25, 26, 10 (Nm)^2.
+"""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Sequence
+from typing import TYPE_CHECKING, Any
+
+import numpy as np
+
+from robot_ident.excitation.design import DesignResult
+from robot_ident.figures.theme import BLUE, ORANGE, model_colour, plain, themed
+from robot_ident.model.model import Model
+
+if TYPE_CHECKING:
+    from plotly.graph_objects import Figure
+
+
+_LINE = 22  # px of a parameter
+
+
+def parameters_figure(before: Model, after: Model) -> Figure:
+    """Return how far each parameter that two models share has moved, (after - before) / sigma before, with the 95 %
+    interval of either: 2 sigma on either side.
+    """
+    from plotly.graph_objects import Figure, Scatter
+
+    shared = _shared(before, after)
+    figure = Figure()
+    for number, (label, moved, wide) in enumerate(
+        (
+            ("before", [0.0] * len(shared), [2.0] * len(shared)),
+            ("after", [one[1] for one in shared], [2.0 * one[2] for one in shared]),
+        )
+    ):
+        figure.add_trace(
+            Scatter(
+                y=[plain(one[0]) for one in shared],
+                x=moved,
+                error_x={"type": "data", "array": wide, "thickness": 1.5},
+                mode="markers",
+                name=f"{label}, ± 2 sigma",
+                marker={"color": model_colour(number, 2), "symbol": ("square-open", "circle")[number], "size": 8},
+                hovertemplate="%{y}: moved by %{x:.2f} sigma<extra>" + label + "</extra>",
+            )
+        )
+    figure.update_yaxes(autorange="reversed", automargin=True, dtick=1)
+    figure.update_xaxes(title_text="moved, in sigma of the model before")
+    return themed(figure, height=130 + _LINE * len(shared))
+
+
+def _shared(before: Model, after: Model) -> list[tuple[str, float, float]]:
+    """Return (name, move, sigma after), both in sigma before, of the parameters that both models have."""
+    was = {p.name: (v, s) for p, v, s in zip(before.parameters, before.values, before.std, strict=True) if s > 0}
+    out = []
+    for p, value, std in zip(after.parameters, after.values, after.std, strict=True):
+        if p.name in was:
+            old, sigma = was[p.name]
+            out.append((p.name, float((value - old) / sigma), float(std / sigma)))
+    return out
+
+
+def parameters_text(before: Model, after: Model) -> str:
+    """Return which parameters moved by more than 2 sigma, and which became less certain."""
+    shared = _shared(before, after)
+    moved = [f"{name} by {move:+.1f} sigma" for name, move, _ in shared if abs(move) > 2.0]
+    wider = [f"{name} {ratio:.1f} times" for name, _, ratio in shared if ratio > 1.5]
+    text = f"Of {len(shared)} parameters, " + (
+        f"these moved by more than 2 sigma: {', '.join(moved)}" if moved else "none moved by more than 2 sigma"
+    )
+    return text + (f"; wider than before: {', '.join(wider)}." if wider else ".")
+
+
+PARAMETERS: tuple[str, ...] = (
+    *(f"p{k}" for k in range(1, 16)),
+    *(f"{effect}@joint_{k}" for effect in ("viscous", "coulomb") for k in (1, 2, 3)),
+)
+
+_SIGMA = {
+    "condition": """.2024 .0283 .0251 .3678 .1828 .1592 .1459 .1953 .0115 .0178 .2881 .1563 .0791 .0757 .0679
+        .4178 .2111 .3497 .2345 .1731 .1429""",
+    "d-optimal": """.1503 .0303 .0199 .1674 .0878 .0866 .0920 .1449 .0140 .0152 .1184 .0616 .0343 .0436 .0463
+        .4366 .2872 .3008 .2248 .2185 .1970""",
+}
+SIGMA: dict[str, tuple[float, ...]] = {
+    criterion: tuple(float(word) for word in words.split()) for criterion, words in _SIGMA.items()
+}
+"""Table II: predicted standard deviations of the trajectory of either criterion, in the order of PARAMETERS."""
+
+LOG10_DET = {"d-optimal": math.log10(2.36e-49), "condition": math.log10(1.76e-43)}
+CONDITION = {"d-optimal": 5.94, "condition": 4.15}
+
+
+def is_paper_model(robot: str, parameters: Sequence[str]) -> bool:
+    """Return whether a design is for the paper's robot and its 21 parameters."""
+    return robot == "kuka_ir361" and tuple(parameters) == PARAMETERS
+
+
+def sigma_figure(found: DesignResult, units: tuple[str, ...]) -> Figure:
+    """Return the standard deviations [unit of the parameter] on a logarithmic axis; units [p]."""
+    from plotly.graph_objects import Figure, Scatter
+
+    names = [
+        f"{name} [{unit.replace('^2', '²')}]" if unit else name
+        for name, unit in zip(found.parameters, units, strict=True)
+    ]
+    series: list[tuple[str, Any, str, str]] = [("this design", np.asarray(found.sigma), BLUE, "circle")]
+    if (paper := _paper(found)) is not None:
+        series.append(("Swevers et al. 1997, Table II", paper, ORANGE, "diamond-open"))
+    figure = Figure()
+    for name, values, colour, symbol in series:
+        figure.add_trace(
+            Scatter(
+                x=names,
+                y=values,
+                mode="markers",
+                name=name,
+                marker={"color": colour, "symbol": symbol, "size": 9, "line": {"width": 2, "color": colour}},
+                hovertemplate="%{x}: %{y:.4g}<extra>" + name + "</extra>",
+            )
+        )
+    figure.update_yaxes(title_text="standard deviation", type="log", dtick="D2")
+    figure.update_xaxes(tickangle=-60, showgrid=True)
+    return themed(figure, height=520)
+
+
+def sigma_text(found: DesignResult) -> str:
+    """Return in words what the figure shows."""
+    known = f"Standard deviations of {len(found.parameters)} parameters after one averaged period."
+    if (paper := _paper(found)) is None:
+        return known
+    ratio = np.asarray(found.sigma) / paper
+    return (
+        f"{known} {int(np.sum(ratio < 1.0))} are smaller than in the paper's Table II; the ratio runs from"
+        f" {ratio.min():.2f} to {ratio.max():.2f}."
+    )
+
+
+def _paper(found: DesignResult) -> Any:
+    criterion = found.excitation.criterion
+    if not is_paper_model(found.excitation.robot, found.parameters) or len(found.excitations) > 1:
+        return None
+    return np.array(SIGMA["condition" if criterion == "condition" else "d-optimal"])

@@ -1,1 +1,0 @@
-"""The sections of pages, one file a section."""
