@@ -14,9 +14,7 @@ PACKAGE = Path(robot_ident.__file__).resolve().parent
 
 ROS = ("rclpy", "builtin_interfaces", "rosgraph_msgs", "rcl_interfaces", "ament_index_python", "launch", "launch_ros")
 WEB = ("dash", "flask", "werkzeug")
-PAGES = tuple(
-    f"robot_ident.workbench.{name}" for name in ("app", "callbacks", "guard", "layout", "pages", "panels", "server")
-)
+PAGES = tuple(f"robot_ident.workbench.{name}" for name in ("callbacks", "drawing", "layout", "panels", "server"))
 """The part of the workbench that is a web application; the rest of it knows no web."""
 PLOTS = ("matplotlib", "plotly", "bokeh", "seaborn", "pyqtgraph")
 HEAVY = ("casadi", "pinocchio", "scipy", "rclpy", "mcap", "rosbags", "joblib")

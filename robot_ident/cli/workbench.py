@@ -39,10 +39,9 @@ def run(args: argparse.Namespace) -> int:
     """Serve the loop of compare, see, learn, add and watch to a browser on this machine."""
     from robot_ident.errors import InputError
     from robot_ident.model.model_file import is_model
-    from robot_ident.workbench.browse import browsed
-    from robot_ident.workbench.desk import Desk
-    from robot_ident.workbench.paths import Allowed
-    from robot_ident.workbench.server import serve
+    from robot_ident.workbench.allowed_paths import Allowed
+    from robot_ident.workbench.controller import Desk
+    from robot_ident.workbench.server import browsed, serve
 
     if args.model and not is_model(args.model):
         raise InputError(f"{args.model}: not a model; recordings go after --bag")

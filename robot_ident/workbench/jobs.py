@@ -18,7 +18,7 @@ from typing import Any, Literal
 from robot_ident.errors import InputError, RobotIdentError
 from robot_ident.memory import OUT_OF_MEMORY, bounded
 from robot_ident.parallel import end_with
-from robot_ident.workbench.made import Stamp
+from robot_ident.workbench.allowed_paths import Stamp
 from robot_ident.workbench.session import Session
 
 State = Literal["idle", "running", "done", "failed", "cancelled"]
@@ -142,7 +142,7 @@ def _serve(pipe: Connection, folder: str, effects_from: Sequence[str], server: i
     """Do tasks until the other end of the pipe is closed, or the server ends."""
     end_with(server, by_kernel=False)
     signal.signal(signal.SIGINT, signal.SIG_IGN)  # Ctrl-C in the terminal is the server's to handle
-    from robot_ident.workbench import work
+    from robot_ident.workbench import tasks
 
     session, kept = Session.open(Path(folder)), None
     while True:
@@ -151,9 +151,9 @@ def _serve(pipe: Connection, folder: str, effects_from: Sequence[str], server: i
         except (EOFError, OSError):  # the server has ended, in good order or not
             return
         try:
-            kept = kept or work.Work(session, effects_from)
+            kept = kept or tasks.Work(session, effects_from)
             with bounded():
-                work.run(session, kept, task, lambda share, words: pipe.send(("progress", share, words)))
+                tasks.run(session, kept, task, lambda share, words: pipe.send(("progress", share, words)))
             said: tuple[Any, ...] = ("done", kept.said, kept.wrote)
         except RobotIdentError as error:
             said = ("failed", str(error), "")

@@ -2,6 +2,8 @@
 
 Everything is written when it is made, whole or not at all: `session.yaml` (what was opened), `here.yaml` (the step that
 is looked at), and a folder for every step. A program that is killed loses nothing but what it was computing.
+
+The command lines that give the same models.
 """
 
 from __future__ import annotations
@@ -269,3 +271,35 @@ def _stamps(choice: Choice) -> list[str]:
         files = [file.stat() for file in sorted(path.rglob("*")) if file.is_file()] if path.is_dir() else [path.stat()]
         out.append(f"{sum(file.st_size for file in files)} {max((file.st_mtime_ns for file in files), default=0)}")
     return out
+
+
+def model_name(session: Session, count: int) -> str:
+    """Return the file that holds the model after so many additions."""
+    return session.choice.model if count == 0 and session.choice.model else f"model_step_{count}.yaml"
+
+
+def command_lines(session: Session, number: int) -> list[str]:
+    """Return the commands, to be run in the folder of the session's start, that lead to a step's model and report."""
+    choice = session.choice
+    bags = [shlex.quote(name) for name in choice.recordings]
+    unseen = [word for name in choice.validation for word in ("--validation", shlex.quote(name))]
+    more = ["--topic", shlex.quote(choice.topic)] if choice.topic else []
+    more += [word for path in choice.effects_from for word in ("--effects-from", shlex.quote(path))]
+    added = session.added(number)
+    models = [shlex.quote(model_name(session, count)) for count in range(len(added) + 1)]
+    lines = [["cd", shlex.quote(choice.folder)]]
+    if choice.model is None:
+        robot = ["--robot", shlex.quote(choice.robot)] if choice.robot else []
+        lines.append(["robot_ident", "identify", *bags, *robot, *more, "-o", models[0]])
+    lines.append(["robot_ident", "compare", models[0], *bags, *more])
+    for count, label in enumerate(added):
+        before, after = models[count : count + 2]
+        lines.append(["robot_ident", "diagnose", before, *bags, *unseen, *more])
+        lines.append(["robot_ident", "add", before, shlex.quote(label), "--bag", *bags, *unseen, *more, "-o", after])
+    lines.append(["robot_ident", "report", *models, "--bag", *bags, *unseen, *more, "-o", "report.html"])
+    return [" ".join(line) for line in lines]
+
+
+def script(session: Session, number: int) -> str:
+    """Return the commands as a shell script."""
+    return "\n".join(["#!/bin/sh", "set -e", *command_lines(session, number), ""])

@@ -10,7 +10,7 @@ from typing import Any
 
 from robot_ident.errors import InputError
 from robot_ident.signals.motion import Array
-from robot_ident.workbench.series import Lines, Rows, lines_from_arrays, read_arrays, rows_from_arrays
+from robot_ident.workbench.records import Lines, Rows, lines_from_arrays, read_arrays, rows_from_arrays
 from robot_ident.workbench.session import Session, read_json
 
 STEP, CANDIDATE = "step:", "with:"

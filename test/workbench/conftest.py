@@ -17,11 +17,11 @@ import pytest
 
 from robot_ident.excitation.excitation import Excitation
 from robot_ident.excitation.fourier import FourierSeries
-from robot_ident.workbench.desk import Desk
+from robot_ident.workbench.allowed_paths import Allowed
+from robot_ident.workbench.controller import Desk
 from robot_ident.workbench.jobs import Job
-from robot_ident.workbench.paths import Allowed
 from robot_ident.workbench.session import Session
-from robot_ident.workbench.work import Work, run
+from robot_ident.workbench.tasks import Work, run
 
 HIDDEN = "3"
 TRAINING, UNSEEN = ("run_1", "run_2"), "run_3"

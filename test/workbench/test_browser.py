@@ -13,7 +13,7 @@ from typing import Any
 
 import pytest
 
-from robot_ident.workbench.browse import browsed
+from robot_ident.workbench.server import browsed
 
 pytestmark = pytest.mark.filterwarnings("ignore::DeprecationWarning")
 PATIENCE = 120_000  # ms: other tests may have the machine to themselves

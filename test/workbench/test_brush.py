@@ -8,7 +8,7 @@ import numpy as np
 import pytest
 
 from robot_ident.errors import InputError
-from robot_ident.workbench.brush import Condition, brushed, held
+from robot_ident.workbench.brushing import Condition, brushed, held
 from robot_ident.workbench.view import View
 
 

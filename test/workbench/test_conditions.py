@@ -22,8 +22,8 @@ from robot_ident.share import config_file
 from robot_ident.simulation.calibrate import standard_motions
 from robot_ident.simulation.periodic import Play
 from robot_ident.simulation.physics import plant_physics
-from robot_ident.workbench.desk import Desk
-from robot_ident.workbench.paths import Allowed
+from robot_ident.workbench.allowed_paths import Allowed
+from robot_ident.workbench.controller import Desk
 from robot_ident.workbench.view import View
 
 BODY = "payload:payload=15,x=0.05,y=0.1,z=0.2"

@@ -10,12 +10,17 @@ import numpy as np
 import pytest
 
 from robot_ident.report.wording import short
-from robot_ident.workbench.brush import Condition, brushed
-from robot_ident.workbench.pictures.over_time import over_time
-from robot_ident.workbench.pictures.scatter import MOST, scatter
-from robot_ident.workbench.pictures.spectrum import spectrum
-from robot_ident.workbench.pictures.staircase import staircase
-from robot_ident.workbench.pictures.told import over_time_told, spectrum_told, staircase_told
+from robot_ident.workbench.brushing import Condition, brushed
+from robot_ident.workbench.pictures import (
+    MOST_POINTS,
+    over_time,
+    over_time_told,
+    scatter,
+    spectrum,
+    spectrum_told,
+    staircase,
+    staircase_told,
+)
 from robot_ident.workbench.view import CANDIDATE, View
 
 
@@ -52,7 +57,7 @@ def test_a_candidate_and_a_region_are_laid_over(view: View) -> None:
     picture = scatter(view, joint, ("velocity", "position", "load"), overlays, inside, region, "dark")
     x = values(picture, "brushed", "x")
     assert np.all(np.abs(x) <= 0.2 + 1e-6)
-    assert 0 < len(x) < len(values(picture, "residual", "x")) <= 2 * MOST
+    assert 0 < len(x) < len(values(picture, "residual", "x")) <= 2 * MOST_POINTS
     assert [shape["x0"] for shape in picture["layout"]["shapes"]] == [-0.2]
     assert any(one["name"].startswith(f"mean with {label}") for one in picture["data"])
     later = over_time(view, joint, 0, overlays, inside, region, "dark")

@@ -6,7 +6,7 @@ from dataclasses import replace
 
 import pytest
 
-from robot_ident.workbench.roles import Seen, propose
+from robot_ident.workbench.file_roles import Seen, propose
 
 FIRST = Seen(160.0, 16, 10.0, 150.0, (0.1, -0.2), (0.5, 0.4))
 AGAIN = replace(FIRST, seconds=80.0, periods=8, mean=(0.11, -0.19))

@@ -11,9 +11,9 @@ from typing import Any
 
 import pytest
 
-from robot_ident.workbench.app import make_app
-from robot_ident.workbench.desk import Desk
-from robot_ident.workbench.paths import Allowed
+from robot_ident.workbench.allowed_paths import Allowed
+from robot_ident.workbench.controller import Desk
+from robot_ident.workbench.server import make_app
 
 TAKEN = {
     "run.mcap": "recording",

@@ -17,17 +17,16 @@ from robot_ident.bags import read_recording, write_recording
 from robot_ident.cli.main import main
 from robot_ident.configuration import to_yaml
 from robot_ident.errors import InputError
-from robot_ident.workbench.app import make_app
-from robot_ident.workbench.commands import script
-from robot_ident.workbench.desk import Desk
+from robot_ident.workbench.allowed_paths import Allowed
+from robot_ident.workbench.controller import Desk
 from robot_ident.workbench.jobs import Job, Jobs
-from robot_ident.workbench.pages import chooser
-from robot_ident.workbench.panels.where import where
-from robot_ident.workbench.paths import Allowed
-from robot_ident.workbench.session import Choice, Session, begin
+from robot_ident.workbench.layout import chooser
+from robot_ident.workbench.next_step import next_step
+from robot_ident.workbench.panels import where
+from robot_ident.workbench.server import make_app
+from robot_ident.workbench.session import Choice, Session, begin, script
+from robot_ident.workbench.tasks import run
 from robot_ident.workbench.view import View
-from robot_ident.workbench.words import next_step
-from robot_ident.workbench.work import run
 
 
 def verb(capsys: pytest.CaptureFixture[str], *words: object) -> Any:

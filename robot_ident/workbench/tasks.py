@@ -35,13 +35,12 @@ from robot_ident.model.structure import Structure
 from robot_ident.recording.measurement import Measurement, Processing
 from robot_ident.robot import Robot
 from robot_ident.signals.motion import Array
-from robot_ident.workbench import documents
-from robot_ident.workbench.commands import model_name
+from robot_ident.workbench import records
+from robot_ident.workbench.allowed_paths import Stamp, stamp
 from robot_ident.workbench.inputs import Inputs
-from robot_ident.workbench.made import Stamp, stamp
 from robot_ident.workbench.preview import Forecast, Preview
-from robot_ident.workbench.series import Rows, lines_to_arrays, rows_to_arrays, write_arrays
-from robot_ident.workbench.session import Session, StepFile, now
+from robot_ident.workbench.records import Rows, lines_to_arrays, rows_to_arrays, write_arrays
+from robot_ident.workbench.session import Session, StepFile, model_name, now
 
 _OTHERWISE = ", or bring the model of robot_ident identify --as-declared"
 
@@ -70,8 +69,8 @@ class Work:
         write_arrays(self.session.folder / "rows.npz", rows_to_arrays([_rows(measured, model) for measured in every]))
         lines = [residual_lines(beside(model, measured), measured) for measured in every]
         write_arrays(self.session.folder / "lines.npz", lines_to_arrays(lines))
-        about = {"recordings": [documents.about(m, k >= len(training)) for k, m in enumerate(every)]}
-        documents.write_json(self.session.folder / "recordings.json", about)
+        about = {"recordings": [records.about(m, k >= len(training)) for k, m in enumerate(every)]}
+        records.write_json(self.session.folder / "recordings.json", about)
         self._write_step(0, StepFile(made=now()), model, tell)
 
     def _identified(self, tell: Tell, robot: Robot) -> Model:
@@ -98,8 +97,8 @@ class Work:
             tell(0.8 + 0.2 * place / len(listed), f"what {suspect.label} would do")
             self._write_preview(number, forecast.of(suspect.effect), model)
         saved = model_name(self.session, len(self.session.added(number)))
-        told = documents.diagnosis(found, {str(self.session.model_file(number)): saved})
-        documents.write_json(self.session.step_folder(number) / "diagnosis.json", told)
+        told = records.diagnosis(found, {str(self.session.model_file(number)): saved})
+        records.write_json(self.session.step_folder(number) / "diagnosis.json", told)
 
     def preview(self, tell: Tell, number: int, label: str) -> None:
         """Work out what any effect of the catalogue would do to a step's model."""
@@ -162,8 +161,8 @@ class Work:
             folder.mkdir()
             write_model(model, folder / "model.yaml")
             write_arrays(folder / "series.npz", arrays)
-            documents.write_json(folder / "comparison.json", documents.comparison(compared, model, validation))
-            documents.write_json(folder / "errors.json", documents.errors(model, compared, validation))
+            records.write_json(folder / "comparison.json", records.comparison(compared, model, validation))
+            records.write_json(folder / "errors.json", records.errors(model, compared, validation))
             write_text(folder / "step.yaml", to_yaml(step.model_dump()))
 
     def _write_preview(self, number: int, preview: Preview, model: Model) -> None:
@@ -173,7 +172,7 @@ class Work:
             arrays |= _along(k, replace(beside(model, measured), predicted=predicted), measured)
         label = preview.effect.label
         write_arrays(self.session.preview_file(number, label, ".npz"), arrays)
-        documents.write_json(self.session.preview_file(number, label, ".json"), documents.preview_of(preview))
+        records.write_json(self.session.preview_file(number, label, ".json"), records.preview_of(preview))
 
 
 def _part(tell: Tell, start: float, end: float) -> Tell:

@@ -10,7 +10,8 @@ import numpy as np
 
 from robot_ident.errors import InputError
 from robot_ident.signals.motion import Array, Mask
-from robot_ident.workbench.series import Rows
+from robot_ident.workbench.records import Rows
+from robot_ident.workbench.view import View
 
 
 @dataclass(frozen=True)
@@ -94,3 +95,26 @@ def held(inside: Sequence[Mask], rows: Sequence[Rows], residual: Sequence[Array]
         all_rows += int(used.sum())
     share = float(np.clip(excess / total, 0.0, 1.0)) if total > 0 else 0.0
     return Held(share, count / max(all_rows, 1), float(np.sqrt(square / max(count, 1))), count)
+
+
+def in_words(view: View, joint: int, condition: Condition) -> str:
+    """Return a condition in words: `0.1 < dq < 0.3 rad/s`."""
+    symbol, unit = symbol_of(view, joint, condition.variable)
+    source = "" if condition.recording is None else f" of {view.recordings[condition.recording]['name']}"
+    return f"{condition.lower:.3g} < {symbol} < {condition.upper:.3g} {unit}{source}"
+
+
+def symbol_of(view: View, joint: int, variable: str) -> tuple[str, str]:
+    """Return the symbol and the unit of a variable."""
+    kind, _, other = variable.partition(" of ")
+    length = "m" if view.comparison["prismatic"][view.joints.index(other) if other else joint] else "rad"
+    of = f" of {other}" if other and other != view.joints[joint] else ""
+    return {
+        "time": ("t", "s"),
+        "position": (f"q{of}", length),
+        "velocity": (f"dq{of}", f"{length}/s"),
+        "speed": (f"|dq{of}|", f"{length}/s"),
+        "acceleration": (f"ddq{of}", f"{length}/s²"),
+        "load": (f"load torque{of}", view.unit(joint)),
+        "time_since_reversal": (f"time since reversal{of}", "s"),
+    }[kind]

@@ -1,0 +1,342 @@
+"""What changes a session or the page: open, diagnose, look at a candidate, add, undo, redo, go, save, cancel."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Mapping
+from dataclasses import asdict, dataclass
+from typing import Any
+
+from dash import ALL, MATCH, ClientsideFunction, Dash, Input, Output, State, html, no_update
+from dash.exceptions import PreventUpdate
+from flask import abort
+
+from robot_ident.errors import InputError, RobotIdentError
+from robot_ident.workbench.controller import Desk, save
+from robot_ident.workbench.file_roles import Seen, propose
+from robot_ident.workbench.layout import chooser
+from robot_ident.workbench.session import Session
+from robot_ident.workbench.view import CANDIDATE, View
+
+
+def register(app: Dash, desk: Desk) -> None:
+    """Register the callbacks of the session and of the pages."""
+    _register_client(app)
+    for part in (_register_session, _register_navigation, _register_opening, _register_proposals):
+        part(app, desk)
+
+
+def now(desk: Desk, session: Session) -> tuple[dict[str, Any], dict[str, Any]]:
+    """Return where a session stands (the step, what of it the pictures show, the task under way), and how far that
+    task is.
+    """
+    job = desk.jobs(session).look()
+    steps = session.steps
+    folder = session.step_folder(session.here)
+    known = sorted(path.name for path in folder.glob("*.json"))
+    drawn = f"{session.name} {session.here} {len(steps)} {','.join(known)}"
+    stand = {"session": session.name, "step": session.here, "drawn": drawn, "job": [job.number, job.state]}
+    return stand, {key: value for key, value in asdict(job).items() if key != "task"}
+
+
+@dataclass
+class Page:
+    """What the page held when a button was pressed, and what the deed changes of it."""
+
+    label: str
+    fields: Mapping[str, Any]
+    overlays: list[str]
+    said: str = ""
+    saved: str | html.Span = ""
+
+
+def _register_session(app: Dash, desk: Desk) -> None:
+    """Register the one callback of all deeds."""
+
+    @app.callback(
+        Output("stand", "data", allow_duplicate=True),
+        Output("task", "data", allow_duplicate=True),
+        Output("overlays", "data", allow_duplicate=True),
+        Output("said", "children"),
+        Output("saved", "children"),
+        Input("pressed", "data"),
+        State("stand", "data"),
+        State("overlays", "data"),
+        State({"name": ALL}, "value"),
+        State({"name": ALL}, "id"),
+        State("other", "value"),
+        State("replace", "value"),
+        prevent_initial_call=True,
+    )
+    def pressed(
+        click: dict[str, Any],
+        stand: dict[str, Any],
+        overlays: list[str],
+        names: Any,
+        ids: Any,
+        other: Any,
+        replace: Any,
+    ) -> tuple[Any, ...]:
+        if not click or stand is None:
+            raise PreventUpdate
+        cause = click["of"]
+        fields = {one["name"]: value for one, value in zip(ids, names, strict=True)}
+        fields |= {"other": other, "replace": bool(replace)}
+        page = Page(str(cause["label"]), fields, overlays)
+        try:
+            session = desk.session(stand["session"])
+        except InputError as error:
+            return no_update, no_update, no_update, str(error), ""
+        try:
+            if cause["do"] in MOVES and desk.jobs(session).look().running:
+                raise InputError("something is being computed; wait for it, or cancel it")
+            DEEDS[cause["do"]](desk, session, page)
+        except InputError as error:
+            if cause["do"].startswith("save "):  # of the buttons that stand beside the names
+                page.saved = html.Span(str(error), className="wrong")
+            else:
+                page.said = str(error)
+        stand, job = now(desk, session)
+        return stand, job, page.overlays, page.said, page.saved
+
+
+def _open(desk: Desk, session: Session, page: Page) -> None:
+    desk.jobs(session).start({"task": "open"})
+
+
+def _diagnose(desk: Desk, session: Session, page: Page) -> None:
+    desk.jobs(session).start({"task": "diagnose", "number": session.here})
+
+
+def _look(desk: Desk, session: Session, page: Page) -> None:
+    page.overlays = [f"{CANDIDATE}{page.label}"]
+
+
+def _preview(desk: Desk, session: Session, page: Page) -> None:
+    label = page.fields["other"]
+    if not label:
+        raise InputError("choose an effect first")
+    desk.jobs(session).start({"task": "preview", "number": session.here, "label": label})
+    page.overlays = [*page.overlays, f"{CANDIDATE}{label}"][-2:]
+
+
+def _add(desk: Desk, session: Session, page: Page) -> None:
+    there = session.find(session.here, page.label)
+    if there is not None:
+        session.go(there)
+        page.overlays = []
+        return
+    new = session.next_number()
+    desk.jobs(session).start({"task": "add", "number": session.here, "label": page.label, "new": new})
+
+
+def _undo(desk: Desk, session: Session, page: Page) -> None:
+    session.undo()
+    page.overlays = []
+
+
+def _redo(desk: Desk, session: Session, page: Page) -> None:
+    session.redo()
+    page.overlays = []
+
+
+def _go(desk: Desk, session: Session, page: Page) -> None:
+    session.go(int(page.label))
+    page.overlays = []
+
+
+def _cancel(desk: Desk, session: Session, page: Page) -> None:
+    desk.jobs(session).cancel()
+
+
+def _save(what: str) -> Callable[[Desk, Session, Page], None]:
+    def deed(desk: Desk, session: Session, page: Page) -> None:
+        name = str(page.fields.get(what) or "")
+        page.saved = save(desk, session, what, name, force=bool(page.fields["replace"]))
+
+    return deed
+
+
+DEEDS: dict[str, Callable[[Desk, Session, Page], None]] = {
+    "open": _open,
+    "diagnose": _diagnose,
+    "look": _look,
+    "preview": _preview,
+    "add": _add,
+    "undo": _undo,
+    "redo": _redo,
+    "go": _go,
+    "cancel": _cancel,
+    "save": _save("model"),
+    "save model": _save("model"),
+    "save report": _save("report"),
+    "save commands": _save("commands"),
+}
+
+MOVES = ("undo", "redo", "go")
+"""Deeds that wait for what is being computed."""
+
+
+def looked_at(desk: Desk, stand: dict[str, Any] | None) -> View | None:
+    """Return the step that a page looks at, None as long as there is none."""
+    return None if stand is None else View.of(desk.session(stand["session"]))
+
+
+def _register_navigation(app: Dash, desk: Desk) -> None:
+    """Register the callbacks of pages and progress."""
+
+    @app.callback(
+        Output("page", "children"),
+        Output("session", "hidden"),
+        Output("opened", "children"),
+        Output("stand", "data"),
+        Output("task", "data"),
+        Output("joint", "data"),
+        Output("recording", "data"),
+        Output("overlays", "data"),
+        Output("brush", "data"),
+        Input("address", "pathname"),
+    )
+    def show(path: str | None) -> tuple[Any, ...]:
+        afresh: tuple[Any, ...] = (None, 0, [], [])
+        name = (path or "/").strip("/")
+        if not name:
+            return chooser(desk), True, "", None, None, *afresh
+        try:
+            session = desk.session(name)
+        except InputError as error:
+            return [html.P(str(error), className="wrong"), *chooser(desk)], True, "", None, None, *afresh
+        return [], False, _opened(session), *now(desk, session), *afresh
+
+    def tell(name: str) -> dict[str, Any]:
+        """Answer a page that asks how its session stands."""
+        try:
+            stand, job = now(desk, desk.session(name))
+        except InputError as error:
+            abort(404, str(error))
+        return {"stand": stand, "job": job}
+
+    app.server.add_url_rule("/_now/<name>", view_func=tell)
+
+    @app.callback(Output("drawn", "data"), Input("stand", "data"), State("drawn", "data"))
+    def drawn(stand: dict[str, Any] | None, before: str | None) -> Any:
+        known = stand["drawn"] if stand else None
+        return no_update if known == before else known
+
+
+def _opened(session: Session) -> str:
+    choice = session.choice
+    unseen = f"; validation {', '.join(choice.validation)}" if choice.validation else ""
+    return f"{session.name}: {', '.join(choice.recordings)}{unseen}"
+
+
+def _register_opening(app: Dash, desk: Desk) -> None:
+    """Register the callbacks of the first page."""
+
+    @app.callback(
+        Output("address", "pathname"),
+        Output("refused", "children"),
+        Input("begin", "n_clicks"),
+        State({"role": ALL}, "value"),
+        State({"role": ALL}, "id"),
+        State("brought", "value"),
+        State("robot", "value"),
+        prevent_initial_call=True,
+    )
+    def begin(
+        clicks: int | None, roles: list[str], ids: list[dict[str, str]], model: str | None, robot: str | None
+    ) -> tuple[Any, ...]:
+        if not clicks:
+            raise PreventUpdate
+        chosen = {one["role"]: role for one, role in zip(ids, roles, strict=True)}
+        training = [name for name, role in chosen.items() if role == "training"]
+        validation = [name for name, role in chosen.items() if role == "validation"]
+        try:
+            return f"/{desk.open(training, validation, model, robot).name}", ""
+        except InputError as error:
+            return no_update, str(error)
+
+
+def _register_proposals(app: Dash, desk: Desk) -> None:
+    """Register the callbacks of the proposal."""
+
+    @app.callback(
+        Output({"about": MATCH, "part": "words"}, "children"),
+        Output({"about": MATCH, "part": "seen"}, "data"),
+        Input("robot", "value"),
+        Input("brought", "value"),
+        State({"about": MATCH, "part": "words"}, "id"),
+    )
+    def look(robot: str | None, model: str | None, place: dict[str, str]) -> tuple[str, dict[str, Any]]:
+        try:
+            seen = desk.looked_at(place["about"], None if model else robot, model)
+        except RobotIdentError as error:
+            return str(error).removeprefix(f"{place['about']}: "), {"holds": None}
+        return seen.in_words, {"holds": asdict(seen)}
+
+    @app.callback(
+        Output({"role": ALL}, "value"),
+        Output("proposed", "children"),
+        Input({"about": ALL, "part": "seen"}, "data"),
+        State({"about": ALL, "part": "seen"}, "id"),
+        State({"role": ALL}, "value"),
+    )
+    def proposal(looked: list[Any], ids: list[dict[str, str]], roles: list[str]) -> tuple[list[Any], Any]:
+        if not looked or any(one is None for one in looked):
+            raise PreventUpdate
+        names = [one["about"] for one in ids]
+        seen = {n: None if one["holds"] is None else Seen(**one["holds"]) for n, one in zip(names, looked, strict=True)}
+        found = propose(seen)
+        if any(role != "none" for role in roles):  # someone has chosen already
+            return [no_update] * len(roles), no_update
+        return [found.roles[name] for name in names], found.words
+
+
+def _register_client(app: Dash) -> None:
+    """Register the callbacks that run in the browser."""
+
+    def run(name: str, *places: Any, at_first: bool = True) -> None:
+        function = ClientsideFunction("workbench", name)
+        app.clientside_callback(function, *places, prevent_initial_call=not at_first)  # type: ignore[no-untyped-call]
+
+    run("look", Output("shade", "data"), Input("look", "n_clicks"))
+    for name in ("joint", "recording"):
+        pressed, ids = Input({name: ALL}, "n_clicks"), Input({name: ALL}, "id")
+        run("choose", Output(name, "data", allow_duplicate=True), pressed, at_first=False)
+        focus = [Input("focus", "data")] if name == "joint" else []
+        run("mark", Output({name: ALL}, "aria-pressed"), Input(name, "data"), ids, *focus)
+    run(
+        "toggle",
+        Output("overlays", "data", allow_duplicate=True),
+        Input({"tick": ALL}, "n_clicks"),
+        State("overlays", "data"),
+        at_first=False,
+    )
+    run("ticked", Output({"tick": ALL}, "aria-checked"), Input("overlays", "data"), Input({"tick": ALL}, "id"))
+    run(
+        "real",
+        Output("brushing", "data"),
+        Input("time", "selectedData"),
+        Input("scatter", "selectedData"),
+        Input({"brush": ALL}, "n_clicks"),
+        Input({"drop": ALL}, "n_clicks"),
+        Input({"region": ALL}, "n_clicks"),
+        at_first=False,
+    )
+    run(
+        "stood",
+        Output("running", "data"),
+        Output("said", "children", allow_duplicate=True),
+        Input("stand", "data"),
+        State("running", "data"),
+        at_first=False,
+    )
+    run(
+        "job",
+        Output("work", "hidden"),
+        Output("progress", "value"),
+        Output("told", "children"),
+        Output("told", "className"),
+        Output("fault", "hidden"),
+        Output("trace", "children"),
+        Input("task", "data"),
+    )

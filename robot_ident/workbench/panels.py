@@ -1,0 +1,324 @@
+"""The panels of the page: guide, joints, where a joint fails, candidates, steps."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping, Sequence
+from typing import Any
+
+from dash import html
+
+from robot_ident.report.wording import NOTHING, short, with_sigma
+from robot_ident.workbench.brushing import Condition, Held, in_words
+from robot_ident.workbench.next_step import STAGES, Next
+from robot_ident.workbench.view import CANDIDATE, STEP, Overlay, View
+
+
+def action(text: str, do: str, label: str = "", at: str = "", **more: Any) -> html.Button:
+    """Return a button: what it does, to which effect or step; at: tells buttons of the same deed apart."""
+    return html.Button(text, id={"do": do, "label": label, "at": at}, **more)
+
+
+def tick(text: str, key: str, *, ticked: bool, disabled: bool = False) -> html.Button:
+    """Return a box. It is a button, so that drawing it anew is never taken for a click on it."""
+    state: dict[str, Any] = {"role": "checkbox", "aria-checked": str(ticked).lower()}
+    return html.Button(text, id={"tick": key}, className="tick", disabled=disabled, **state)
+
+
+def candidates(view: View, overlays: Sequence[str], running: bool) -> list[Any]:
+    """Return the verdict and the candidates."""
+    found = view.diagnosis
+    if found is None:
+        words = "Not looked for yet."
+        if not view.failing and view.judged:
+            words = "The model fits; there is nothing to look for."
+        ask = action("Find what is missing", "diagnose", at="list", disabled=running)
+        return [html.P(words), ask, *_own(view, overlays)]
+    listed = [_candidate(view, one, overlays) for one in found["candidates"]]
+    notes = [html.P(note, className="note") for note in found["notes"]]
+    head = html.P(f"Verdict: {found['in_words']}", className="verdict")
+    notes.append(html.P(_remains(view, found["remaining_rms"]), className="note"))
+    if not listed:
+        return [head, *notes, *_own(view, overlays)]
+    lead = html.P("Tick one to see what would remain; tick two to see them side by side.")
+    if not view.judged:
+        words = (
+            "Without a known noise the model is refitted, weighted by its own residual, before effects are compared."
+        )
+        notes.append(html.P(words, className="note"))
+    return [head, *notes, lead, html.Div(listed, className="candidates"), *_own(view, overlays)]
+
+
+def _remains(view: View, remaining: Mapping[str, float]) -> str:
+    """Return the unexplained excess over the noise, where that is known, with all that the verdict names."""
+    each = (f"{name} {short(value)} {view.unit(view.joints.index(name))}" for name, value in remaining.items())
+    what = "Unexplained excess over the noise, rms" if view.judged else "Residual, noise included, rms"
+    return f"{what}: {', '.join(each)}."
+
+
+def _candidate(view: View, one: Mapping[str, Any], overlays: Sequence[str]) -> html.Div:
+    label = str(one["label"])
+    named = label in (view.diagnosis or {}).get("named", [])
+    key = f"{CANDIDATE}{label}"
+    ticked = key in overlays
+    box = tick(label, key, ticked=ticked, disabled=not one["can_be_added"])
+    best = max(one["residual_mse_before"], key=lambda n: one["residual_mse_before"][n] - one["residual_mse_after"][n])
+    before, after = one["residual_mse_before"][best] ** 0.5, one["residual_mse_after"][best] ** 0.5
+    unit = view.unit(view.joints.index(best))
+    line = f"explains {100 * one['explained']:.0f} %; {best} {short(before)} to {short(after)} {unit} rms"
+    if one["validation_mse_after"]:
+        first, then = (one[f"validation_mse_{key}"][best] ** 0.5 for key in ("before", "after"))
+        line += f", validation {short(first)} to {short(then)}"
+    out: list[Any] = [
+        html.Div([box, html.Span("missing" if named else "", className="tag")], className="line"),
+        html.Span(line),
+    ]
+    if ticked or named:
+        out += _details(one)
+    return html.Div(out, className="candidate" + (" named" if named else ""))
+
+
+def _details(one: Mapping[str, Any]) -> list[Any]:
+    out: list[Any] = [html.P(f"{one['meaning']}: {one['equation']}")]
+    out += [html.Div(_parameter(p)) for p in one["parameters"]]
+    if one["tied_with"]:
+        out.append(html.P(f"These recordings cannot tell it from {', '.join(one['tied_with'])}."))
+        if one["experiment"]:
+            out.append(html.P(f"What would tell: {one['experiment']}"))
+    return out
+
+
+def _parameter(one: Mapping[str, Any]) -> str:
+    """Return a value with its uncertainty; one of a grid, a side or a number of teeth, has none."""
+    return f"{one['name']} = {with_sigma(one['value'], one['std'] or 0.0)} {one['unit']}"
+
+
+def _own(view: View, overlays: Sequence[str]) -> list[Any]:
+    """Return the effects that are not listed, but were looked at."""
+    listed = [str(one["label"]) for one in (view.diagnosis or {"candidates": []})["candidates"]]
+    own = [label for label in view.previews if label not in listed]
+    return [tick(label, f"{CANDIDATE}{label}", ticked=f"{CANDIDATE}{label}" in overlays) for label in own]
+
+
+def others(view: View) -> list[str]:
+    """Return all other effects that could be looked at."""
+    return [label for label in view.comparison["possible"] if label not in view.previews]
+
+
+def stages(now: Next) -> list[Any]:
+    """Return the loop, with the stage where one stands."""
+    return [
+        html.Li(
+            [html.B(name), html.Span(text)],
+            className="here" if name == now.stage else "",
+            **_current(name == now.stage),
+        )
+        for name, text in STAGES.items()
+    ]
+
+
+def next_step(now: Next, running: bool) -> list[Any]:
+    """Return the words of the next step, and its button."""
+    out: list[Any] = [html.P(now.words)]
+    if now.button and now.do:
+        out.append(action(now.button, now.do, now.label, "next", className="primary", disabled=running))
+    return out
+
+
+def _current(yes: bool) -> dict[str, Any]:
+    return {"aria-current": "step"} if yes else {}
+
+
+def joint_cards(view: View) -> list[Any]:
+    """Return a card for every joint: its residual beside the noise, and whether the model fits."""
+    return [_card(view, k) for k in range(len(view.joints))]
+
+
+def _card(view: View, joint: int) -> html.Button:
+    found, unit = view.comparison["joints"][joint], view.unit(joint)
+    noise = found["noise_variance"]
+    fails, word = found["fails"], str(found["in_words"])
+    if joint == view.worst and fails is not False:
+        word += ", worst"
+    lines = [
+        html.B(found["name"]),
+        html.Span(word, className="word"),
+        html.Span(f"residual {short(found['residual_mse'] ** 0.5)} {unit} rms"),
+        html.Span("noise unknown" if noise is None else f"noise {short(noise**0.5)} {unit} rms"),
+    ]
+    return html.Button(lines, id={"joint": joint}, className="joint fails" if fails else "joint", **_unpressed())
+
+
+def recording_buttons(view: View) -> list[Any]:
+    """Return a button for every recording; one is drawn over time."""
+    out = []
+    for place, one in enumerate(view.recordings):
+        name = f"{one['name']} (validation)" if one["validation"] else str(one["name"])
+        notes = "; ".join(one["notes"])
+        out.append(html.Button(name, id={"recording": place}, title=notes, **_unpressed()))
+    return out
+
+
+def _unpressed() -> dict[str, Any]:
+    """Return what makes a button one of which one is chosen; the page itself says which (`callbacks/client.py`)."""
+    return {"aria-pressed": "false"}
+
+
+def tree(view: View, overlays: Sequence[str]) -> list[Any]:
+    """Return all steps, alternatives indented alike, with a way to go to each and to lay it over the present one."""
+    steps = view.session.steps
+    out: list[Any] = []
+
+    def grow(number: int, depth: int) -> None:
+        out.append(_line(view, number, depth, overlays))
+        for child in steps.values():
+            if child.parent == number:
+                grow(child.number, depth + 1)
+
+    grow(min(steps), 0)
+    return [
+        html.Ul(out, className="steps"),
+        html.P(
+            "Undo loses nothing: the step stays. Add another effect to an earlier step to have two alternatives.",
+            className="note",
+        ),
+    ]
+
+
+def _line(view: View, number: int, depth: int, overlays: Sequence[str]) -> html.Li:
+    step = view.session.steps[number]
+    label = f"{number}: + {step.added}" if step.added else f"{number}: the model to begin with"
+    here = number == view.number
+    key = f"{STEP}{number}"
+    parts: list[Any] = [action(label, "go", str(number), "tree", className="chosen" if here else "")]
+    if not here:
+        parts.append(tick("beside", key, ticked=key in overlays))
+    return html.Li(parts, style={"marginLeft": f"{1.2 * depth}em"})
+
+
+def side_by_side(view: View, overlays: Sequence[Overlay], running: bool) -> list[Any]:
+    """Return the errors of the present step and of what is laid over it, by joint, training and validation."""
+    if not overlays:
+        return [html.P("Tick candidates or steps (two at most) to see them beside the present model.")]
+    errors = view.errors
+    columns: list[tuple[str, Mapping[str, Any], Mapping[str, Any] | None]] = [
+        (f"step {view.number}, now", errors["training"], errors["validation"]),
+        *((one.words, one.training, one.validation) for one in overlays),
+    ]
+    heads = [html.Th(_broken(words), scope="col", className=f"overlay{k}") for k, (words, _, _) in enumerate(columns)]
+    head = html.Tr([html.Th(f"{view.unit(0)} rms"), *heads, html.Th("noise", scope="col")])
+    parts = [_part("training", view, columns, unseen=False)]
+    if errors["validation"] is not None:
+        parts.append(_part("validation", view, columns, unseen=True))
+    buttons = [
+        action(f"Add {label}", "add", label, "table", disabled=running)
+        for label in (one.key.removeprefix(CANDIDATE) for one in overlays if one.key.startswith(CANDIDATE))
+        if view.session.find(view.number, label) is None
+    ]
+    return [html.Table([html.Thead(head), *parts], className="numbers"), html.Div(buttons, className="line")]
+
+
+def _part(
+    name: str,
+    view: View,
+    columns: Sequence[tuple[str, Mapping[str, Any], Mapping[str, Any] | None]],
+    *,
+    unseen: bool,
+) -> html.Tbody:
+    """Return the rows of all joints, on training or on validation."""
+    head = html.Tr(html.Th(name, scope="rowgroup", colSpan=len(columns) + 2), className="part")
+    return html.Tbody([head, *(_row(view, joint, unseen, columns) for joint in range(len(view.joints)))])
+
+
+def _row(
+    view: View, joint: int, unseen: bool, columns: Sequence[tuple[str, Mapping[str, Any], Mapping[str, Any] | None]]
+) -> html.Tr:
+    name = view.joints[joint]
+    values = [unseen_errors if unseen else training for _, training, unseen_errors in columns]
+    noise = view.errors["validation_noise" if unseen else "noise"][name]
+    cells = [NOTHING if one is None else _rms(one[name]) for one in values]
+    unit = "" if view.unit(joint) == view.unit(0) else f", {view.unit(joint)}"
+    return html.Tr([html.Th(f"{name}{unit}", scope="row"), *(html.Td(cell) for cell in cells), html.Td(_rms(noise))])
+
+
+def _broken(words: str) -> list[Any]:
+    """Return a heading in short lines."""
+    first, at, joint = words.partition("@")
+    parts = first.replace("_", "_\u200b")  # may be broken after an underscore
+    return [parts, html.Br(), f"{at}{joint}"] if at else [words]
+
+
+def _rms(mean_square: float | None) -> str:
+    return NOTHING if mean_square is None else short(mean_square**0.5, 4)
+
+
+_BARS = 7
+_LEAST = 0.005  # less is printed as 0 %
+
+
+def where(view: View, joint: int) -> list[Any]:
+    """Return the regions that hold most of the excess, and the variables that explain it."""
+    found = view.comparison["joints"][joint]
+    notes: list[Any] = [html.P(note, className="note") for note in (*view.comparison["notes"], *view.unusable)]
+    if not found["worst"] and not found["explained_by"]:
+        return [
+            *notes,
+            html.P(
+                f"{found['name']} fits: there is nothing to look for."
+                if found["fails"] is False
+                else "Nothing stands out."
+            ),
+        ]
+    sentences = [
+        html.Button(words, id={"region": k}, className="sentence", title="find these moments in all pictures")
+        for k, words in enumerate(found["worst_in_words"])
+    ]
+    ranked = sorted(((name, share) for name, share in found["explained_by"].items() if share >= _LEAST), key=_share)
+    size = f"{found['name']}: {short(found['excess_rms'])} {view.unit(joint)} rms"
+    known = found["noise_variance"] is not None
+    beyond = f"{size} {'excess over the noise' if known else 'residual, noise included'}. Most of it is in:"
+    explains: list[Any] = [html.P("Explained by a curve over each variable (cross-validated):")]
+    if ranked:
+        explains.append(bars([(name.replace("_", " "), share) for name, share in ranked[:_BARS]]))
+    else:
+        explains = [html.P("No single variable explains it (cross-validated).")]
+    if found["time_symmetry"]:
+        odd, even = (100 * found["time_symmetry"][key] for key in ("odd", "even"))
+        explains.append(html.P(f"Under time reversal: {odd:.0f} % odd (friction), {even:.0f} % even (forces, inertia)"))
+    return [*notes, html.Div([html.Div([html.P(beyond), *sentences]), html.Div(explains)], className="halves")]
+
+
+def _share(item: tuple[str, float]) -> float:
+    return -item[1]
+
+
+def bars(rows: list[tuple[str, float]]) -> html.Table:
+    """Return shares as a table with bars."""
+    return html.Table(
+        [
+            html.Tr(
+                [
+                    html.Th(name, scope="row"),
+                    html.Td(html.Div(style={"width": f"{100 * share:.0f}%"}), className="bar"),
+                    html.Td(f"{100 * share:.0f} %"),
+                ]
+            )
+            for name, share in rows
+        ],
+        className="bars",
+    )
+
+
+def brushed(view: View, joint: int, conditions: list[Condition], held: Held | None) -> list[Any]:
+    """Return what is brushed and what it holds, with a way to let go."""
+    low = html.Button("Low speed", id={"brush": "low"}, title="the slowest tenth of the time")
+    if not conditions or held is None:
+        return [low, html.Span("Drag across a picture to find the same moments in all others.")]
+    chips = [
+        html.Button(f"{in_words(view, joint, one)}  ×", id={"drop": k}, className="chip", title="let go of this region")
+        for k, one in enumerate(conditions)
+    ]
+    words = (
+        f"{100 * held.share:.0f} % of the excess in {100 * held.of_time:.0f} % of the time;"
+        f" {short(held.rms)} {view.unit(joint)} rms in {held.rows} samples of the training recordings"
+    )
+    return [low, *chips, html.Span(words, className="held"), html.Button("Clear", id={"brush": "clear"})]

@@ -1,1 +1,0 @@
-"""The pictures of the workbench, one a file; they share their colours."""
