@@ -28,7 +28,6 @@ LAWS = ("fastest", "smooth")
 LONGEST_PAUSE = 3600.0  # s
 _STRICT = 1.0 - 1e-9  # share of the limits that a move may use
 Positive = Annotated[float, Field(gt=0)]
-_LONGEST = 86_400.0  # s
 
 
 @dataclass(frozen=True)

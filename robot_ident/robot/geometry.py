@@ -187,7 +187,8 @@ class Geometry:
         below = np.where(np.isfinite(self.upper), self.upper - 2.0 * np.pi, -np.pi)
         lower = np.where(np.isfinite(self.lower), self.lower, below)
         upper = np.where(np.isfinite(self.upper), self.upper, lower + 2.0 * np.pi)
-        return np.asarray(np.random.default_rng(0).uniform(lower, upper, (count, len(lower))))
+        share = np.random.default_rng(0).random((count, len(lower)))
+        return np.asarray(lower + (upper - lower) * share)
 
 
 def _body(entry: Any, model: Any) -> Body:

@@ -348,8 +348,7 @@ def _limits(model: Any, records: list[JointFile]) -> Limits:
     velocity = np.array(model.upperVelocityLimit if newer else model.velocityLimit)
     torque = np.array(model.upperEffortLimit if newer else model.effortLimit)
     acceleration, current = np.full((2, len(records)), np.inf)
-    reversed_ = lower > upper  # such a file gives no limit, and motions are not checked for one
-    lower[(lower <= -ENDLESS) | reversed_], upper[(upper >= ENDLESS) | reversed_] = -np.inf, np.inf
+    lower[lower <= -ENDLESS], upper[upper >= ENDLESS] = -np.inf, np.inf
     velocity[velocity <= 0] = np.inf
     torque[torque <= 0] = np.inf
     for k, record in enumerate(records):

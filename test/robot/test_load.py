@@ -92,15 +92,3 @@ def test_joints_left_out_are_locked(kuka: Path) -> None:
 def test_a_branching_tree_is_refused_with_the_way_out(robots_folder: Path) -> None:
     with pytest.raises(InputError, match="list one chain under 'joints'"):
         load_robot(robots_folder / "panda_description/urdf/panda.urdf")
-
-
-def test_limits_of_a_urdf_that_leave_no_position_are_none(kuka: Path) -> None:
-    """A motion is then not checked for them, and `design` and `check` say so."""
-    urdf = kuka.with_suffix(".urdf")
-    number = urdf.read_text().index('lower="')
-    joint = urdf.read_text()[number : number + 60].split("/>")[0]
-    lower, upper = (joint.split(f'{word}="')[1].split('"')[0] for word in ("lower", "upper"))
-    turned = joint.replace(f'lower="{lower}"', f'lower="{upper}"').replace(f'upper="{upper}"', f'upper="{lower}"')
-    robot = load_robot(_edit(urdf, joint, turned))
-    assert (robot.limits.lower[0], robot.limits.upper[0]) == (-np.inf, np.inf)
-    assert np.isfinite(robot.limits.lower[1:]).all()
