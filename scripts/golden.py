@@ -118,8 +118,7 @@ def written() -> set[str]:
 
 def usage() -> list[str]:
     """Return the options of every verb: names, value, default, help. argparse lays them out anew with every Python."""
-    from robot_ident.cli.commands import DESCRIPTION, GROUPS
-    from robot_ident.cli.main import VERBS, build_parser
+    from robot_ident.cli.main import DESCRIPTION, GROUPS, VERBS, build_parser
 
     lines = ["", DESCRIPTION]
     for title, commands in GROUPS.items():

@@ -6,10 +6,18 @@ import argparse
 from dataclasses import replace
 from typing import TYPE_CHECKING
 
-from robot_ident.cli.margin_table import margin_table
-from robot_ident.cli.output import add_json, add_robot, print_json, say, within
-from robot_ident.cli.precision import Precision, add_precision, precision, precision_json, say_precision
-from robot_ident.cli.unchecked import add_accept_unchecked, refuse_unchecked, say_unchecked
+from robot_ident.cli.design import Precision, add_precision, precision, precision_json, say_precision
+from robot_ident.cli.output import (
+    add_accept_unchecked,
+    add_json,
+    add_robot,
+    margin_table,
+    print_json,
+    refuse_unchecked,
+    say,
+    say_unchecked,
+    within,
+)
 from robot_ident.errors import CheckFailed, InputError
 
 if TYPE_CHECKING:

@@ -1,26 +1,40 @@
-"""`robot_ident demo`: an end-to-end example on a simulated KUKA with hidden effects."""
+"""`robot_ident demo`: an end-to-end example on a simulated KUKA with hidden effects.
+
+Excitations are designed, then played and recorded by real nodes, each a process of its own, over real DDS.
+"""
 
 from __future__ import annotations
 
 import argparse
+import fcntl
 import importlib.util
+import itertools
+import os
+import signal
+import socket
+import subprocess
+import sys
+import tempfile
 import time
-from collections.abc import Sequence
-from dataclasses import replace
+from collections.abc import Callable, Mapping, Sequence
+from dataclasses import dataclass, replace
+from functools import partial
 from pathlib import Path
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING, Any, TextIO
 
-from robot_ident.cli.output import add_json, print_json, say, table, tell, within
-from robot_ident.errors import InputError
+from robot_ident.cli.output import Progress, add_json, print_json, say, table, tell, within
+from robot_ident.errors import InputError, RobotIdentError
+from robot_ident.parallel import PARENT
 
 if TYPE_CHECKING:
-    from robot_ident.cli.demo_experiment import Run
     from robot_ident.cli.until_adequate import Additions
     from robot_ident.diagnosis.staircase import Step
+    from robot_ident.excitation.design import Progress as DesignProgress
     from robot_ident.model.model import Model
     from robot_ident.report.findings import Findings
     from robot_ident.robot import Robot
     from robot_ident.signals.motion import Array
+
 
 # What the real robot was found to have and the paper's 21 parameters lack: axis 2's gravity spring (slack at its
 # shortest), axis 1's current offset (KU Leuven, 2006), friction that rises at low speed. Sizes by which every joint's
@@ -61,7 +75,6 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
 
 def run(args: argparse.Namespace) -> int:
     """Design, excite, record, identify, diagnose, add, validate."""
-    from robot_ident.cli.demo_experiment import design_motions, record
     from robot_ident.robot import load_robot
 
     started = time.monotonic()
@@ -235,3 +248,273 @@ def _to_dict(found: Findings, added: Additions, truth: Array, runs: list[Run], s
         "diagnosis": added.said[0].to_dict(),
         "validation": validate(models[-1], found.validation[0].recording).to_dict(),
     }
+
+
+TRAJECTORIES = 2
+_PAPER = -48.63  # log10 of the paper's determinant
+_SPEED = 2.0  # times real time, at most
+_COARSE = {"rate": 50.0, "ahead": 0.04}  # every step of time wakes every node, which does all that is due within it
+_PATIENCE = 300.0  # s of real time for which a motion may not move on, its start included
+
+
+@dataclass(frozen=True)
+class Run:
+    """A motion that is played and recorded."""
+
+    name: str
+    file: Path
+    duration: float
+    periods: int
+
+    @property
+    def bag(self) -> Path:
+        """The recording."""
+        return self.file.parent / self.name
+
+
+def design_motions(robot: Robot, folder: Path, *, periods: int, seconds: float, seed: int) -> list[Run]:
+    """Design two excitations and draw a validation motion."""
+    from robot_ident.excitation.design import design
+    from robot_ident.excitation.playback import Playback
+    from robot_ident.excitation.validation import validation_motion
+
+    runs = []
+    for k in range(1, TRAJECTORIES + 1):
+        limit = seconds / TRAJECTORIES
+        tell(f"[1/5] Designing excitation {k} of {TRAJECTORIES} (d-optimality, {limit:.0f} s)")
+        for more in (1, 2, 4):  # a loaded machine gets more time
+            with Progress("design", more * limit) as bar:
+                found = design(
+                    robot, seed=seed + k - 1, time_limit=more * limit, progress=partial(_show, bar, more * limit)
+                )
+            if found.log10_det_covariance < _PAPER:
+                break
+        file = folder / f"excitation_{k}.yaml"
+        found.excitation.write(file)
+        tell(
+            f"      det of the covariance 10^{found.log10_det_covariance:.2f}, condition number"
+            f" {found.condition_number:.2f}; the paper's: 10^-48.63, 5.94; all limits certified"
+        )
+        runs.append(Run(f"run_{k}", file, Playback(found.excitation, robot, periods).duration, periods))
+    motion = validation_motion(robot, seed=seed)
+    motion.write(folder / "validation.yaml")
+    runs.append(Run("validation", folder / "validation.yaml", motion.duration, 1))
+    return runs
+
+
+def _show(bar: Progress, limit: float, state: DesignProgress) -> None:
+    bar.reach(min(limit, state.seconds), f"det 10^{state.log10_det_covariance:.2f}")
+
+
+def record(runs: list[Run], folder: Path, *, seed: int, hidden: Sequence[str]) -> None:
+    """Play every motion on a simulated robot of its own, all at the same time, each in its own DDS domain.
+
+    A loaded machine only makes it longer: a failure is a node that ends or a motion that stands still.
+    """
+    from robot_ident.bags import BagGrowth
+
+    longest = max(run.duration for run in runs)
+    tell(
+        f"[2/5] Playing {len(runs)} motions of up to {longest:.0f} s on {len(runs)} simulated robots side by side,"
+        f" {4 * len(runs)} node processes over DDS, in simulated time:"
+        f" up to {_SPEED:g} times real time, as fast as this machine can"
+    )
+    commanded = {run.name: BagGrowth(run.bag.absolute(), "/joint_command") for run in runs}
+    reached = dict.fromkeys(commanded, 0.0)
+    crews: dict[str, list[NodeProcess]] = {}
+    try:
+        for k, (motion, domain) in enumerate(zip(runs, free_domains(len(runs)), strict=True)):
+            crews[motion.name] = _crew(motion, domain, folder, seed + k, hidden)
+        others = [node for crew in crews.values() for node in crew[:-1]]
+
+        def progress() -> dict[str, float]:
+            playing = {name: commanded[name].seconds() for name, crew in crews.items() if crew[-1].running}
+            reached.update(playing)
+            return {f"the motion {name}": seconds for name, seconds in playing.items()}
+
+        with Progress("playing", longest) as bar:
+            wait_for(
+                lambda: not any(crew[-1].running for crew in crews.values()),
+                others,
+                progress,
+                _PATIENCE,
+                lambda: bar.reach(min(longest, *reached.values())),
+            )
+        for crew in crews.values():
+            for node in reversed(crew):
+                node.end()
+    finally:
+        for crew in crews.values():
+            for node in crew:
+                node.kill()
+
+
+def _crew(motion: Run, domain: int, folder: Path, seed: int, hidden: Sequence[str]) -> list[NodeProcess]:
+    """Start robot, recorder and publisher for one motion; the publisher is the last."""
+
+    logs = folder / "logs" / motion.name
+    logs.mkdir(parents=True)
+    simulated = {"use_sim_time": True}  # time that waits for the nodes: a loaded machine slows it and disturbs nothing
+    crew = [
+        NodeProcess("simulated_clock", {"speed": _SPEED, "patience": 30.0, **_COARSE}, domain, logs),
+        NodeProcess(
+            "simulated_kuka",
+            {"seed": seed, "delay": 0.6, "effects": list(hidden) or [""], **simulated},
+            domain,
+            logs,
+        ),
+        NodeProcess("recorder", {"output": motion.bag.absolute(), **simulated}, domain, logs),
+    ]
+    play = {"trajectory": motion.file.absolute(), "periods": motion.periods, "autostart": True, "exit_when_done": True}
+    play |= {"tracking_error": [10.0], "state_wait": _PATIENCE, "state_timeout": 10.0, **simulated}
+    return [*crew, NodeProcess("trajectory_publisher", play, domain, logs)]
+
+
+_END = 60.0  # s that a node has to end after SIGINT, on a machine that hardly lets it run
+_DOMAINS = 100
+_PARTICIPANTS = 20
+_LOCKS: list[TextIO] = []
+_LOOK = 0.1  # s between two looks at what is waited for
+_LONGEST_LOOK = 1.0  # s; after more than that this process has stood still itself
+
+
+class NodeProcess:
+    """A node, started with parameters in a DDS domain of its own; its output goes to a log file."""
+
+    def __init__(self, node: str, parameters: dict[str, Any], domain: int, folder: Path) -> None:
+        """Start the node."""
+        self.node = node
+        self.log = folder / f"{node}.log"
+        arguments = [word for key, value in parameters.items() for word in ("-p", f"{key}:={_text(value)}")]
+        environment = {
+            **os.environ,
+            "ROS_DOMAIN_ID": str(domain),
+            "ROS_AUTOMATIC_DISCOVERY_RANGE": "LOCALHOST",
+            "ROS_LOG_DIR": str(folder / "ros"),
+            "OMP_NUM_THREADS": "1",
+            PARENT: str(os.getpid()),
+        }
+        with self.log.open("wb") as log:
+            self._process = subprocess.Popen(
+                [sys.executable, "-m", f"robot_ident.nodes.{node}", "--ros-args", *arguments],
+                stdin=subprocess.DEVNULL,
+                stdout=log,
+                stderr=subprocess.STDOUT,
+                env=environment,
+                start_new_session=True,
+            )
+
+    @property
+    def running(self) -> bool:
+        """Whether it is running."""
+        return self._process.poll() is None
+
+    def end(self) -> None:
+        """Ask it to end (SIGINT) and wait; RobotIdentError when it failed."""
+        if self.running:
+            self._process.send_signal(signal.SIGINT)
+        try:
+            code = self._process.wait(_END)
+        except subprocess.TimeoutExpired:
+            self.kill()
+            raise RobotIdentError(f"node {self.node} did not end within {_END:g} s; its log: {self.log}") from None
+        if code != 0:
+            raise RobotIdentError(f"node {self.node} ended with code {code}: {self._last_line()} (its log: {self.log})")
+
+    def kill(self) -> None:
+        """End it by force."""
+        if self.running:
+            os.killpg(self._process.pid, signal.SIGKILL)
+            self._process.wait()
+
+    def _last_line(self) -> str:
+        lines = [line for line in self.log.read_text(errors="replace").splitlines() if line.strip()]
+        return lines[-1] if lines else "it said nothing"
+
+
+def free_domains(count: int) -> list[int]:
+    """Return so many DDS domains in which nobody runs on this machine; RobotIdentError when there are not enough.
+
+    Participant k of domain d listens on UDP port 7410 + 250 d + 2 k (RTPS 2.5, 9.6.2.3): where none of these is taken
+    there is none. Domains up to 100 keep clear of the ports that the system hands out itself. They are this process's
+    own until it ends: another that looks before any node has begun leaves them alone.
+    """
+    offset = os.getpid()
+    in_turn = (1 + (offset + k) % _DOMAINS for k in range(_DOMAINS))
+    locks = ((domain, lock) for domain in in_turn if _free(domain) and (lock := _lock(domain)) is not None)
+    found = list(itertools.islice(locks, count))
+    domains = [domain for domain, _ in found]
+    if len(domains) < count:
+        for _, lock in found:
+            lock.close()
+        raise RobotIdentError(
+            f"{count} DDS domains are needed that no node uses; {len(domains)} of {_DOMAINS} are free"
+        )
+    _LOCKS.extend(lock for _, lock in found)
+    return domains
+
+
+def _free(domain: int) -> bool:
+    """Whether the ports of a domain's first participants are free."""
+    for participant in range(_PARTICIPANTS):
+        with socket.socket(socket.AF_INET, socket.SOCK_DGRAM) as probe:
+            try:
+                probe.bind(("", 7410 + 250 * domain + 2 * participant))
+            except OSError:
+                return False
+    return True
+
+
+def _lock(domain: int) -> TextIO | None:
+    """Return a lock that keeps a domain for this process, None where somebody else has it."""
+    try:
+        lock = (Path(tempfile.gettempdir()) / f"robot_ident_domain_{domain}.lock").open("a")
+    except PermissionError:  # another user's
+        return None
+    try:
+        fcntl.flock(lock, fcntl.LOCK_EX | fcntl.LOCK_NB)
+    except BlockingIOError:
+        lock.close()
+        return None
+    return lock
+
+
+def wait_for(
+    what: Callable[[], bool],
+    nodes: Sequence[NodeProcess],
+    progress: Callable[[], Mapping[str, float]],
+    patience: float,
+    tick: Callable[[], None] = lambda: None,
+) -> None:
+    """Wait until `what()`, however long it takes while all goes on.
+
+    RobotIdentError when a node ends first, or when one of the values of `progress()` has stayed the same for `patience`
+    [s] of real time in which this process ran, too.
+    """
+    reached: dict[str, float] = {}
+    still: dict[str, float] = {}
+    before = time.monotonic()
+    while not what():
+        for node in nodes:
+            if not node.running:
+                node.end()
+                raise RobotIdentError(f"node {node.node} ended too soon; its log: {node.log}")
+        step, before = min(time.monotonic() - before, _LONGEST_LOOK), time.monotonic()
+        for name, value in progress().items():
+            still[name] = still.get(name, 0.0) + step if reached.get(name) == value else 0.0
+            reached[name] = value
+            if still[name] > patience:
+                raise RobotIdentError(
+                    f"{name} has stood still at {value:.1f} s for {patience:.0f} s; the nodes' logs:"
+                    f" {nodes[0].log.parent.parent}"
+                )
+        tick()
+        time.sleep(_LOOK)
+
+
+def _text(value: Any) -> str:
+    if isinstance(value, bool):
+        return "true" if value else "false"
+    if isinstance(value, list):
+        return "[" + ", ".join(f"'{item}'" if isinstance(item, str) else str(item) for item in value) + "]"
+    return str(value)

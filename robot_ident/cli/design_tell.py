@@ -6,9 +6,7 @@ import argparse
 from collections.abc import Callable, Sequence
 from typing import TYPE_CHECKING, Any
 
-from robot_ident.cli.margin_table import margin_table
-from robot_ident.cli.output import Progress, print_json, say, tell
-from robot_ident.cli.unchecked import refuse_unchecked, say_unchecked
+from robot_ident.cli.output import Progress, margin_table, print_json, refuse_unchecked, say, say_unchecked, tell
 from robot_ident.errors import InputError
 
 if TYPE_CHECKING:

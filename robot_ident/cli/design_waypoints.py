@@ -7,9 +7,17 @@ import time
 from collections.abc import Sequence
 from typing import TYPE_CHECKING
 
-from robot_ident.cli.margin_table import margin_table
-from robot_ident.cli.output import Options, Progress, print_json, say, tell, within
-from robot_ident.cli.unchecked import refuse_unchecked, say_unchecked
+from robot_ident.cli.output import (
+    Options,
+    Progress,
+    margin_table,
+    print_json,
+    refuse_unchecked,
+    say,
+    say_unchecked,
+    tell,
+    within,
+)
 from robot_ident.errors import InputError
 
 if TYPE_CHECKING:

@@ -1,4 +1,6 @@
-"""What verbs print: one JSON object, or aligned tables; progress goes to standard error."""
+"""What commands print: one JSON object, or aligned tables, what no certificate covers first; progress goes to standard
+error.
+"""
 
 from __future__ import annotations
 
@@ -13,11 +15,13 @@ from collections.abc import Callable, Iterable, Iterator, Sequence
 from contextlib import contextmanager
 from typing import TYPE_CHECKING, Any, NoReturn, TextIO, TypeAlias
 
-from robot_ident.errors import InputError
+from robot_ident.errors import CheckFailed, InputError
 from robot_ident.files import is_special
 
 if TYPE_CHECKING:
+    from robot_ident.excitation.margins import Margins
     from robot_ident.recording.recording import Recording
+
 
 _RULE = re.compile(r"-+(  -+)*")  # the line below a table's header
 _LENGTHEN = ("add", "diagnose")  # verbs whose output is their model with something more
@@ -291,3 +295,39 @@ class Progress:
         """Move the bar to `done` of its total."""
         self._bar.set_postfix_str(note, refresh=False)
         self._bar.update(done - self._bar.n)
+
+
+_HEAD = ("limit", "joint, rule or links", "reached", "allowed", "margin", "unit", "at t [s]", "by")
+
+
+def margin_table(margins: Margins) -> str:
+    """Return the tightest point of every limit, and below what was left out on purpose."""
+    rows = [item.cells for item in margins.items]
+    return "\n".join([table(_HEAD, rows), *margins.notes])
+
+
+_OPTION = "--accept-unchecked"
+
+
+def add_accept_unchecked(parser: Options) -> None:
+    """Add `--accept-unchecked`."""
+    parser.add_argument(
+        _OPTION,
+        action="store_true",
+        help="exit with 0 although limits or collisions were not checked; the output still lists them",
+    )
+
+
+def say_unchecked(margins: Margins) -> None:
+    """Print what was not checked, if anything: the first line of a verb's output."""
+    if margins.not_checked:
+        say(margins.not_checked)
+
+
+def refuse_unchecked(args: argparse.Namespace, margins: Margins) -> None:
+    """Raise CheckFailed where something was not checked and nobody has accepted that."""
+    from robot_ident.excitation.margins import unchecked_refusal
+
+    refusal = unchecked_refusal(margins.unknown, f"give {_OPTION}")
+    if refusal and not args.accept_unchecked:
+        raise CheckFailed(refusal)

@@ -47,7 +47,9 @@ def drawn(layout: Any, words: str) -> set[tuple[str, int]]:
 def published(checkout: Path) -> set[str]:
     """Return the topics of joint states that the estimator publishes and hears, as its source names them."""
     nodes = checkout / "robot_ident/nodes"
-    tree = ast.parse("".join((nodes / name).read_text(encoding="utf-8") for name in ("intake.py", "estimator.py")))
+    tree = ast.parse(
+        "".join((nodes / name).read_text(encoding="utf-8") for name in ("message_buffer.py", "estimator.py"))
+    )
     assigned = [n for n in ast.walk(tree) if isinstance(n, ast.AnnAssign)]
     declared = [n.value for n in assigned if ast.unparse(n.target) == "node_name"]
     assert isinstance(declared[0], ast.Constant)

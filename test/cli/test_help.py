@@ -11,8 +11,7 @@ from typing import Any
 
 import pytest
 
-from robot_ident.cli.commands import DESCRIPTION, GROUPS
-from robot_ident.cli.main import VERBS, main
+from robot_ident.cli.main import DESCRIPTION, GROUPS, VERBS, main
 
 Run = Callable[..., Any]
 _HEADINGS = {

@@ -10,9 +10,9 @@ import numpy as np
 import pytest
 
 from robot_ident.bags import write_recording
-from robot_ident.cli.effect_option import bags_of
 from robot_ident.cli.identify import to_the_digit
 from robot_ident.cli.main import build_parser
+from robot_ident.cli.options import bags_of
 from robot_ident.errors import InputError
 from robot_ident.estimation.violations import violations
 from robot_ident.model.model import Model

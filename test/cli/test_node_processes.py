@@ -11,8 +11,8 @@ from typing import Any
 
 import pytest
 
-from robot_ident.cli import node_processes
-from robot_ident.cli.node_processes import free_domains, wait_for
+from robot_ident.cli import demo
+from robot_ident.cli.demo import free_domains, wait_for
 from robot_ident.errors import RobotIdentError
 
 
@@ -38,7 +38,7 @@ def node() -> Any:
 
 def machine(monkeypatch: pytest.MonkeyPatch, pace: float) -> Machine:
     made = Machine(pace)
-    monkeypatch.setattr(node_processes, "time", made)
+    monkeypatch.setattr(demo, "time", made)
     return made
 
 
@@ -76,7 +76,7 @@ def test_two_that_look_at_once_find_different_domains() -> None:
     """Before either has started a node."""
     look = (
         "import os, sys; os.getpid = lambda: 7\n"
-        "from robot_ident.cli.node_processes import free_domains\n"
+        "from robot_ident.cli.demo import free_domains\n"
         "print(*free_domains(3), flush=True); sys.stdin.read()"
     )
     begun = [

@@ -102,7 +102,7 @@ def test_a_design_in_compiled_code_ends(number: int, tmp_path: Path, started: li
 def test_a_node_ends_with_the_command_that_started_it(tmp_path: Path, started: list[subprocess.Popen[bytes]]) -> None:
     pytest.importorskip("rclpy")
     start = (
-        "import time, sys; from pathlib import Path; from robot_ident.cli.node_processes import NodeProcess; "
+        "import time, sys; from pathlib import Path; from robot_ident.cli.demo import NodeProcess; "
         "NodeProcess('recorder', {'output': Path('bag').absolute()}, 99, Path('.')); time.sleep(60)"
     )
     popen = subprocess.Popen([sys.executable, "-c", start], cwd=tmp_path)

@@ -1,11 +1,13 @@
-"""Options that say how recordings are read and processed."""
+"""Options that several commands share: how recordings are read and processed, effects by name or from a file."""
 
 from __future__ import annotations
 
 import argparse
+import os
 from collections.abc import Callable, Sequence
 from dataclasses import replace
-from typing import TYPE_CHECKING
+from pathlib import Path
+from typing import TYPE_CHECKING, Any
 
 from robot_ident.cli.output import Options, within
 from robot_ident.errors import InputError
@@ -16,6 +18,67 @@ if TYPE_CHECKING:
     from robot_ident.recording.recording import Recording
     from robot_ident.robot.robot import Robot
     from robot_ident.signals.motion import Array
+
+
+class _Effects(argparse.Action):
+    """Takes effects; a recording that follows them is one still."""
+
+    def __call__(
+        self,
+        parser: argparse.ArgumentParser,
+        namespace: argparse.Namespace,
+        values: str | Sequence[Any] | None,
+        option_string: str | None = None,
+    ) -> None:
+        words = [values] if isinstance(values, str) else list(values or ())
+        bags = [word for word in words[1:] if os.path.exists(word)]
+        effects = [*words[:1], *(word for word in words[1:] if word not in bags)]
+        setattr(namespace, self.dest, [*getattr(namespace, self.dest), *effects])
+        namespace.after_effects = [*namespace.after_effects, *bags]
+
+
+def add_bags_and_effects(parser: Options, model: Options) -> None:
+    """Add the recordings to a parser, and `--effect` to its group of the model."""
+    parser.add_argument("bags", nargs="*", metavar="BAG", help="recordings to fit, periodic or not")
+    model.add_argument(
+        "--effect", action=_Effects, nargs="+", default=[], metavar="NAME@JOINT", help="additional effects in the model"
+    )
+    parser.set_defaults(after_effects=[])
+
+
+def bags_of(args: argparse.Namespace) -> list[str]:
+    """Return all recordings of a command line; InputError where there is none."""
+    bags = [*args.bags, *args.after_effects]
+    if not bags:
+        raise InputError("the following arguments are required: BAG")
+    return bags
+
+
+def add_effects_from(parser: argparse.ArgumentParser) -> None:
+    """Add the option."""
+    text = "Python file with user-defined effects (see examples/my_effects.py)"
+    parser.add_argument("--effects-from", action="append", default=[], metavar="FILE.py", help=text)
+
+
+def register_effects(files: Sequence[str]) -> None:
+    """Add the effects of files to the catalogue of this process and of its workers; call it before one is made."""
+    if not files:
+        return
+    from robot_ident.effects import load_effects, register
+    from robot_ident.parallel import prepare
+
+    for file in files:
+        register(load_effects(file))
+        path = Path(file).resolve()
+        prepare(_register_source, str(path), path.read_bytes())
+
+
+def _register_source(path: str, source: bytes) -> None:
+    """Add the effects of a file's contents to the catalogue of a worker, which needn't have the file."""
+    from robot_ident.effects import load_effects, register
+
+    register(load_effects(path, source))
+
 
 AS_DECLARED = ", or continue with --as-declared"
 _ALIKE = 1e-4  # difference of speeds that are the same
