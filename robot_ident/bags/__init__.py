@@ -7,18 +7,23 @@ bag that breaks off.
 
 from __future__ import annotations
 
-from robot_ident.bags.describe import BagInfo, TopicInfo, describe
-from robot_ident.bags.for_robot import read_for
-from robot_ident.bags.growth import BagGrowth
+from robot_ident.bags.bag_writer import BagWriter
 from robot_ident.bags.prediction import write_prediction
-from robot_ident.bags.qos import Qos, qos_text
-from robot_ident.bags.read import RawMessage, read_messages, read_recording
-from robot_ident.bags.recover import Recovery, recover
-from robot_ident.bags.robot_description import read_robot_description
-from robot_ident.bags.states_topic import topic_of_joints
+from robot_ident.bags.read import (
+    BagInfo,
+    RawMessage,
+    TopicInfo,
+    describe,
+    read_for,
+    read_messages,
+    read_recording,
+    read_robot_description,
+    topic_of_joints,
+)
+from robot_ident.bags.recover import BagGrowth, Recovery, recover
+from robot_ident.bags.rosbag2_metadata import Qos, qos_text
 from robot_ident.bags.storage import JOINT_STATE, NUMBERS, Topic
 from robot_ident.bags.write import Series, write_recording, write_series
-from robot_ident.bags.writer import BagWriter
 
 __all__ = [
     "JOINT_STATE",

@@ -1,8 +1,10 @@
-"""The CDR bytes of sensor_msgs/msg/JointState: where each value stands, and how to write many at once.
+"""The CDR bytes of sensor_msgs/msg/JointState and std_msgs/msg/Float64MultiArray: where each value stands, and how to
+read and write many messages at once.
 
 CDR (OMG, formal/02-06-51) as DDS carries it: two bytes name the representation, two are options, then the body. In the
 body every number is aligned to its size, counted from the body's first byte; a string is its length with the closing
-zero, its bytes and the zero; a sequence is its length and its elements, unpadded where it is empty.
+zero, its bytes and the zero; a sequence is its length and its elements, unpadded where it is empty. An array message is
+its layout (a sequence of dimensions, each a label and two uint32; a uint32 offset), then the sequence of numbers.
 """
 
 from __future__ import annotations
@@ -13,7 +15,8 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
-from robot_ident.bags.storage import Bytes, Integers
+from robot_ident.bags import compression
+from robot_ident.bags.storage import Batch, Bytes, Integers
 from robot_ident.signals.motion import Array
 
 ENCAPSULATION = 4  # bytes before the body
@@ -171,3 +174,37 @@ def serialise(
     for first, values in places:
         inner[:, first : first + 8 * values.shape[1]] = np.ascontiguousarray(values, dtype="<f8").view(np.uint8)
     return rows
+
+
+def numbers_of(batch: Batch) -> tuple[Integers, Array]:
+    """Return receive times [k] ns and numbers [k, longest] of the messages that can be read, nan where one is short."""
+    rows = [_numbers(compression.message(batch.payload(k))) for k in range(len(batch))]
+    readable = [k for k, row in enumerate(rows) if row is not None]
+    longest = max((len(row) for row in rows if row is not None), default=0)
+    table = np.full((len(readable), longest), np.nan)
+    for place, k in enumerate(readable):
+        row = rows[k]
+        if row is not None:
+            table[place, : len(row)] = row
+    return batch.log_time[readable], table
+
+
+def _numbers(message: bytes) -> Array | None:
+    """Return the numbers of one message, None where these bytes are none."""
+    representation = int.from_bytes(message[:2], "big")
+    if len(message) < ENCAPSULATION or representation not in REPRESENTATIONS:
+        return None
+    order, widest = REPRESENTATIONS[representation]
+    body = message[ENCAPSULATION:]
+    try:
+        (dimensions,) = struct.unpack_from(f"{order}I", body, 0)
+        at = 4
+        for _ in range(dimensions):
+            (label,) = struct.unpack_from(f"{order}I", body, at)
+            at = -(-(at + 4 + label) // 4) * 4 + 8
+            struct.unpack_from(f"{order}I", body, at - 4)  # ends a count that the body can't hold
+        (count,) = struct.unpack_from(f"{order}I", body, at + 4)
+        first = -(-(at + 8) // widest) * widest
+        return np.array(struct.unpack_from(f"{order}{count}d", body, first)) if count else np.zeros(0)
+    except struct.error:
+        return None

@@ -1,9 +1,16 @@
-"""Decompresses what bags hold, within bounds: never more than was announced, and what is left of a torn stream."""
+"""Decompresses what bags hold, within bounds: never more than was announced, and what is left of a torn stream. What
+is unpacked into a temporary folder goes with the storage that did so.
+"""
 
 from __future__ import annotations
 
+import shutil
+import tempfile
+import weakref
 from contextlib import suppress
 from pathlib import Path
+
+from robot_ident.errors import InputError
 
 LARGEST_CHUNK = 1 << 28  # bytes; real chunks have about one megabyte, a larger claim is damage
 _RATIO = 250  # a robot at rest, whose stamps alone change, compresses to a thirtieth
@@ -84,3 +91,15 @@ def unpack_file(path: Path, to: Path) -> str:
         except zstandard.ZstdError as error:
             return f"{path.name}: its compression breaks off ({error}); what came before is used"
     return ""
+
+
+class ScratchFolder:
+    """A folder under the system's temporary one, removed with this object or at the end of the process."""
+
+    def __init__(self) -> None:
+        """Make it; InputError when the disk refuses."""
+        try:
+            self.path = Path(tempfile.mkdtemp(prefix="robot_ident_"))
+        except OSError as error:
+            raise InputError(f"{tempfile.gettempdir()}: no temporary folder can be made ({error.strerror})") from error
+        weakref.finalize(self, shutil.rmtree, self.path, ignore_errors=True)

@@ -1,8 +1,15 @@
-"""One MCAP file, whole or broken off: chunked or not, compressed by zstd or lz4 or not, indexed or not."""
+"""One MCAP file, whole or broken off: chunked or not, compressed by zstd or lz4 or not, indexed or not.
+
+A record is an opcode (1 byte), a length (8 bytes, little-endian) and that many bytes. The `mcap` package hands out one
+Python object a message; here a whole file or chunk becomes a few arrays, found without a copy and never beyond the
+bytes that are there, because a million messages must not cost seconds, and because a file that breaks off must give
+everything before the break. Source: https://mcap.dev/spec
+"""
 
 from __future__ import annotations
 
 import mmap
+import struct
 import zlib
 from collections import Counter
 from collections.abc import Collection, Iterator
@@ -11,12 +18,181 @@ from functools import cached_property
 from pathlib import Path
 
 import numpy as np
+from numpy.typing import NDArray
 
-from robot_ident.bags import mcap_records as records
 from robot_ident.bags.compression import DECOMPRESSORS, LARGEST_CHUNK, most
-from robot_ident.bags.mcap_records import Damaged, Fields, Scan, message_heads, scan
-from robot_ident.bags.storage import Batch, Bytes, Topic, one_line
+from robot_ident.bags.storage import Batch, Bytes, Integers, Topic, one_line, windows
 from robot_ident.errors import InputError
+
+MAGIC = b"\x89MCAP0\r\n"
+LIBRARY = "robot_ident"  # in the header of our own files
+HEADER, FOOTER, SCHEMA, CHANNEL, MESSAGE, CHUNK, MESSAGE_INDEX = range(1, 8)
+STATISTICS, DATA_END = 0x0B, 0x0F
+_KEPT = frozenset({HEADER, SCHEMA, CHANNEL, CHUNK, MESSAGE_INDEX, STATISTICS, FOOTER})
+MESSAGE_HEAD = np.dtype([("channel", "<u2"), ("sequence", "<u4"), ("log_time", "<u8"), ("publish_time", "<u8")])
+
+_HEAD = struct.Struct("<BQ")
+_STREAK = 16  # that many records of one length in a row make it worth looking for a long run
+_BLOCK = 1 << 16
+
+
+class Damaged(ValueError):
+    """A record whose content contradicts itself."""
+
+
+class Fields:
+    """Reads the fields of one record in order; Damaged where they reach beyond its end."""
+
+    def __init__(self, data: Bytes, start: int, size: int) -> None:
+        """Begin at byte `start` of `data`; the record has `size` bytes."""
+        self._data = memoryview(data)
+        self.position = start
+        self.end = start + size
+
+    def take(self, size: int) -> memoryview:
+        """Return the next `size` bytes."""
+        if size > self.end - self.position:
+            raise Damaged(f"a field of {size} bytes does not fit into its record")
+        self.position += size
+        return self._data[self.position - size : self.position]
+
+    def number(self, size: int) -> int:
+        """Return an unsigned integer of `size` bytes."""
+        return int.from_bytes(self.take(size), "little")
+
+    def text(self) -> str:
+        """Return a string with its length before it."""
+        return bytes(self.take(self.number(4))).decode("utf-8", errors="replace")
+
+    def mapping(self) -> dict[str, str]:
+        """Return a map of strings."""
+        inner = self.number(4)
+        end = self.position + inner
+        if end > self.end:
+            raise Damaged("a map does not fit into its record")
+        pairs: dict[str, str] = {}
+        while self.position < end:
+            key = self.text()
+            pairs[key] = self.text()
+        return pairs
+
+
+@dataclass(frozen=True)
+class Scan:
+    """The records in a stretch of bytes.
+
+    start, size [N]: the content of each Message record. others: opcode, start and size of each other record. end: the
+    first byte that belongs to no whole record. cut: opcode, start and remaining size of the record that breaks off.
+    damage: what was found at `end`, if anything.
+    """
+
+    start: Integers
+    size: Integers
+    others: tuple[tuple[int, int, int], ...]
+    end: int
+    cut: tuple[int, int, int] | None = None
+    damage: str = ""
+
+
+class _Messages:
+    """Collects where Message records lie: single ones, and long runs of equal length."""
+
+    def __init__(self) -> None:
+        self._starts: list[Integers] = []
+        self._sizes: list[Integers] = []
+        self._single_starts: list[int] = []
+        self._single_sizes: list[int] = []
+
+    def add(self, start: int, size: int) -> None:
+        self._single_starts.append(start)
+        self._single_sizes.append(size)
+
+    def add_run(self, start: int, size: int, count: int) -> None:
+        self._gather()
+        self._starts.append(start + (9 + size) * np.arange(count, dtype=np.int64))
+        self._sizes.append(np.full(count, size, dtype=np.int64))
+
+    def _gather(self) -> None:
+        self._starts.append(np.array(self._single_starts, dtype=np.int64))
+        self._sizes.append(np.array(self._single_sizes, dtype=np.int64))
+        self._single_starts.clear()
+        self._single_sizes.clear()
+
+    def arrays(self) -> tuple[Integers, Integers]:
+        self._gather()
+        return np.concatenate(self._starts), np.concatenate(self._sizes)
+
+
+def scan(data: Bytes, begin: int, end: int) -> Scan:
+    """Return the records between two bytes of `data`, up to and including the footer or the first damage."""
+    view = memoryview(data)
+    messages = _Messages()
+    others: list[tuple[int, int, int]] = []
+    cut, damage = None, ""
+    previous, streak = -1, 0
+    position, unpack = begin, _HEAD.unpack_from
+    while position + 9 <= end:
+        opcode, size = unpack(view, position)
+        content = position + 9
+        if opcode < HEADER or (opcode == MESSAGE and size < MESSAGE_HEAD.itemsize):
+            damage = f"no record begins at byte {position}"
+            break
+        if size > end - content:
+            cut = (opcode, content, end - content)
+            break
+        position = content + size
+        if opcode == MESSAGE:
+            messages.add(content, size)
+            streak = streak + 1 if size == previous else 0
+            previous = size
+            if streak == _STREAK:
+                streak = 0
+                count = _run(data, position, end, size)
+                messages.add_run(position + 9, size, count)
+                position += count * (9 + size)
+        elif opcode in _KEPT:
+            others.append((opcode, content, size))
+            if opcode == FOOTER:
+                break
+    return Scan(*messages.arrays(), tuple(others), position, cut, damage)
+
+
+def _run(data: Bytes, begin: int, end: int, size: int) -> int:
+    """Return how many Message records of `size` bytes follow each other from `begin` on."""
+    stride = 9 + size
+    most = (end - begin) // stride
+    head = np.frombuffer(_HEAD.pack(MESSAGE, size), dtype=np.uint8)
+    found = 0
+    block = 64
+    while found < most:
+        count = min(block, most - found)
+        first = data[begin + found * stride :]
+        heads = np.lib.stride_tricks.as_strided(first, (count, 9), (stride, 1), writeable=False)
+        same = (heads == head).all(axis=1)
+        if not same.all():
+            return found + int(np.argmin(same))
+        found += count
+        block = min(2 * block, _BLOCK)
+    return found
+
+
+def message_heads(data: Bytes, start: Integers) -> NDArray[np.void]:
+    """Return channel, sequence and both stamps of the Message records whose content begins at `start` [N]."""
+    return windows(data, start, MESSAGE_HEAD.itemsize).view(MESSAGE_HEAD)[:, 0]
+
+
+def chunk_fields(data: Bytes, start: int, size: int, *, torn: bool = False) -> tuple[int, int, str, memoryview]:
+    """Return what a Chunk record holds: unpacked size, CRC-32 of that (0: none), compression, the packed records.
+
+    Damaged where it contradicts itself. torn: the record is cut, and so are the packed records.
+    """
+    fields = Fields(data, start, size)
+    fields.take(16)
+    unpacked, checksum, compression = fields.number(8), fields.number(4), fields.text()
+    announced = fields.number(8)
+    packed = fields.take(min(announced, fields.end - fields.position) if torn else announced)
+    return unpacked, checksum, compression, packed
+
 
 _GATHER = 1 << 20  # bytes of small chunks that are looked at together
 _BATCH = 1 << 14  # messages; small enough that a batch stays in the cache while it is decoded
@@ -52,7 +228,7 @@ class McapFile:
         """Find the records; InputError when this is no MCAP file."""
         self.path = path
         self._data = map_file(path)
-        if self._data[:8].tobytes() != records.MAGIC[: len(self._data)]:
+        if self._data[:8].tobytes() != MAGIC[: len(self._data)]:
             raise InputError(f"{path}: is no MCAP file (its first bytes are {self._data[:8].tobytes()!r})")
         self._scan = scan(self._data, 8, len(self._data))
         self._schemas: dict[int, tuple[str, str, str]] = {0: ("", "", "")}
@@ -74,7 +250,7 @@ class McapFile:
         """Whether a footer and the closing magic stand where they belong, in our own files with a summary before."""
         opcode, start, size = self._scan.others[-1] if self._scan.others else (0, 0, 0)
         magic = self._data[self._scan.end : self._scan.end + 8].tobytes()
-        if opcode != records.FOOTER or magic != records.MAGIC:
+        if opcode != FOOTER or magic != MAGIC:
             return False
         self._unended = size >= 8 and not Fields(self._data, start, size).number(8) and self._is_our_own()
         return not self._unended
@@ -82,11 +258,11 @@ class McapFile:
     def _is_our_own(self) -> bool:
         """Whether this package wrote the file."""
         opcode, start, size = self._scan.others[0]
-        if opcode != records.HEADER:
+        if opcode != HEADER:
             return False
         fields = Fields(self._data, start, size)
         try:
-            return (fields.text(), fields.text()) == ("ros2", records.LIBRARY)
+            return (fields.text(), fields.text()) == ("ros2", LIBRARY)
         except Damaged:
             return False
 
@@ -95,16 +271,16 @@ class McapFile:
         chunks: list[tuple[int, int]] = []
         indexed: list[Counter[int]] = []
         for opcode, start, size in self._scan.others:
-            if opcode == records.CHUNK:
+            if opcode == CHUNK:
                 chunks.append((start, size))
                 indexed.append(Counter())
-            elif opcode == records.MESSAGE_INDEX and indexed and size >= 6:
+            elif opcode == MESSAGE_INDEX and indexed and size >= 6:
                 indexed[-1][Fields(self._data, start, size).number(2)] += (size - 6) // 16
             else:
                 self._learn(self._data, opcode, start, size)
         whole = [_Chunk(*place, frozenset(known) or None) for place, known in zip(chunks, indexed, strict=True)]
         self._indexed = sum(indexed, Counter())
-        if self._scan.cut and self._scan.cut[0] == records.CHUNK:
+        if self._scan.cut and self._scan.cut[0] == CHUNK:
             whole.append(_Chunk(*self._scan.cut[1:], None, torn=True))
         return tuple(whole)
 
@@ -112,12 +288,12 @@ class McapFile:
         """Take in a Schema, Channel or Statistics record; a damaged one is left out."""
         fields = Fields(data, start, size)
         try:
-            if opcode == records.SCHEMA:
+            if opcode == SCHEMA:
                 number, name, encoding = fields.number(2), fields.text(), fields.text()
                 self._schemas.setdefault(number, (name, encoding, fields.text()))
-            elif opcode == records.CHANNEL:
+            elif opcode == CHANNEL:
                 self._learn_channel(fields)
-            elif opcode == records.STATISTICS:
+            elif opcode == STATISTICS:
                 fields.take(42)
                 pairs = fields.number(4) // 10
                 self._statistics = {fields.number(2): fields.number(8) for _ in range(pairs)}
@@ -156,7 +332,7 @@ class McapFile:
         return frozenset(
             Fields(self._data, start, size).number(2)
             for opcode, start, size in self._scan.others
-            if opcode == records.CHANNEL and size >= 2
+            if opcode == CHANNEL and size >= 2
         )
 
     @cached_property
@@ -196,7 +372,7 @@ class McapFile:
         elif self.truncated:
             lost = len(self._data) - self._scan.end
             what = self._scan.damage or ("its last record is cut" if self._scan.cut else "its end is missing")
-            if self._scan.cut and self._scan.cut[0] == records.CHUNK:
+            if self._scan.cut and self._scan.cut[0] == CHUNK:
                 rest = f", of whose {lost} bytes what can be unpacked is used, as is everything before"
             else:
                 rest = (
@@ -218,12 +394,12 @@ class McapFile:
         for data, found in self._stretches(None if wanted is None else frozenset(wanted)):
             for first in range(0, len(found.start), _BATCH):
                 start = found.start[first : first + _BATCH]
-                size = found.size[first : first + _BATCH] - records.MESSAGE_HEAD.itemsize
+                size = found.size[first : first + _BATCH] - MESSAGE_HEAD.itemsize
                 heads = message_heads(data, start)
                 topic = self._index[heads["channel"]]
                 batch = Batch(
                     data,
-                    start + records.MESSAGE_HEAD.itemsize,
+                    start + MESSAGE_HEAD.itemsize,
                     size,
                     np.where(topic < len(topics), topic, -1),  # the summary may not know what a chunk defines
                     heads["log_time"].astype(np.int64),
@@ -261,7 +437,7 @@ class McapFile:
         found = scan(data, 0, len(data))
         known, contradicts = self._index.copy() if found.others else self._index, False
         for opcode, start, length in found.others:
-            before = self._index.copy() if opcode == records.CHANNEL else self._index
+            before = self._index.copy() if opcode == CHANNEL else self._index
             self._learn(data, opcode, start, length)
             contradicts |= bool(np.any((before >= 0) & (before != self._index)))
         if len(contents) > 1 and (contradicts or found.end < len(data)):
@@ -281,9 +457,7 @@ class McapFile:
     def _open(self, chunk: _Chunk) -> bytes:
         """Return the records of a chunk, decompressed; nothing, and a note, where none of it can be used."""
         try:
-            size, checksum, compression, stored = records.chunk_fields(
-                self._data, chunk.start, chunk.size, torn=chunk.torn
-            )
+            size, checksum, compression, stored = chunk_fields(self._data, chunk.start, chunk.size, torn=chunk.torn)
         except Damaged as damage:
             self._chunk_notes[chunk.start] = f"a chunk is left out: {damage}"
             return b""

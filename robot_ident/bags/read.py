@@ -1,20 +1,91 @@
-"""Reads any form of recording into arrays, or message by message."""
+"""Reads any form of recording into arrays, or message by message, its joints and efforts as a robot's YAML names them;
+says what is in a bag without reading all of it.
+
+A new form is one function here: a storage of messages in `FILES`, or a reader and a writer of tables in `TABLES`.
+"""
 
 from __future__ import annotations
 
-from collections.abc import Collection, Iterator, Sequence
+import struct
+from collections import deque
+from collections.abc import Callable, Collection, Iterator, Sequence
 from dataclasses import dataclass, replace
 from pathlib import Path
+from typing import NamedTuple
 
 from robot_ident.bags import compression
-from robot_ident.bags.assemble import assemble
-from robot_ident.bags.forms import TABLES, form_of, open_storage
-from robot_ident.bags.joint_state_decoder import JointStateDecoder
+from robot_ident.bags.efforts import with_efforts
+from robot_ident.bags.joint_states import JointStateDecoder, assemble
+from robot_ident.bags.rosbag2_folder import FILES, Rosbag2Directory, open_file
 from robot_ident.bags.storage import Storage, Topic, one_line
-from robot_ident.bags.topics import choose_topic, faster, listing
+from robot_ident.bags.tables import read_csv, read_npz, refuse_unnamed, write_csv, write_npz
+from robot_ident.bags.topics import (
+    MOST_PEEKED,
+    candidates,
+    choose_topic,
+    faster,
+    joint_states,
+    listing,
+    named_topic,
+    peek,
+)
 from robot_ident.errors import InputError
+from robot_ident.recording.checks import refuse_payload
 from robot_ident.recording.conditions import read_conditions
 from robot_ident.recording.recording import Recording
+from robot_ident.robot import Robot
+from robot_ident.robot.drives import EffortSource
+
+
+class Table(NamedTuple):
+    """How a table is read and written."""
+
+    read: Callable[[Path, Sequence[str] | None], Recording]
+    write: Callable[[Path, Recording], None]
+
+
+TABLES: dict[str, Table] = {".csv": Table(read_csv, write_csv), ".npz": Table(read_npz, write_npz)}
+# the first bytes of a file whose suffix says nothing
+_MAGIC = {b"\x89MCAP0\r\n": ".mcap", b"SQLite format 3\x00": ".db3", b"PK\x03\x04": ".npz"}
+_ROS1 = b"#ROSBAG V"
+
+
+def form_of(path: Path) -> str:
+    """Return the suffix that says how to read `path`, "" for a rosbag2 folder; InputError when it is no recording."""
+    if path.is_dir():
+        return ""
+    if not path.exists():
+        raise InputError(f"{path}: there is no such file or folder")
+    if not path.is_file():
+        raise InputError(f"{path}: is neither a file nor a folder")
+    suffix = path.suffix.lower()
+    if suffix in TABLES or suffix in FILES:
+        return suffix
+    if path.name.endswith(tuple(f"{known}.zstd" for known in FILES)):
+        return ".zstd"
+    try:
+        with path.open("rb") as file:
+            head = file.read(16)
+    except OSError as error:
+        raise InputError(f"{path}: can't be read ({error.strerror})") from error
+    if head.startswith(_ROS1):
+        raise InputError(f"{path}: is a ROS 1 bag; convert it first (rosbags-convert --src {path} --dst FOLDER)")
+    for magic, known in _MAGIC.items():
+        if head.startswith(magic):
+            return known
+    raise InputError(
+        f"{path}: is no recording; expected a rosbag2 folder, {', '.join(FILES)} or a table ({', '.join(TABLES)})"
+    )
+
+
+def open_storage(path: Path) -> Storage:
+    """Open a bag of messages; InputError when `path` is a table or can't be read."""
+    form = form_of(path)
+    if form in TABLES:
+        raise InputError(f"{path}: is a table, not a bag of messages")
+    if not form:
+        return Rosbag2Directory(path)
+    return FILES[form](path) if form in FILES else open_file(path)
 
 
 def read_recording(
@@ -77,3 +148,142 @@ def raw_messages(storage: Storage, topics: Collection[str] | None = None) -> Ite
         places = (batch.topic.tolist(), batch.log_time.tolist(), batch.publish_time.tolist())
         for number, (index, log_time, publish_time) in enumerate(zip(*places, strict=True)):
             yield RawMessage(known[index], compression.message(batch.payload(number)), log_time, publish_time)
+
+
+def read_for(path: Path | str, robot: Robot, *, topic: str | None = None) -> Recording:
+    """Return a recording whose effort is what the robot's YAML says it is: `effort.topic` and `effort.field`.
+
+    Velocities that messages of a bag report are left out: those of a model come from the positions.
+
+    topic: of the joint states that hold the positions; None takes what the YAML or the bag says. Effort that comes by
+    other messages is interpolated at the positions' stamps, linearly; samples without any beside them are left out.
+    InputError in one line as of `read_recording`, and where a topic or field holds no effort of a joint.
+    """
+    path = Path(path)
+    refuse_payload(read_conditions(path), robot, path)
+    states = topic or robot.effort.topic
+    if form_of(path) in TABLES:
+        refuse_unnamed(path, robot.n)
+        return read_recording(path, topic=states)
+    sources = dict(robot.effort.sources)
+    if topic is None and states is not None and not _has_positions(path, states):
+        sources = {name: sources.get(name, EffortSource(states)) for name in robot.joints}
+        states = None
+    if not sources:
+        return read_recording(path, topic=states, velocities=False)
+    recording = with_efforts(open_storage(path), str(path), states, sources, robot.joints)
+    return replace(recording, conditions=read_conditions(path))
+
+
+def _has_positions(path: Path, topic: str) -> bool:
+    """Return whether the first messages of a topic of joint states hold positions."""
+    storage = open_storage(path)
+    for batch in storage.batches([named_topic(storage, path, topic)]):
+        return any(piece.position.shape[1] for piece in JointStateDecoder().decode(batch))
+    return True
+
+
+def topic_of_joints(path: Path | str, joints: Collection[str], topic: str | None = None) -> tuple[str | None, str]:
+    """Return the topic whose joint states are those of a robot, and a line that says which were left aside.
+
+    topic: asked for by name; its whole name is returned. Else, where several topics report efforts, the one that holds
+    most of `joints`; None where there is no choice, or where two hold as many. Raises InputError as of
+    `named_topic`. A table of columns has no topics: None.
+    """
+    path = Path(path)
+    if form_of(path) in TABLES:
+        return None, ""
+    storage = open_storage(path)
+    if topic is not None:
+        return storage.topics[named_topic(storage, path, topic)].name, ""
+    offered = candidates(storage)
+    if len(offered) < 2:
+        return None, ""
+    held = {index: len(set(joints) & set(peek(storage, index)[0])) for index in offered}
+    best = max(offered, key=lambda index: held[index])
+    if held[best] == 0 or sum(count == held[best] for count in held.values()) > 1:
+        return None, ""
+    name = storage.topics[best].name
+    others = one_line(*(f"{storage.topics[index].name} ({held[index]})" for index in offered if index != best))
+    return name, f"{name} holds {held[best]} joints of the URDF, {others}: its states are taken (else --topic)"
+
+
+@dataclass(frozen=True)
+class TopicInfo:
+    """One topic: messages, and for JointState the joints in the first messages and whether efforts are among them."""
+
+    name: str
+    type: str
+    messages: int
+    joints: tuple[str, ...] = ()
+    efforts: bool = False
+
+
+@dataclass(frozen=True)
+class BagInfo:
+    """What `info` shows of a bag; a table has one nameless topic of type `table`.
+
+    form: in words. truncated: whether it breaks off. notes: one line for each thing lost, damaged or out of date.
+    """
+
+    path: str
+    form: str
+    topics: tuple[TopicInfo, ...]
+    truncated: bool
+    notes: tuple[str, ...]
+
+    @property
+    def messages(self) -> int:
+        """Number of messages of all topics."""
+        return sum(topic.messages for topic in self.topics)
+
+
+def describe(path: Path | str) -> BagInfo:
+    """Return topics, counts, joint names and damage of a recording in any form; InputError when it is none."""
+    path = Path(path)
+    form = form_of(path)
+    if form in TABLES:
+        recording = TABLES[form].read(path, None)
+        table = TopicInfo("", "table", recording.samples, recording.names, True)
+        return BagInfo(str(path), f"table ({form})", (table,), False, recording.notes)
+    storage = open_storage(path)
+    topics = []
+    looked_at = set(joint_states(storage)[:MOST_PEEKED])
+    for index, (topic, count) in enumerate(zip(storage.topics, storage.counts, strict=True)):
+        joints, efforts = peek(storage, index) if index in looked_at else ((), False)
+        topics.append(TopicInfo(topic.name, topic.type, count, joints, efforts))
+    return BagInfo(str(path), storage.form, tuple(topics), storage.truncated, storage.notes)
+
+
+_STRING = "std_msgs/msg/String"
+
+
+def read_robot_description(path: Path | str, topic: str | None = None) -> str:
+    """Return the URDF in a bag: the last message of `topic`, or of the one topic named robot_description.
+
+    Raises InputError where there is none.
+    """
+    offers = [t.name for t in describe(path).topics if t.type == _STRING]
+    found = [name for name in offers if name == topic or (topic is None and name.split("/")[-1] == "robot_description")]
+    if not found:
+        raise InputError(f"{path}: no topic {topic or 'robot_description'} of type {_STRING}; give the URDF as a file")
+    if len(found) > 1:
+        raise InputError(f"{path}: several topics carry a robot ({one_line(*found)}); name one")
+    latest = deque(read_messages(path, found), maxlen=1)
+    if not latest:
+        raise InputError(f"{path}: topic {one_line(found[0])} holds no message; give the URDF as a file")
+    return _text(latest[0].data, f"{path}: {one_line(found[0])}")
+
+
+def _text(data: bytes, source: str) -> str:
+    """Return the text of a std_msgs/String in CDR."""
+    order = "<" if len(data) > 1 and data[1] & 1 else ">"
+    if len(data) < 8:
+        raise InputError(f"{source}: a message of {len(data)} bytes is no text")
+    (size,) = struct.unpack_from(f"{order}I", data, 4)
+    if size > len(data) - 8:
+        raise InputError(f"{source}: a text of {size} bytes in a message of {len(data)}")
+    try:
+        return data[8 : 8 + size].rstrip(b"\0").decode("utf-8")
+    except UnicodeDecodeError as error:
+        raise InputError(f"{source}: not text ({error})") from error

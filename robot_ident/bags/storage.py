@@ -116,3 +116,27 @@ def windows(data: Bytes, start: Integers, size: int, width: int | None = None) -
             places = (len(data) - size + 1, size)
             rows[:, :size] = np.lib.stride_tricks.as_strided(data, places, (1, 1), writeable=False)[start]
     return rows
+
+
+@dataclass
+class Extent:
+    """What a file holds: messages by topic, and the first and last receive time in ns."""
+
+    counts: dict[str, int]
+    first: int = 2**63 - 1
+    last: int = 0
+
+    @property
+    def messages(self) -> int:
+        """Number of messages."""
+        return sum(self.counts.values())
+
+    @property
+    def start(self) -> int:
+        """First receive time [ns], 0 without messages."""
+        return self.first if self.messages else 0
+
+    @property
+    def duration(self) -> int:
+        """Time from the first to the last message [ns]."""
+        return self.last - self.first if self.messages else 0

@@ -6,7 +6,7 @@ from pathlib import Path
 
 import numpy as np
 
-from robot_ident.bags.joint_state_decoder import JointStateDecoder
+from robot_ident.bags.joint_states import JointStateDecoder
 from robot_ident.bags.storage import JOINT_STATE, Storage, Topic, one_line
 from robot_ident.errors import InputError
 

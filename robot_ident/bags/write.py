@@ -10,10 +10,10 @@ from pathlib import Path
 import numpy as np
 
 from robot_ident.bags import cdr
-from robot_ident.bags.forms import TABLES
-from robot_ident.bags.qos import Qos, qos_text
+from robot_ident.bags.bag_writer import BagWriter
+from robot_ident.bags.read import TABLES
+from robot_ident.bags.rosbag2_metadata import Qos, qos_text
 from robot_ident.bags.storage import JOINT_STATE, Integers, Topic
-from robot_ident.bags.writer import BagWriter
 from robot_ident.errors import InputError
 from robot_ident.files import whole
 from robot_ident.recording.recording import Recording

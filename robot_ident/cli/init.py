@@ -17,8 +17,8 @@ _NO_INERTIA = 1e-9  # of the moments about the joint: what rounding leaves of ze
 
 if TYPE_CHECKING:
     from robot_ident.robot.draft import Draft, Evidence
-    from robot_ident.robot.inventory import Inventory
     from robot_ident.robot.robot import Robot
+    from robot_ident.robot.urdf import Inventory
 
 
 def add_arguments(parser: argparse.ArgumentParser) -> None:
@@ -50,7 +50,7 @@ def run(args: argparse.Namespace) -> int:
     """Write a robot YAML with what was found, guessed and is missing."""
     from robot_ident.files import refuse_existing, write_text
     from robot_ident.robot.draft import draft_robot
-    from robot_ident.robot.inventory import read_inventory
+    from robot_ident.robot.urdf import read_inventory
 
     output = Path(args.output)
     refuse_existing(output, force=args.force)
@@ -192,8 +192,8 @@ def _height(draft: str, urdf: str, output: Path) -> float | None:
     import numpy as np
 
     from robot_ident.configuration import load_yaml
-    from robot_ident.robot.load import robot_of
     from robot_ident.robot.robot import Definition
+    from robot_ident.robot.robot_file import robot_of
 
     try:
         robot = robot_of(Definition(load_yaml(draft), urdf), str(output))

@@ -31,7 +31,7 @@ def add_joints(parser: Options, does: str, *, angle: str) -> None:
 
 def given_angles(args: argparse.Namespace, robot: Robot) -> dict[str, float]:
     """Return the angles of --hold by joint; InputError names what can't be read, or a joint that is to move."""
-    from robot_ident.robot.held import moving_joints
+    from robot_ident.robot.locked_joints import moving_joints
 
     out: dict[str, float] = {}
     for word in args.hold:
@@ -57,7 +57,7 @@ def held_for_design(args: argparse.Namespace, robot: Robot) -> tuple[Robot, dict
     if args.joints is None:
         return robot, {}
     from robot_ident.excitation.held import check_angles
-    from robot_ident.robot.held import hold, moving_joints
+    from robot_ident.robot.locked_joints import hold, moving_joints
 
     moving = moving_joints(robot, args.joints)
     angles = {}
@@ -80,7 +80,7 @@ def held_in_recordings(
     if args.joints is None:
         return robot, list(recordings), {}
     from robot_ident.recording.checks import STILL, held_angles, still_part
-    from robot_ident.robot.held import hold, moving_joints
+    from robot_ident.robot.locked_joints import hold, moving_joints
 
     moving = moving_joints(robot, args.joints)
     held = [name for name in robot.joints if name not in moving]

@@ -13,7 +13,7 @@ import numpy as np
 
 from robot_ident.effects.own import faults_of, is_own, own_columns
 from robot_ident.errors import InputError, did_you_mean
-from robot_ident.robot.effort import Side, in_ampere
+from robot_ident.robot.drives import Side, in_ampere
 from robot_ident.robot.robot import Robot
 from robot_ident.signals.motion import Array, Motion
 

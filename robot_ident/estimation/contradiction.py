@@ -10,7 +10,7 @@ import numpy as np
 from robot_ident.configuration import line_of
 from robot_ident.estimation.declaration import LOSSES, SHAPE
 from robot_ident.estimation.declared import Declared
-from robot_ident.robot.effort import Effort
+from robot_ident.robot.drives import Effort
 from robot_ident.robot.robot import Robot
 
 _FAR = 3.0  # factor by which no URDF with real masses is wrong

@@ -15,8 +15,8 @@ from robot_ident.model.structure import Structure
 from robot_ident.recording.measurement import Measurement, Processing
 from robot_ident.recording.process import process
 from robot_ident.recording.recording import Recording
-from robot_ident.robot.load import definition_of, robot_of
 from robot_ident.robot.robot import Definition, Robot
+from robot_ident.robot.robot_file import definition_of, robot_of
 
 
 def tells_gains(model: Model, measurements: Sequence[Measurement]) -> bool:

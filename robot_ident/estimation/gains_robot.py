@@ -6,8 +6,8 @@ from collections.abc import Mapping
 from typing import Any
 
 from robot_ident.estimation.gains import Gains
-from robot_ident.robot.load import definition_of, robot_of
 from robot_ident.robot.robot import Definition, Robot
+from robot_ident.robot.robot_file import definition_of, robot_of
 
 
 def robot_with(robot: Robot, gains: Gains) -> Robot:

@@ -14,8 +14,8 @@ from robot_ident.configuration import Closed, read, schema, to_yaml
 from robot_ident.errors import InputError
 from robot_ident.excitation.fourier import FourierSeries
 from robot_ident.files import write_text
-from robot_ident.robot.load import builtin_robots
 from robot_ident.robot.robot import Robot
+from robot_ident.robot.robot_file import builtin_robots
 from robot_ident.signals.motion import Array, Motion
 
 SCHEMA = "robot_ident/excitation/1"

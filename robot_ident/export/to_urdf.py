@@ -8,7 +8,7 @@ import numpy as np
 
 from robot_ident.export.exported import CHOICE, Dynamics, Exported, about_centre
 from robot_ident.export.inertias import FullInertias
-from robot_ident.robot.load import definition_of
+from robot_ident.robot.robot_file import definition_of
 from robot_ident.signals.motion import Array
 
 _GRAVITY = np.array([0.0, 0.0, -9.81])

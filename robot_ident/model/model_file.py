@@ -18,9 +18,9 @@ from robot_ident.files import is_special, write_text
 from robot_ident.model.model import Fit, Model, NoiseLevel
 from robot_ident.model.structure import Structure
 from robot_ident.robot import load_robot
-from robot_ident.robot.load import robot_of
 from robot_ident.robot.rigid_body import STANDARD
 from robot_ident.robot.robot import Definition, Robot
+from robot_ident.robot.robot_file import robot_of
 from robot_ident.signals.motion import Array
 
 MOST_DECIMATED = 1000

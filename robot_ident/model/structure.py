@@ -13,7 +13,7 @@ from robot_ident.effects.torque_scale import TorqueScale
 from robot_ident.errors import InputError
 from robot_ident.model.base_parameters import BaseParameters, random_states, reduce_to_base
 from robot_ident.model.rigid_sensitivity import RigidSensitivity
-from robot_ident.robot.effort import in_ampere
+from robot_ident.robot.drives import in_ampere
 from robot_ident.robot.robot import Robot, at_every_joint
 from robot_ident.signals.motion import Array, Motion
 

@@ -19,7 +19,7 @@ from robot_ident.nodes.messages import stamp_of
 from robot_ident.nodes.node import BaseNode, offered
 from robot_ident.nodes.subscriptions import Hearing, hear_raw
 from robot_ident.robot import Robot
-from robot_ident.robot.effort import EffortSource
+from robot_ident.robot.drives import EffortSource
 
 KINDS = {JOINT_STATE: JointState, NUMBERS: Float64MultiArray}
 """The types of message that hold efforts."""

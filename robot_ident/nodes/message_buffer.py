@@ -15,9 +15,8 @@ from rclpy.serialization import deserialize_message
 from sensor_msgs.msg import JointState
 
 from robot_ident.bags import JOINT_STATE, Topic
-from robot_ident.bags.assemble import assemble
-from robot_ident.bags.efforts_elsewhere import with_efforts
-from robot_ident.bags.joint_state_decoder import JointStateDecoder
+from robot_ident.bags.efforts import with_efforts
+from robot_ident.bags.joint_states import JointStateDecoder, assemble
 from robot_ident.bags.storage import Batch
 from robot_ident.errors import InputError
 from robot_ident.nodes.effort_topics import EffortMessage, EffortTopics, sources_of, topics_of
@@ -27,7 +26,7 @@ from robot_ident.nodes.subscriptions import hear_raw
 from robot_ident.playback.stamps import Paired, Pairing
 from robot_ident.recording.recording import Recording
 from robot_ident.robot import Robot
-from robot_ident.robot.effort import EffortSource
+from robot_ident.robot.drives import EffortSource
 from robot_ident.signals.motion import Array
 
 Message = tuple[int, int, bytes]

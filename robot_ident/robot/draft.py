@@ -6,7 +6,7 @@ import json
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field
 
-from robot_ident.robot.inventory import Inventory, UrdfJoint
+from robot_ident.robot.urdf import Inventory, UrdfJoint
 from robot_ident.signals.motion import Array
 
 GRAVITY = 9.81

@@ -11,7 +11,7 @@ from typing import Any, Literal
 import numpy as np
 
 from robot_ident.errors import InputError, did_you_mean
-from robot_ident.robot.effort import Efforts, Side
+from robot_ident.robot.drives import Efforts, Side
 from robot_ident.robot.geometry import Geometry
 from robot_ident.robot.rigid_body import RigidBody
 from robot_ident.robot.workspace import WorkspaceRule
@@ -120,7 +120,7 @@ class Robot:
     @classmethod
     def load(cls, name: str | Path = "kuka_ir361") -> Robot:
         """Read a robot by name, from a robot YAML or from a URDF."""
-        from robot_ident.robot.load import load_robot
+        from robot_ident.robot.robot_file import load_robot
 
         return load_robot(name)
 

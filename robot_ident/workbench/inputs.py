@@ -20,7 +20,7 @@ from robot_ident.recording.measurement import Measurement, Source
 from robot_ident.recording.process import process
 from robot_ident.recording.recording import Recording
 from robot_ident.robot import Robot, load_robot
-from robot_ident.robot.load import definition_of
+from robot_ident.robot.robot_file import definition_of
 from robot_ident.workbench.session import Session
 
 

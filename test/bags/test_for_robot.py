@@ -14,7 +14,7 @@ from robot_ident.bags import BagWriter, Topic, read_for
 from robot_ident.bags.storage import JOINT_STATE, NUMBERS
 from robot_ident.errors import InputError
 from robot_ident.robot import Robot, load_robot
-from robot_ident.robot.held import hold
+from robot_ident.robot.locked_joints import hold
 from robot_ident.signals.motion import Array
 
 from .conftest import START, STORE, serialise

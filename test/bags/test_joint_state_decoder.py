@@ -9,7 +9,7 @@ import numpy as np
 import pytest
 
 from robot_ident.bags import read_recording
-from robot_ident.bags.joint_state_decoder import JointStateDecoder
+from robot_ident.bags.joint_states import JointStateDecoder
 from robot_ident.bags.mcap_file import McapFile
 from robot_ident.recording.recording import Recording
 

@@ -9,7 +9,7 @@ import numpy as np
 import pytest
 
 from robot_ident.bags import describe, read_messages, read_recording, read_robot_description
-from robot_ident.bags.mcap_records import MAGIC, scan
+from robot_ident.bags.mcap_file import MAGIC, scan
 from robot_ident.errors import InputError
 
 MAKES = ["none", "zstd", "lz4", None]

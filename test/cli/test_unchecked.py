@@ -13,7 +13,7 @@ from robot_ident.excitation.excitation import Excitation
 from robot_ident.excitation.fourier import FourierSeries
 from robot_ident.excitation.limits import Certifier
 from robot_ident.robot import load_robot
-from robot_ident.robot.load import builtin_robots
+from robot_ident.robot.robot_file import builtin_robots
 from robot_ident.share import config_file
 
 Run = Callable[..., Any]

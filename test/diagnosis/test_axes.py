@@ -17,8 +17,8 @@ from robot_ident.diagnosis.scan import base_gram
 from robot_ident.model.structure import Structure
 from robot_ident.recording import Recording, process
 from robot_ident.robot import Robot
-from robot_ident.robot.load import definition_of, robot_of
 from robot_ident.robot.robot import Definition
+from robot_ident.robot.robot_file import definition_of, robot_of
 from robot_ident.signals.motion import Motion
 from robot_ident.simulation.periodic import Play
 from robot_ident.simulation.physics import plant_physics

@@ -17,7 +17,7 @@ from robot_ident.errors import InputError
 from robot_ident.model.structure import Structure
 from robot_ident.recording import process
 from robot_ident.robot import Robot, load_robot
-from robot_ident.robot.effort import Effort, Efforts
+from robot_ident.robot.drives import Effort, Efforts
 from robot_ident.simulation.calibrate import standard_motions
 from robot_ident.simulation.periodic import Play
 from robot_ident.simulation.physics import plant_physics

@@ -22,8 +22,8 @@ from robot_ident.model.structure import Structure
 from robot_ident.recording import Recording, process
 from robot_ident.recording.noise_spectrum import off_clock
 from robot_ident.robot import Robot
-from robot_ident.robot.load import definition_of, robot_of
 from robot_ident.robot.robot import Definition
+from robot_ident.robot.robot_file import definition_of, robot_of
 from robot_ident.simulation.measuring_faults import fault_of, spoilt
 from robot_ident.simulation.periodic import Play
 from robot_ident.simulation.physics import plant_physics

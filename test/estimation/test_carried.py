@@ -27,7 +27,7 @@ from robot_ident.model.structure import Structure
 from robot_ident.recording import Recording, process
 from robot_ident.recording.conditions import Conditions, KnownPayload, payload_columns
 from robot_ident.robot import Robot, load_robot
-from robot_ident.robot.held import hold
+from robot_ident.robot.locked_joints import hold
 from robot_ident.signals.motion import Array
 from robot_ident.simulation.calibrate import standard_motions
 from robot_ident.simulation.periodic import Play

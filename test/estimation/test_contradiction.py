@@ -18,7 +18,7 @@ from robot_ident.estimation.coupling import coupling_contradiction
 from robot_ident.estimation.declaration import judge_all
 from robot_ident.recording import Processing, Recording, process
 from robot_ident.robot import Robot, load_robot
-from robot_ident.robot.effort import Effort, Efforts, EffortSource
+from robot_ident.robot.drives import Effort, Efforts, EffortSource
 from robot_ident.signals.motion import Motion
 
 

@@ -9,7 +9,7 @@ import numpy as np
 import pytest
 
 from robot_ident.estimation.declaration import judge_declaration
-from robot_ident.robot.effort import Effort, Efforts
+from robot_ident.robot.drives import Effort, Efforts
 from robot_ident.signals.motion import Motion
 
 

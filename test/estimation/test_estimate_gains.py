@@ -24,8 +24,8 @@ from robot_ident.model.structure import Structure
 from robot_ident.recording import Processing, Recording, process
 from robot_ident.recording.conditions import Conditions, KnownPayload, PayloadPart
 from robot_ident.robot import Robot, load_robot
-from robot_ident.robot.effort import Effort, Efforts
-from robot_ident.robot.load import definition_of
+from robot_ident.robot.drives import Effort, Efforts
+from robot_ident.robot.robot_file import definition_of
 from robot_ident.simulation.calibrate import standard_motions
 from robot_ident.simulation.periodic import Play
 from robot_ident.simulation.physics import plant_physics

@@ -95,7 +95,7 @@ def robot(path: Path) -> None:
 
 def urdf(path: Path) -> None:
     """A URDF is what a robot is made of, and what `init` drafts a robot YAML from."""
-    from robot_ident.robot.inventory import read_inventory
+    from robot_ident.robot.urdf import read_inventory
 
     refused = None
     try:

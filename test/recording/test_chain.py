@@ -13,8 +13,8 @@ from robot_ident.errors import InputError
 from robot_ident.estimation.identify import identify
 from robot_ident.recording import Processing, Recording, process
 from robot_ident.recording.torque_channel import Chain
-from robot_ident.robot.load import definition_of, robot_of
 from robot_ident.robot.robot import AntiAlias, Definition
+from robot_ident.robot.robot_file import definition_of, robot_of
 
 PAPER = AntiAlias(8, 40.0)
 FINE = 20  # steps of the analogue filter's simulation a sample

@@ -14,7 +14,7 @@ from robot_ident.errors import InputError
 from robot_ident.recording import Recording
 from robot_ident.recording.effort import as_reported, at_the_joints
 from robot_ident.robot import Robot
-from robot_ident.robot.load import definition_of
+from robot_ident.robot.robot_file import definition_of
 from robot_ident.signals.motion import Motion
 
 

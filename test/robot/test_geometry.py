@@ -10,9 +10,8 @@ import pytest
 
 from robot_ident.errors import InputError
 from robot_ident.robot import load_robot
-from robot_ident.robot.convex import convex_pieces
-from robot_ident.robot.geometry import MeshMissing
-from robot_ident.robot.packages import find_resource
+from robot_ident.robot.geometry import MeshMissing, convex_pieces
+from robot_ident.robot.urdf import find_resource
 from robot_ident.signals.motion import Array
 
 YAML = "schema: robot_ident/robot/1\nname: arm\nurdf: arm.urdf\n"

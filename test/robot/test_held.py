@@ -12,7 +12,7 @@ from robot_ident.errors import InputError
 from robot_ident.model.base_parameters import random_states
 from robot_ident.model.structure import Structure
 from robot_ident.robot import load_robot
-from robot_ident.robot.held import hold, moving_joints
+from robot_ident.robot.locked_joints import hold, moving_joints
 from robot_ident.signals.motion import Motion
 
 

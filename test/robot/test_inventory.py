@@ -5,7 +5,7 @@ from __future__ import annotations
 import pytest
 
 from robot_ident.errors import InputError
-from robot_ident.robot.inventory import read_inventory
+from robot_ident.robot.urdf import read_inventory
 
 JOINT = (
     '<joint name="{name}" type="{kind}"><parent link="{parent}"/><child link="{child}"/>'

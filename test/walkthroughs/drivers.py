@@ -15,9 +15,9 @@ from pathlib import Path
 
 import numpy as np
 
-from robot_ident.bags.qos import Qos, qos_text
+from robot_ident.bags.bag_writer import BagWriter
+from robot_ident.bags.rosbag2_metadata import Qos, qos_text
 from robot_ident.bags.storage import JOINT_STATE, Topic
-from robot_ident.bags.writer import BagWriter
 from robot_ident.excitation.point_to_point import PointToPoint
 from robot_ident.robot import Robot, load_robot
 from robot_ident.signals.motion import Array

@@ -10,10 +10,9 @@ from typing import Any
 
 import numpy as np
 
-from robot_ident.bags.compression import unpack_file
+from robot_ident.bags.compression import ScratchFolder, unpack_file
 from robot_ident.bags.mcap_file import McapFile
-from robot_ident.bags.metadata import OPEN
-from robot_ident.bags.scratch import ScratchFolder
+from robot_ident.bags.rosbag2_metadata import OPEN
 from robot_ident.bags.sqlite_file import SqliteFile
 from robot_ident.bags.storage import Batch, Storage, Topic, one_line
 from robot_ident.errors import InputError

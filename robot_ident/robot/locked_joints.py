@@ -8,8 +8,8 @@ from typing import Any
 import numpy as np
 
 from robot_ident.errors import InputError, did_you_mean
-from robot_ident.robot.load import definition_of, robot_of
 from robot_ident.robot.robot import Definition, Robot
+from robot_ident.robot.robot_file import definition_of, robot_of
 
 
 def hold(robot: Robot, moving: Sequence[str], angles: Mapping[str, float]) -> Robot:

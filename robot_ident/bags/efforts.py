@@ -7,15 +7,14 @@ from dataclasses import replace
 
 import numpy as np
 
-from robot_ident.bags.assemble import assemble
-from robot_ident.bags.joint_state_decoder import JointStateDecoder, Piece
-from robot_ident.bags.number_array import numbers_of
+from robot_ident.bags.cdr import numbers_of
+from robot_ident.bags.joint_states import JointStateDecoder, Piece, assemble
 from robot_ident.bags.storage import NUMBERS, Integers, Storage, one_line
 from robot_ident.bags.topics import choose_topic, listing, named_topic
 from robot_ident.errors import InputError
 from robot_ident.recording.effort import EffortSeries
 from robot_ident.recording.recording import Recording
-from robot_ident.robot.effort import EffortSource
+from robot_ident.robot.drives import EffortSource
 from robot_ident.signals.motion import Array
 
 

@@ -13,12 +13,19 @@ from robot_ident.configuration import Closed, parse, read_yaml, schema
 from robot_ident.errors import InputError, did_you_mean
 from robot_ident.files import read_text
 from robot_ident.robot import workspace
-from robot_ident.robot.effort_file import EffortField, EffortFile, EffortsField, EffortsFile, efforts_of
+from robot_ident.robot.drives import EffortField, EffortFile, EffortsField, EffortsFile, efforts_of
 from robot_ident.robot.geometry import CLEARANCE, Geometry
-from robot_ident.robot.packages import find_resource
 from robot_ident.robot.rigid_body import RigidBody
 from robot_ident.robot.robot import AntiAlias, Definition, Drives, Limits, Noise, Robot, Spring, at_every_joint
-from robot_ident.robot.urdf import ENDLESS, check_serial, lock, parse_urdf, refuse_millimetres, refuse_mimics
+from robot_ident.robot.urdf import (
+    ENDLESS,
+    check_serial,
+    find_resource,
+    lock,
+    parse_urdf,
+    refuse_millimetres,
+    refuse_mimics,
+)
 from robot_ident.share import config_file
 from robot_ident.signals.motion import Array, frozen_array
 

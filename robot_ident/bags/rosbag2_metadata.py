@@ -1,0 +1,162 @@
+"""What rosbag2 of Jazzy notes beside messages: `metadata.yaml` (version 9), the quality of service of a topic,
+definitions and type hashes of standard messages, without ROS.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Iterable, Mapping, Sequence
+from dataclasses import dataclass, replace
+from functools import cache
+from typing import Any
+
+from robot_ident.bags.storage import Extent, Topic
+
+_LONGEST = 1 << 16  # characters; a profile takes 400
+FOREVER_NS = 2**63 - 1  # how ROS 2 writes "no limit"
+# the numbers that bags before metadata version 9 write, in the order of rmw/types.h
+_WORDS = {
+    "history": ("system_default", "keep_last", "keep_all", "unknown"),
+    "reliability": ("system_default", "reliable", "best_effort", "unknown", "best_available"),
+    "durability": ("system_default", "transient_local", "volatile", "unknown", "best_available"),
+    "liveliness": ("system_default", "automatic", "manual_by_node", "manual_by_topic", "unknown", "best_available"),
+}
+
+
+@dataclass(frozen=True)
+class Qos:
+    """One offered profile, in the words of `ros2 topic info --verbose`; times in ns."""
+
+    history: str = "keep_last"
+    depth: int = 10
+    reliability: str = "reliable"
+    durability: str = "volatile"
+    deadline_ns: int = FOREVER_NS
+    lifespan_ns: int = FOREVER_NS
+    liveliness: str = "automatic"
+    liveliness_lease_duration_ns: int = FOREVER_NS
+    avoid_ros_namespace_conventions: bool = False
+
+    def mapping(self) -> dict[str, Any]:
+        """Return the keys and values that rosbag2 writes."""
+
+        def duration(nanoseconds: int) -> dict[str, int]:
+            return dict(zip(("sec", "nsec"), divmod(nanoseconds, 1_000_000_000), strict=True))
+
+        return {
+            "history": self.history,
+            "depth": self.depth,
+            "reliability": self.reliability,
+            "durability": self.durability,
+            "deadline": duration(self.deadline_ns),
+            "lifespan": duration(self.lifespan_ns),
+            "liveliness": self.liveliness,
+            "liveliness_lease_duration": duration(self.liveliness_lease_duration_ns),
+            "avoid_ros_namespace_conventions": self.avoid_ros_namespace_conventions,
+        }
+
+
+def qos_text(profiles: Sequence[Qos | dict[str, Any]]) -> str:
+    """Return the YAML text that stands in a channel's `offered_qos_profiles`."""
+    import yaml
+
+    mappings = [profile.mapping() if isinstance(profile, Qos) else profile for profile in profiles]
+    return str(yaml.safe_dump(mappings, sort_keys=False)).strip() if mappings else ""
+
+
+def profiles_of(text: str) -> list[dict[str, Any]]:
+    """Return the profiles of a channel's text in the words of version 9; none where the text is no list of profiles."""
+    from robot_ident.configuration import NotYaml, load_yaml
+
+    try:
+        profiles = load_yaml(text) if text and len(text) <= _LONGEST else []
+    except NotYaml:
+        return []
+    if not isinstance(profiles, list) or not all(isinstance(profile, dict) for profile in profiles):
+        return []
+    for profile in profiles:
+        for key, words in _WORDS.items():
+            number = profile.get(key)
+            if isinstance(number, int):
+                profile[key] = words[number] if 0 <= number < len(words) else "unknown"
+    return list(profiles)
+
+
+VERSION = 9
+OPEN = "robot_ident_recording"  # key of the custom data in a bag that nobody has closed
+ROS_DISTRO = "jazzy"  # whose message definitions and hashes the bag holds
+
+
+def bag_metadata(
+    topics: Iterable[Topic], files: Sequence[tuple[str, Extent]], custom_data: Mapping[str, str]
+) -> dict[str, Any]:
+    """Return what rosbag2 calls the bag's information: topics with counts, files, start and duration."""
+    filled = [extent for _, extent in files if extent.messages]
+    start = min((extent.first for extent in filled), default=0)
+    end = max((extent.last for extent in filled), default=0)
+    return {
+        "version": VERSION,
+        "storage_identifier": "mcap",
+        "duration": {"nanoseconds": end - start},
+        "starting_time": {"nanoseconds_since_epoch": start},
+        "message_count": sum(extent.messages for extent in filled),
+        "topics_with_message_count": [
+            {
+                "topic_metadata": {
+                    "name": topic.name,
+                    "type": topic.type,
+                    "serialization_format": topic.encoding,
+                    "offered_qos_profiles": profiles_of(topic.qos),
+                    "type_description_hash": topic.type_hash,
+                },
+                "message_count": sum(extent.counts.get(topic.name, 0) for _, extent in files),
+            }
+            for topic in topics
+        ],
+        "compression_format": "",
+        "compression_mode": "",
+        "relative_file_paths": [name for name, _ in files],
+        "files": [
+            {
+                "path": name,
+                "starting_time": {"nanoseconds_since_epoch": extent.start},
+                "duration": {"nanoseconds": extent.duration},
+                "message_count": extent.messages,
+            }
+            for name, extent in files
+        ],
+        "custom_data": dict(custom_data) or None,
+        "ros_distro": ROS_DISTRO,
+    }
+
+
+def yaml_text(content: Mapping[str, Any]) -> str:
+    """Return block-style YAML with the keys in their order, without anchors."""
+    import yaml
+
+    class Plain(yaml.SafeDumper):
+        def ignore_aliases(self, data: Any) -> bool:
+            return True
+
+    return str(yaml.dump(dict(content), Dumper=Plain, sort_keys=False, default_flow_style=False))
+
+
+@cache
+def definition_of(kind: str) -> tuple[str, str]:
+    """Return the text of a message type (`sensor_msgs/msg/JointState`) and its RIHS01 hash; empty where not known."""
+    from rosbags.typesys import Stores, get_typestore
+
+    store = get_typestore(Stores.ROS2_JAZZY)
+    if kind not in store.fielddefs:
+        return "", ""
+    return store.generate_msgdef(kind, ros_version=2)[0], store.hash_rihs01(kind)
+
+
+def complete(topic: Topic) -> Topic:
+    """Return the topic with the definition and hash of its type, where it has none and the type is a standard one."""
+    if topic.definition and topic.type_hash:
+        return topic
+    definition, type_hash = definition_of(topic.type)
+    if topic.definition:
+        return replace(topic, type_hash=type_hash)
+    encoding = "ros2msg" if definition else topic.definition_encoding
+    return replace(topic, definition=definition, definition_encoding=encoding, type_hash=topic.type_hash or type_hash)
