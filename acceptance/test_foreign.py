@@ -11,9 +11,9 @@ from foreign.run import run_case
 from table import CASES, FIRST_SEED, FOLDER, print_rates, rate_of
 from trials import trial
 
-from robot_ident.diagnosis.score import summary
-from robot_ident.diagnosis.trial import Outcome
 from robot_ident.parallel import completed
+from robot_ident.testbed.trial import Outcome
+from robot_ident.testbed.trial_table import summary
 
 LEAST = 1.0  # Nm rms that an effect has to leave to be counted
 

@@ -22,7 +22,7 @@ from robot_ident.excitation.excitation import Excitation
 from robot_ident.excitation.fourier import FourierSeries
 from robot_ident.excitation.playback import Playback
 from robot_ident.robot import load_robot
-from robot_ident.simulation.simulate import simulate
+from robot_ident.testbed.simulation import simulate
 
 PERIODS = 16
 

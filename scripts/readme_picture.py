@@ -28,8 +28,8 @@ from robot_ident.figures.theme import BLUE, FONT, GREY, NOISE, SHADES, SKY, VERM
 from robot_ident.model.structure import Structure
 from robot_ident.recording import process
 from robot_ident.robot import load_robot
-from robot_ident.simulation.periodic import Play
-from robot_ident.simulation.physics import plant_physics
+from robot_ident.testbed.phenomena import plant_physics
+from robot_ident.testbed.simulation import Play
 
 if TYPE_CHECKING:
     from plotly.graph_objects import Figure

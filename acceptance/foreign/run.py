@@ -10,13 +10,13 @@ import yaml
 
 from foreign.cases import make_case
 from robot_ident.diagnosis.diagnose import diagnose
-from robot_ident.diagnosis.trial import Outcome, outcome
 from robot_ident.estimation.identify import estimate
 from robot_ident.model.structure import Structure
 from robot_ident.recording import Recording, process
 from robot_ident.recording.measurement import Measurement
 from robot_ident.robot import load_robot
 from robot_ident.signals.motion import Array
+from robot_ident.testbed.trial import Outcome, outcome
 
 KINDS = {"known": "single", "unknown": "unknown", "null": "null"}
 

@@ -182,8 +182,8 @@ def _without_noise(model: Model, runs: list[Run], hidden: Sequence[str]) -> Arra
     from robot_ident.estimation.identify import estimate
     from robot_ident.excitation.excitation import Excitation
     from robot_ident.recording.process import process
-    from robot_ident.simulation.periodic import Play
-    from robot_ident.simulation.physics import plant_physics
+    from robot_ident.testbed.phenomena import plant_physics
+    from robot_ident.testbed.simulation import Play
 
     physics = plant_physics(model.robot, list(hidden))
     plays = [Play.of(model.robot, physics, Excitation.read(motion.file).series) for motion in runs[:-1]]

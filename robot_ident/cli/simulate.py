@@ -74,11 +74,10 @@ def run(args: argparse.Namespace) -> int:
     from robot_ident.files import refuse_existing, write_text
     from robot_ident.recording.conditions import Conditions, sidecar
     from robot_ident.robot import load_robot
-    from robot_ident.simulation.physics import plant_physics
-    from robot_ident.simulation.physics.words import values_in_words
-    from robot_ident.simulation.scenario import draw_scenario
-    from robot_ident.simulation.sealed import seal, sealed_path
-    from robot_ident.simulation.simulate import simulate, simulated_effects
+    from robot_ident.testbed.phenomena import plant_physics
+    from robot_ident.testbed.phenomena.words import values_in_words
+    from robot_ident.testbed.scenario import draw_scenario, seal, sealed_path
+    from robot_ident.testbed.simulation import simulate, simulated_effects
 
     refuse_existing(args.output, force=args.force)
     answer = None if args.hidden is None else sealed_path(args.output)
@@ -138,7 +137,7 @@ def _none_of_ones_own(effects: Sequence[str]) -> None:
     """Refuse effects of the catalogue that the simulated robot doesn't know: those of --effects-from."""
     from robot_ident.effects import CATALOGUE
     from robot_ident.errors import InputError
-    from robot_ident.simulation.physics import PHYSICS
+    from robot_ident.testbed.phenomena import PHYSICS
 
     for name in (effect.partition(":")[0].partition("@")[0] for effect in effects):
         if name in CATALOGUE and name not in PHYSICS:

@@ -16,10 +16,10 @@ from robot_ident.cli.output import Progress, add_cluster, add_json, add_robot, p
 from robot_ident.errors import InputError, did_you_mean
 
 if TYPE_CHECKING:
-    from robot_ident.diagnosis.base_trial import BaseOutcome
-    from robot_ident.diagnosis.trial import Case, Outcome
     from robot_ident.excitation.excitation import Excitation
     from robot_ident.robot.robot import Robot
+    from robot_ident.testbed.base_trial import BaseOutcome
+    from robot_ident.testbed.trial import Case, Outcome
 
 
 _TRAINING = 3  # motions that are identified and diagnosed; one more is kept unseen
@@ -91,9 +91,9 @@ def run(args: argparse.Namespace) -> int:
     """Hide effects, diagnose them, and print how often they were named."""
     if args.open:
         return _open(args)
-    from robot_ident.diagnosis.trial import Outcome, Setting, run_case
     from robot_ident.robot import load_robot
-    from robot_ident.simulation.scenario import usual_sizes
+    from robot_ident.testbed.scenario import usual_sizes
+    from robot_ident.testbed.trial import Outcome, Setting, run_case
 
     cases = _cases(args)
     if args.periods < 4:
@@ -116,9 +116,8 @@ def run(args: argparse.Namespace) -> int:
 
 
 def _open(args: argparse.Namespace) -> int:
-    from robot_ident.simulation.physics.words import values_in_words
-    from robot_ident.simulation.scenario import Scenario
-    from robot_ident.simulation.sealed import open_sealed
+    from robot_ident.testbed.phenomena.words import values_in_words
+    from robot_ident.testbed.scenario import Scenario, open_sealed
 
     scenario = Scenario.of_answer(open_sealed(args.open))
     if args.json:
@@ -138,8 +137,8 @@ def _open(args: argparse.Namespace) -> int:
 
 def _cases(args: argparse.Namespace) -> list[Case]:
     """Return the cases of `--seeds` and `--kind`."""
-    from robot_ident.diagnosis.trial import MEASUREMENT, Case
-    from robot_ident.simulation.scenario import KINDS
+    from robot_ident.testbed.scenario import KINDS
+    from robot_ident.testbed.trial import MEASUREMENT, Case
 
     if args.family != "effects" and args.kind:
         raise InputError(f"--kind {args.kind[0]}: is for --family effects")
@@ -222,7 +221,7 @@ def run_cases(
 
 
 def _report(args: argparse.Namespace, outcomes: Sequence[Outcome], least: float) -> None:
-    from robot_ident.diagnosis.score import summary
+    from robot_ident.testbed.trial_table import summary
 
     result = summary(outcomes, least)
     if args.json:
@@ -269,7 +268,7 @@ def _confusion_rows(confusion: dict[str, dict[str, int]]) -> list[tuple[str, int
 
 def run_base(args: argparse.Namespace, cases: Sequence[Case], robot: Robot) -> int:
     """Run the cases, print how the chosen base models do beside fixed filters."""
-    from robot_ident.diagnosis.base_trial import CLOSE, FILTERS, BaseOutcome, base_summary
+    from robot_ident.testbed.base_trial import CLOSE, FILTERS, BaseOutcome, base_summary
 
     for option, changed in (
         ("--excitation", args.excitation),
@@ -314,7 +313,7 @@ def run_base(args: argparse.Namespace, cases: Sequence[Case], robot: Robot) -> i
 
 
 def _one(case: Case, robot: Robot) -> BaseOutcome:
-    from robot_ident.diagnosis.base_trial import run_base_case
+    from robot_ident.testbed.base_trial import run_base_case
 
     return run_base_case(case.seed, robot)
 

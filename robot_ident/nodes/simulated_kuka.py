@@ -25,10 +25,8 @@ from robot_ident.playback.periodic_timer import Stall, Ticker
 from robot_ident.recording.effort import as_reported
 from robot_ident.robot import Robot, load_robot
 from robot_ident.signals.motion import Array, Motion
-from robot_ident.simulation.interpolator import CommandInterpolator
-from robot_ident.simulation.servo import BANDWIDTH, SERVOS
-from robot_ident.simulation.simulated_robot import SimulatedRobot
-from robot_ident.simulation.trajectory_follower import TrajectoryFollower
+from robot_ident.testbed.real_time import CommandInterpolator, SimulatedRobot, TrajectoryFollower
+from robot_ident.testbed.servo import BANDWIDTH, SERVOS
 
 
 class ReportedStates:

@@ -10,8 +10,8 @@ from pathlib import Path
 import pytest
 
 from robot_ident.cli.journal import SCHEMA, Journal
-from robot_ident.diagnosis.trial import Case, Outcome
 from robot_ident.errors import InputError
+from robot_ident.testbed.trial import Case, Outcome
 
 SETTINGS = {"schema": SCHEMA, "robot": "kuka_ir361", "noise": 1.0}
 OUTCOME = Outcome(

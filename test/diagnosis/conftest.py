@@ -20,9 +20,9 @@ from robot_ident.model.structure import Structure
 from robot_ident.recording import Recording, process
 from robot_ident.recording.measurement import Measurement
 from robot_ident.robot import Robot, load_robot
-from robot_ident.simulation.periodic import Play
-from robot_ident.simulation.physics import plant_physics
-from robot_ident.simulation.servo import Servo
+from robot_ident.testbed.phenomena import plant_physics
+from robot_ident.testbed.servo import Servo
+from robot_ident.testbed.simulation import Play
 
 MOTIONS = [  # q0 [rad], a, b [rad/s] by joint, base frequency 0.1 Hz
     (

@@ -20,8 +20,8 @@ from robot_ident.robot import Robot
 from robot_ident.robot.robot import Definition
 from robot_ident.robot.robot_file import definition_of, robot_of
 from robot_ident.signals.motion import Motion
-from robot_ident.simulation.periodic import Play
-from robot_ident.simulation.physics import plant_physics
+from robot_ident.testbed.phenomena import plant_physics
+from robot_ident.testbed.simulation import Play
 
 
 @pytest.fixture(scope="module")

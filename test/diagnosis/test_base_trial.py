@@ -12,9 +12,9 @@ import pinocchio
 import pytest
 from scipy.signal import butter, filtfilt
 
-from robot_ident.diagnosis.base_trial import BaseOutcome, base_summary
 from robot_ident.robot import load_robot
-from robot_ident.simulation.like_real import KINDS, like_real
+from robot_ident.testbed.base_trial import BaseOutcome, base_summary
+from robot_ident.testbed.like_real import KINDS, like_real
 
 Verb = Callable[..., tuple[int, str, str]]
 

@@ -21,8 +21,8 @@ from robot_ident.model.model import Model
 from robot_ident.model.model_file import write_model
 from robot_ident.model.structure import Structure
 from robot_ident.recording import process
-from robot_ident.simulation.periodic import Play
-from robot_ident.simulation.physics import plant_physics
+from robot_ident.testbed.phenomena import plant_physics
+from robot_ident.testbed.simulation import Play
 
 Verb = Callable[..., tuple[int, str, str]]
 SEEDS = range(10)

@@ -19,8 +19,8 @@ from robot_ident.diagnosis.measuring.first import near_noise
 from robot_ident.diagnosis.scan import base_gram
 from robot_ident.effects import make_effect
 from robot_ident.recording import Recording, process
-from robot_ident.simulation.periodic import Play
-from robot_ident.simulation.physics import plant_physics
+from robot_ident.testbed.phenomena import plant_physics
+from robot_ident.testbed.simulation import Play
 
 
 @pytest.fixture(scope="module")

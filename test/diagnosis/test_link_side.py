@@ -18,9 +18,9 @@ from robot_ident.model.structure import Structure
 from robot_ident.recording import process
 from robot_ident.robot import Robot, load_robot
 from robot_ident.robot.drives import Effort, Efforts
-from robot_ident.simulation.calibrate import standard_motions
-from robot_ident.simulation.periodic import Play
-from robot_ident.simulation.physics import plant_physics
+from robot_ident.testbed.calibrate import standard_motions
+from robot_ident.testbed.phenomena import plant_physics
+from robot_ident.testbed.simulation import Play
 
 DRIVE = {"rotor_inertia", "torque_saturation", "wrist_coupling"}
 BEYOND = {"stribeck", "presliding", "load_friction", "position_friction", "viscous_nonlinear", "viscous_asymmetric"}

@@ -24,9 +24,9 @@ from robot_ident.recording.noise_spectrum import off_clock
 from robot_ident.robot import Robot
 from robot_ident.robot.robot import Definition
 from robot_ident.robot.robot_file import definition_of, robot_of
-from robot_ident.simulation.measuring_faults import fault_of, spoilt
-from robot_ident.simulation.periodic import Play
-from robot_ident.simulation.physics import plant_physics
+from robot_ident.testbed.faulty_recordings import fault_of, spoilt
+from robot_ident.testbed.phenomena import plant_physics
+from robot_ident.testbed.simulation import Play
 
 GAIN = "effort_gain@joint_2:gain=1.25"
 SIGN = "effort_gain@joint_1:gain=-1.0"

@@ -14,9 +14,9 @@ from robot_ident.diagnosis.diagnosis import Diagnosis, Unexplained
 from robot_ident.diagnosis.evidence import gather
 from robot_ident.diagnosis.unexplained import stiction_note
 from robot_ident.recording import Processing, Recording, process
-from robot_ident.simulation.periodic import Play
-from robot_ident.simulation.physics import plant_physics
-from robot_ident.simulation.servo import Servo
+from robot_ident.testbed.phenomena import plant_physics
+from robot_ident.testbed.servo import Servo
+from robot_ident.testbed.simulation import Play
 
 PERIODS = 12
 NOISE = 0.75  # of the paper's variance: these periods tell as much as sixteen of its own

@@ -8,13 +8,13 @@ from typing import Any
 import numpy as np
 import pytest
 
-from robot_ident.diagnosis.true_motion import TrueMotion
 from robot_ident.estimation.identify import estimate
 from robot_ident.recording.process import process
 from robot_ident.signals.derivatives import derivatives
-from robot_ident.simulation.periodic import Play
-from robot_ident.simulation.physics import plant_physics
-from robot_ident.simulation.servo import Servo
+from robot_ident.testbed.phenomena import plant_physics
+from robot_ident.testbed.servo import Servo
+from robot_ident.testbed.simulation import Play
+from robot_ident.testbed.trial import TrueMotion
 
 
 def play_of(arm: Any, effects: Sequence[str]) -> Play:

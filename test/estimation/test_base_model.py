@@ -23,9 +23,9 @@ from robot_ident.recording import Processing, Recording
 from robot_ident.recording.process import process
 from robot_ident.robot import Robot, load_robot
 from robot_ident.signals.motion import Array, Motion
-from robot_ident.simulation.like_real import like_real
-from robot_ident.simulation.periodic import Play
-from robot_ident.simulation.physics import plant_physics
+from robot_ident.testbed.like_real import like_real
+from robot_ident.testbed.phenomena import plant_physics
+from robot_ident.testbed.simulation import Play
 
 VISCOUS = np.array([8.0, 9.0, 6.0, 1.2, 1.1, 0.7])
 COULOMB = np.array([6.0, 7.0, 5.0, 1.0, 0.9, 0.6])

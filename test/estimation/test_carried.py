@@ -29,9 +29,9 @@ from robot_ident.recording.conditions import Conditions, KnownPayload, payload_c
 from robot_ident.robot import Robot, load_robot
 from robot_ident.robot.locked_joints import hold
 from robot_ident.signals.motion import Array
-from robot_ident.simulation.calibrate import standard_motions
-from robot_ident.simulation.periodic import Play
-from robot_ident.simulation.physics import plant_physics
+from robot_ident.testbed.calibrate import standard_motions
+from robot_ident.testbed.phenomena import plant_physics
+from robot_ident.testbed.simulation import Play
 
 BODY = KnownPayload(12.0, (0.06, 0.02, 0.1))
 TEXT = "payload:payload=12,x=0.06,y=0.02,z=0.1"

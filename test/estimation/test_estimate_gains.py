@@ -26,9 +26,9 @@ from robot_ident.recording.conditions import Conditions, KnownPayload, PayloadPa
 from robot_ident.robot import Robot, load_robot
 from robot_ident.robot.drives import Effort, Efforts
 from robot_ident.robot.robot_file import definition_of
-from robot_ident.simulation.calibrate import standard_motions
-from robot_ident.simulation.periodic import Play
-from robot_ident.simulation.physics import plant_physics
+from robot_ident.testbed.calibrate import standard_motions
+from robot_ident.testbed.phenomena import plant_physics
+from robot_ident.testbed.simulation import Play
 
 URDF = "ur_description/urdf/ur5_joint_limited_robot.urdf"
 JOINTS = [f"{j}_joint" for j in ("shoulder_pan", "shoulder_lift", "elbow", "wrist_1", "wrist_2", "wrist_3")]

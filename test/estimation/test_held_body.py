@@ -20,9 +20,9 @@ from robot_ident.recording import Recording, process
 from robot_ident.recording.conditions import Conditions, KnownPayload, PayloadPart
 from robot_ident.robot import Robot, load_robot
 from robot_ident.signals.motion import Array
-from robot_ident.simulation.calibrate import standard_motions
-from robot_ident.simulation.periodic import Play
-from robot_ident.simulation.physics import plant_physics
+from robot_ident.testbed.calibrate import standard_motions
+from robot_ident.testbed.phenomena import plant_physics
+from robot_ident.testbed.simulation import Play
 
 BODY = KnownPayload(12.0, (0.06, 0.02, 0.1))
 POINT = (0.0,) * 6

@@ -8,7 +8,7 @@ import numpy as np
 import pytest
 
 from robot_ident.errors import InputError
-from robot_ident.estimation.montecarlo import montecarlo
+from robot_ident.testbed.monte_carlo import montecarlo
 
 
 def test_200_runs_are_unbiased_and_efficient(arm: Any) -> None:

@@ -23,9 +23,9 @@ from robot_ident.model.model_file import write_model
 from robot_ident.recording import process
 from robot_ident.recording.conditions import Conditions, KnownPayload, read_conditions
 from robot_ident.robot import Robot, load_robot
-from robot_ident.simulation.calibrate import standard_motions
-from robot_ident.simulation.periodic import Play
-from robot_ident.simulation.physics import plant_physics
+from robot_ident.testbed.calibrate import standard_motions
+from robot_ident.testbed.phenomena import plant_physics
+from robot_ident.testbed.simulation import Play
 
 MASS, CENTRE = 2.0, np.array([0.03, 0.02, 0.08])
 TEXT = "payload:payload=2,x=0.03,y=0.02,z=0.08"

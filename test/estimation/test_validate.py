@@ -12,7 +12,7 @@ from robot_ident.estimation.identify import identify
 from robot_ident.estimation.validate import validate
 from robot_ident.excitation.validation import validation_motion
 from robot_ident.recording import Recording
-from robot_ident.simulation.simulate import simulate
+from robot_ident.testbed.simulation import simulate
 
 
 def test_residual_of_the_true_model_is_the_filtered_noise(arm: Any) -> None:

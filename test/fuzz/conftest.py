@@ -180,7 +180,7 @@ def _texts(folder: Path, arm: ExactArm) -> None:
     from robot_ident.excitation.point_to_point import PointToPoint
     from robot_ident.model.model_file import write_model
     from robot_ident.share import config_file
-    from robot_ident.simulation.sealed import seal
+    from robot_ident.testbed.scenario import seal
 
     write_model(identify([arm.record(periods=4)], arm.robot), folder / "model.yaml")
     small = FourierSeries(0.1, np.zeros(3), 0.2 * arm.series.a, 0.2 * arm.series.b)

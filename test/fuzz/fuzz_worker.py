@@ -133,8 +133,7 @@ def model(path: Path) -> None:
 
 def sealed(path: Path) -> None:
     """The answer of a sealed file is opened and understood."""
-    from robot_ident.simulation.scenario import Scenario
-    from robot_ident.simulation.sealed import open_sealed
+    from robot_ident.testbed.scenario import Scenario, open_sealed
 
     Scenario.of_answer(open_sealed(path))
 

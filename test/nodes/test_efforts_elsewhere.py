@@ -23,7 +23,7 @@ from robot_ident.model.model_file import read_model  # noqa: E402
 from robot_ident.recording.measurement import Processing  # noqa: E402
 from robot_ident.recording.recording import Recording  # noqa: E402
 from robot_ident.robot import load_robot  # noqa: E402
-from robot_ident.simulation.simulate import simulate  # noqa: E402
+from robot_ident.testbed.simulation import simulate  # noqa: E402
 
 JOINTS = ("joint_1", "joint_2", "joint_3")
 

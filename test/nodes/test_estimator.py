@@ -20,7 +20,7 @@ from robot_ident.model.model_file import read_model  # noqa: E402
 from robot_ident.recording.measurement import Processing  # noqa: E402
 from robot_ident.robot import load_robot  # noqa: E402
 from robot_ident.signals.motion import Array  # noqa: E402
-from robot_ident.simulation.simulate import simulate  # noqa: E402
+from robot_ident.testbed.simulation import simulate  # noqa: E402
 
 
 @pytest.fixture(scope="module")

@@ -9,7 +9,7 @@ from robot_ident.playback.player import Phase, Player
 from robot_ident.playback.supervisor import Bounds, Watch
 from robot_ident.playback.windows import Window, WindowSchedule
 from robot_ident.signals.motion import Array, Motion
-from robot_ident.simulation.trajectory_follower import TrajectoryFollower
+from robot_ident.testbed.real_time import TrajectoryFollower
 from test.playback.test_player import DT, Quintic, plan_stop
 
 LEAD = 0.1

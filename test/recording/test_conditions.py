@@ -17,7 +17,7 @@ from robot_ident.recording.conditions import Conditions, KnownPayload, PayloadPa
 from robot_ident.robot import Robot, load_robot
 from robot_ident.robot.rigid_body import RigidBody
 from robot_ident.signals.motion import Array, Motion
-from robot_ident.simulation.calibrate import standard_motions
+from robot_ident.testbed.calibrate import standard_motions
 
 TILTED = (1.5, -2.0, -9.0)
 BODY = KnownPayload(3.0, (0.05, -0.02, 0.1), (0.02, 0.001, 0.03, -0.002, 0.003, 0.025))

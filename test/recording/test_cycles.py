@@ -17,7 +17,7 @@ from robot_ident.recording.clock import even_positions, read_clock
 from robot_ident.recording.cycles import Cycles, find_cycles
 from robot_ident.recording.summary import summarise
 from robot_ident.signals.motion import Motion
-from robot_ident.simulation.simulate import simulate
+from robot_ident.testbed.simulation import simulate
 
 
 @pytest.fixture(scope="module")

@@ -21,7 +21,7 @@ from robot_ident.bags.storage import JOINT_STATE, Topic
 from robot_ident.excitation.point_to_point import PointToPoint
 from robot_ident.robot import Robot, load_robot
 from robot_ident.signals.motion import Array
-from robot_ident.simulation.simulate import simulate
+from robot_ident.testbed.simulation import simulate
 
 START = 1_760_000_000_000_000_000
 """Stamp of the first message [ns]."""

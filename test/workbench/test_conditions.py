@@ -19,9 +19,9 @@ from robot_ident.model.model_file import read_model
 from robot_ident.recording.conditions import Conditions, KnownPayload
 from robot_ident.robot import Robot, load_robot
 from robot_ident.share import config_file
-from robot_ident.simulation.calibrate import standard_motions
-from robot_ident.simulation.periodic import Play
-from robot_ident.simulation.physics import plant_physics
+from robot_ident.testbed.calibrate import standard_motions
+from robot_ident.testbed.phenomena import plant_physics
+from robot_ident.testbed.simulation import Play
 from robot_ident.workbench.allowed_paths import Allowed
 from robot_ident.workbench.controller import Desk
 from robot_ident.workbench.view import View

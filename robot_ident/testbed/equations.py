@@ -1,0 +1,420 @@
+"""The equations of one time step as CasADi functions: all that happens to the simulated arm between two instants.
+
+The state is a vector with names for its parts; the step is compiled once for all values of the robot's parameters.
+"""
+
+from __future__ import annotations
+
+from collections import OrderedDict
+from collections.abc import Sequence
+from dataclasses import dataclass
+from functools import cached_property
+from itertools import pairwise
+from typing import Any, NamedTuple
+
+import casadi as ca
+import numpy as np
+
+from robot_ident.robot.robot import Robot
+from robot_ident.signals.motion import Array
+from robot_ident.testbed.dry_friction import StepProblem, solve
+from robot_ident.testbed.links import links_function
+from robot_ident.testbed.phenomena import Instant, Physics
+from robot_ident.testbed.servo import Servo
+from robot_ident.testbed.transmissions import Transmissions
+from robot_ident.testbed.vectorised import Vectorised
+
+
+class Parts(NamedTuple):
+    """The parts of a state.
+
+    q rad, v rad/s, a rad/s^2: of the joints (their motors), then of links behind a transmission that gives; a is the
+    mean acceleration of the last step, which predicts the next one. own: states of the phenomena. values: their
+    parameters, which don't change.
+    """
+
+    q: Any
+    v: Any
+    a: Any
+    own: Any
+    values: Any
+
+
+@dataclass(frozen=True)
+class Layout:
+    """Where the parts stand: three of n joints and `links` further links, `own` states and `values` parameters."""
+
+    n: int
+    own: int
+    links: int = 0
+    values: int = 0
+
+    @property
+    def moving(self) -> int:
+        """Number of coordinates that move."""
+        return self.n + self.links
+
+    @property
+    def size(self) -> int:
+        """Length of a state."""
+        return 3 * self.moving + self.own + self.values
+
+    def _slices(self) -> list[slice]:
+        m = self.moving
+        edges = [0, m, 2 * m, 3 * m, 3 * m + self.own, self.size]
+        return [slice(a, b) for a, b in pairwise(edges)]
+
+    def split(self, states: Array) -> Parts:
+        """Return the parts of a state [size] or of states [N, size]."""
+        return Parts(*(states[..., part] for part in self._slices()))
+
+    def joints(self, states: Array) -> Parts:
+        """Return the parts with q, v, a of the joints alone."""
+        parts = self.split(states)
+        return parts._replace(q=parts.q[..., : self.n], v=parts.v[..., : self.n], a=parts.a[..., : self.n])
+
+    def split_symbolic(self, state: Any) -> Parts:
+        """Return the parts of a CasADi state."""
+        return Parts(*(state[part] for part in self._slices()))
+
+    def rest(self, q: Array, own: list[float], values: list[float]) -> Array:
+        """Return the state at rest in a pose [moving]."""
+        return np.concatenate([np.asarray(q, dtype=float), np.zeros(2 * self.moving), own, values])
+
+
+AT_ONCE = 1e-9
+"""A step [s] so short that the law of friction over it is the law at an instant."""
+
+
+class Terms(NamedTuple):
+    """The terms of inertia ddq + bias + torque + damping dq + friction = tau at an instant, of friction its level.
+
+    stiff: what the torque rises with position, per joint; load: torque on the gears.
+    """
+
+    inertia: Any
+    bias: Any
+    torque: Any
+    damping: Any
+    stiff: Any
+    level: Any
+    load: Sequence[Any]
+
+
+class Step(NamedTuple):
+    """What is known before friction is: the problem to solve and what follows from its solution."""
+
+    problem: StepProblem
+    terms: Terms
+    physics: tuple[Physics, ...]
+
+
+@dataclass(frozen=True)
+class Equations:
+    """M(q) ddq + n(q, dq) + phenomena = tau over a step of `step` seconds, theta = 1/2.
+
+    M and n at the middle of the step, which the last acceleration predicts; servo gains, damping, stiff springs and
+    shafts by the trapezoidal rule, so that a step is stable whatever they are. Parameters of phenomena are part of the
+    state: the same functions serve all their values.
+    """
+
+    robot: Robot
+    physics: tuple[Physics, ...]
+    servo: Servo
+    step: float
+
+    @cached_property
+    def layout(self) -> Layout:
+        """Where things stand in a state."""
+        own, values = sum(p.states for p in self.physics), sum(len(p.free) for p in self.physics)
+        return Layout(self.robot.n, own, len(self.transmissions.joints), values)
+
+    @cached_property
+    def transmissions(self) -> Transmissions:
+        """The joints whose transmission gives."""
+        return Transmissions.of(self.robot, self.physics)
+
+    @cached_property
+    def _links(self) -> Any:
+        return links_function(self.robot)
+
+    def dry_joints(self) -> list[bool]:
+        """Return which joints have dry friction."""
+        _, _, parts = self._symbols()
+        level = self._terms(self._given(parts), parts, parts.q, parts.v, ca.SX.zeros(self.robot.n), 0.0).level
+        return [not level[j].is_zero() for j in range(self.layout.moving)]
+
+    def full(self) -> Any:
+        """Return the function (state, command) -> state after a step, stick and slip and turning in it."""
+        state, command, parts = self._symbols()
+        step = self._step(parts, command)
+        _, _, v = solve(step.problem)
+        return ca.Function("full", [state, command], [self._after(parts, step, v)])
+
+    def slipping(self) -> Any:
+        """Return the same function for a step in which no joint with dry friction stops or turns: a third of the work.
+
+        Wherever the signs of the velocities come out as they went in, it is the one solution of the full problem.
+        """
+        state, command, parts = self._symbols()
+        step = self._step(parts, command)
+        friction = step.problem.level * ca.sign(parts.v)
+        d, lt, p = ca.ldl(step.problem.inertia)
+        v = parts.v + self.step * ca.ldl_solve(step.problem.force - friction, d, lt, p)
+        return ca.Function("slipping", [state, command], [self._after(parts, step, v)])
+
+    def acceleration(self) -> Any:
+        """Return the function (state, torque) -> ddq at that instant, zero for joints that stick."""
+        state, tau, parts, terms, force = self._at_once()
+        nothing = ca.SX.zeros(self.layout.moving)
+        problem = StepProblem(terms.inertia, force, parts.v, terms.level, AT_ONCE, nothing, nothing)
+        _, w, after = solve(problem)
+        sticks = ca.logic_and(parts.v == 0, after == 0)
+        return ca.Function("acceleration", [state, tau], [ca.densify(ca.if_else(sticks, 0, w))])
+
+    def moving_acceleration(self) -> Any:
+        """Return the same function where no joint with dry friction is at rest."""
+        state, tau, parts, terms, force = self._at_once()
+        d, lt, p = ca.ldl(terms.inertia)
+        w = ca.ldl_solve(force - terms.level * ca.sign(parts.v), d, lt, p)
+        return ca.Function("moving_acceleration", [state, tau], [ca.densify(w)])
+
+    def shown(self) -> Any:
+        """Return the function (state, ddq) -> position, velocity and acceleration [n] that the encoders show."""
+        state, _, parts = self._symbols()
+        n = self.robot.n
+        ddq = ca.SX.sym("ddq", n)
+        q, v = ca.SX.sym("q", n), ca.SX.sym("v", n)
+        seen = self._seen(self._given(parts), q)
+        rate = ca.jtimes(seen, q, v)
+        curve = ca.jtimes(rate, q, v) + ca.jtimes(seen, q, ddq)
+        out = ca.substitute([seen, rate, curve], [q, v], [parts.q[:n], parts.v[:n]])
+        return ca.Function("shown", [state, ddq], [ca.densify(x) for x in out])
+
+    def _symbols(self) -> tuple[Any, Any, Parts]:
+        state = ca.SX.sym("x", self.layout.size)
+        return state, ca.SX.sym("u", 5 * self.robot.n), self.layout.split_symbolic(state)
+
+    def _at_once(self) -> tuple[Any, Any, Parts, Terms, Any]:
+        state, _, parts = self._symbols()
+        tau = ca.SX.sym("tau", self.robot.n)
+        terms = self._terms(self._given(parts), parts, parts.q, parts.v, tau, 0.0)
+        force = self._driven(tau) - terms.bias - terms.torque - terms.damping * parts.v
+        return state, tau, parts, terms, force
+
+    def _given(self, parts: Parts) -> tuple[Physics, ...]:
+        """Return the phenomena with their parameters as the state holds them."""
+        out, at = [], 0
+        for physics in self.physics:
+            count = len(physics.free)
+            out.append(physics.with_symbols(ca.vertsplit(parts.values[at : at + count]) if count else []))
+            at += count
+        return tuple(out)
+
+    def _own(self, state: Sequence[Any]) -> list[Sequence[Any]]:
+        """Return the states of each phenomenon."""
+        out, at = [], 0
+        for physics in self.physics:
+            out.append(state[at : at + physics.states])
+            at += physics.states
+        return out
+
+    def _driven(self, tau: Any) -> Any:
+        """Return a torque of the motors [n] with zeros for the links behind them."""
+        return ca.vertcat(tau, ca.SX.zeros(self.layout.links))
+
+    def _seen(self, given: Sequence[Physics], q: Any) -> Any:
+        """Return what the encoders show [n] of positions q [n]."""
+        shown = ca.SX(q)
+        for physics in given:
+            if physics.reads:
+                shown[physics.joint] += physics.misread(q[physics.joint])
+        return shown
+
+    def _misread(self, given: Sequence[Physics], q: Any, v: Any) -> tuple[Any, Any]:
+        """Return what the encoders show too much of positions and velocities [n]: the servo knows both from them."""
+        off, slip = ca.SX.zeros(q.numel()), ca.SX.zeros(q.numel())
+        for physics in given:
+            if physics.reads:
+                angle, j = ca.SX.sym("angle"), physics.joint
+                error = physics.misread(angle)
+                off[j] += ca.substitute(error, angle, q[j])
+                slip[j] += ca.substitute(ca.gradient(error, angle), angle, q[j]) * v[j]
+        return off, slip
+
+    def _terms(self, given: Sequence[Physics], x: Parts, q: Any, v: Any, tau: Any, h: float) -> Terms:
+        """Return the terms at positions and velocities, for phenomena with the states of x and commands tau [n]."""
+        n, size, gear = self.robot.n, self.layout.moving, self.transmissions
+        mass, bias = self._links(gear.of_links(q), gear.of_links(v))
+        inertia = gear.spread(mass)
+        torque, damping, stiff, level = (ca.SX.zeros(size) for _ in range(4))
+        load = ca.mtimes(mass, gear.of_links(x.a)) + bias - ca.DM(self.robot.drives.armature) * gear.of_links(x.a)
+        sides = {
+            "motor": (q[:n], v[:n], x.a[:n], x.v[:n]),
+            "link": tuple(gear.of_links(part) for part in (q, v, x.a, x.v)),
+        }
+        split = {side: [ca.vertsplit(part) for part in parts] for side, parts in sides.items()}
+        own = self._own(ca.vertsplit(x.own) if self.layout.own else [])
+        command = ca.vertsplit(tau)
+        # What the gear carries comes first: friction that depends on the load needs the sum.
+        for physics, z in sorted(zip(given, own, strict=True), key=lambda pair: not pair[0].loads_gear):
+            sq, sv, sa, start = split[physics.side]
+            moved = [h / 2 * value for value in start]
+            part = physics.contribution(Instant(sq, sv, sa, ca.vertsplit(load), z, command, moved, h))
+            at = gear.rows[physics.side]
+            for j, value in part.torque.items():
+                torque[at[j]] += value
+                load[j] += value if physics.loads_gear else 0
+            for into, values in ((damping, part.damping), (stiff, part.stiffness), (level, part.friction)):
+                for j, value in values.items():
+                    into[at[j]] += value
+            for (i, j), value in part.inertia.items():
+                inertia[at[i], at[j]] += value
+                load[i] += value * sa[j] if physics.loads_gear else 0
+        full = ca.SX.zeros(size)
+        for j in range(n):
+            full[gear.rows["link"][j]] += bias[j]
+        torque += gear.torque(given, x.q, x.v, h)
+        return Terms(inertia, full, torque, damping, stiff, _not_negative(level), ca.vertsplit(load))
+
+    def _step(self, x: Parts, command: Any) -> Step:
+        h, servo, n = self.step, self.servo, self.robot.n
+        given = self._given(x)
+        q_ref, v_ref, ahead, jump, fraction = ca.vertsplit(command, n)
+        q_mid, v_mid = x.q + h / 2 * x.v + h**2 / 8 * x.a, x.v + h / 2 * x.a
+        kp, kd, limit = ca.DM(servo.kp), ca.DM(servo.kd), ca.DM(servo.limit)
+        off, slip = self._misread(given, q_mid[:n], v_mid[:n])  # taken as constant over the step
+        wanted = ahead + kp * (q_ref - q_mid[:n] - off) + kd * (v_ref - v_mid[:n] - slip)
+        free = ca.fabs(wanted) < limit  # a drive at its torque limit answers to nothing
+        clipped = ca.fmax(ca.fmin(wanted, limit), -limit)
+        terms = self._terms(given, x, q_mid, v_mid, clipped, h)
+        trapezoidal = ahead + kp * (q_ref - x.q[:n] - off - h / 2 * x.v[:n]) + kd * (v_ref - x.v[:n] - slip)
+        drive = ca.if_else(free, trapezoidal, clipped)
+        held = self._driven(ca.if_else(free, h / 2 * kd + h**2 / 4 * kp, 0))
+        implicit = h / 2 * terms.damping + h**2 / 4 * terms.stiff + held
+        problem = StepProblem(
+            inertia=terms.inertia + ca.diag(implicit) + self.transmissions.implicit(given, x.q, x.v, h),
+            force=self._driven(drive) - terms.bias - terms.torque - terms.damping * x.v,
+            velocity=x.v,
+            level=terms.level,
+            h=h,
+            fraction=self._driven(fraction),
+            jump=self._driven(ca.if_else(free, jump, 0)),
+        )
+        return Step(problem, terms, given)
+
+    def _after(self, x: Parts, step: Step, v: Any) -> Any:
+        """Return the state after a step from the velocity after it."""
+        h, gear = self.step, self.transmissions
+        q = x.q + h / 2 * (x.v + v)
+        a = ca.if_else(v == 0, 0, (v - x.v) / h)  # a joint that has just stopped isn't predicted to turn
+        own: list[Any] = []
+        for physics, z in zip(step.physics, self._own(ca.vertsplit(x.own) if self.layout.own else []), strict=True):
+            if physics.states:
+                load, rows = step.terms.load, gear.rows[physics.side]
+                before = Instant(_picked(x.q, rows), _picked(x.v, rows), _picked(x.a, rows), load, z)
+                after = Instant(_picked(q, rows), _picked(v, rows), _picked(a, rows), load, z)
+                own += physics.advance(before, after, h)
+        return ca.vertcat(q, v, a, *own, x.values)
+
+
+def _not_negative(level: Any) -> Any:
+    """Return levels of dry friction, those that phenomena lower no further than to zero; structural zeros stay."""
+    return ca.vertcat(*(x if x.is_zero() else ca.fmax(x, 0) for x in ca.vertsplit(level)))
+
+
+def _picked(part: Any, rows: Sequence[int]) -> list[Any]:
+    return [part[k] for k in rows]
+
+
+def start_values(physics: Sequence[Physics]) -> list[float]:
+    """Return the parameters of phenomena in the order of the state."""
+    return [float(p.values[name]) for p in physics for name in p.free]
+
+
+KEPT = 48
+"""Programs that stay in memory: a study varies values more often than equations."""
+
+
+class Folded:
+    """A step function folded into one that runs several steps on numpy's memory, without Python between them."""
+
+    def __init__(self, buffer: Any, evaluate: Any) -> None:
+        """Hold what CasADi's `Function.buffer` returns."""
+        self._buffer = buffer
+        self._evaluate = evaluate
+
+    @classmethod
+    def of(cls, step: Any, size: int) -> Folded:
+        """Fold (state, command) -> state over `size` steps."""
+        return cls(*step.mapaccum(f"{step.name()}_{size}", size).buffer())
+
+    def run(self, state: Array, commands: Array, out: Array) -> None:
+        """Fill `out` [N, size] with the states after each of N steps; commands and out contiguous."""
+        start = np.array(state)  # CasADi keeps the address alone: this array must live until the call is over
+        self._buffer.set_arg(0, memoryview(start))
+        self._buffer.set_arg(1, memoryview(commands))
+        self._buffer.set_res(0, memoryview(out))
+        self._evaluate()
+
+
+class Program:
+    """The functions of `Equations`, each made when it is first needed."""
+
+    def __init__(self, equations: Equations) -> None:
+        """Hold the equations."""
+        self.equations = equations
+        self.layout = equations.layout
+        self._folded: dict[tuple[str, int], Folded] = {}
+
+    @cached_property
+    def dry(self) -> Any:
+        """Which coordinates have dry friction [moving]."""
+        return np.array(self.equations.dry_joints())
+
+    @cached_property
+    def full(self) -> Any:
+        """The step with stick, slip and turning in it."""
+        return self.equations.full()
+
+    @cached_property
+    def slipping(self) -> Any:
+        """The step in which nothing with dry friction stops or turns."""
+        return self.equations.slipping()
+
+    def fold(self, kind: str, size: int) -> Folded:
+        """Return the step `full` or `slipping`, folded over `size` steps."""
+        if (kind, size) not in self._folded:
+            self._folded[kind, size] = Folded.of(getattr(self, kind), size)
+        return self._folded[kind, size]
+
+    @cached_property
+    def acceleration(self) -> Vectorised:
+        """(state, torque) -> ddq at instants at which joints may be at rest."""
+        return Vectorised(self.equations.acceleration())
+
+    @cached_property
+    def moving_acceleration(self) -> Vectorised:
+        """(state, torque) -> ddq at instants at which no joint with dry friction is at rest."""
+        return Vectorised(self.equations.moving_acceleration())
+
+    @cached_property
+    def shown(self) -> Vectorised:
+        """(state, ddq) -> q, dq, ddq that the encoders show."""
+        return Vectorised(self.equations.shown())
+
+
+_PROGRAMS: OrderedDict[tuple[object, ...], Program] = OrderedDict()
+
+
+def program_of(robot: Robot, physics: Sequence[Physics], servo: Servo, step: float) -> Program:
+    """Return the program of a robot with such phenomena, whatever their values; the latest ones are kept."""
+    gains = tuple(values.tobytes() for values in (servo.kp, servo.kd, servo.limit))
+    # The robot is held by its program, so that its identity stays its own.
+    key = (id(robot), gains, step, tuple(p.structure for p in physics))
+    if key not in _PROGRAMS:
+        _PROGRAMS[key] = Program(Equations(robot, tuple(physics), servo, step))
+        if len(_PROGRAMS) > KEPT:
+            _PROGRAMS.popitem(last=False)
+    _PROGRAMS.move_to_end(key)
+    return _PROGRAMS[key]
