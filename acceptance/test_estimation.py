@@ -17,11 +17,11 @@ from scipy.linalg import cho_factor, cho_solve, toeplitz
 from scipy.signal import lfilter
 
 from robot_ident.estimation.solve import solve
-from robot_ident.excitation.fourier import FourierSeries
 from robot_ident.model.structure import Structure
 from robot_ident.recording import Measurement, Processing, Recording, process
 from robot_ident.recording.noise_spectrum import NoiseSpectrum
 from robot_ident.robot import load_robot
+from robot_ident.trajectories.fourier_series import FourierSeries
 
 RUNS = int(os.environ.get("ROBOT_IDENT_RUNS", "500"))
 WORKERS = max(1, min(4, os.cpu_count() or 1))

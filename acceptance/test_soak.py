@@ -35,8 +35,8 @@ EVEN = 1e-3  # periods by which stamps may miss their grid
 
 def motion(folder: Path) -> Path:
     """Write a small excitation of 1 Hz, within the limits of the KUKA."""
-    from robot_ident.excitation.excitation import Excitation
-    from robot_ident.excitation.fourier import FourierSeries
+    from robot_ident.trajectories.excitation import Excitation
+    from robot_ident.trajectories.fourier_series import FourierSeries
 
     random, w = np.random.default_rng(3), 2 * np.pi * np.arange(1, 4)
     size, angle = np.array([1.3, 0.7, 0.4]) / w, random.uniform(0, 2 * np.pi, (3, 3))

@@ -16,14 +16,14 @@ from dataclasses import dataclass, field
 
 import numpy as np
 
-from robot_ident.excitation.excitation import Excitation
-from robot_ident.excitation.feasibility import allowed_poses, rule_margins
-from robot_ident.excitation.fourier import FourierSeries
-from robot_ident.excitation.limits import Certifier
-from robot_ident.excitation.self_collision import LinkPairs, link_pairs
-from robot_ident.excitation.torque import TorqueModel
+from robot_ident.limits.certifier import Certifier
+from robot_ident.limits.feasibility import allowed_poses, rule_margins
+from robot_ident.limits.self_collision import LinkPairs, link_pairs
+from robot_ident.limits.torque_bound import TorqueModel
 from robot_ident.robot import Robot, load_robot
 from robot_ident.signals.motion import Array
+from robot_ident.trajectories.excitation import Excitation
+from robot_ident.trajectories.fourier_series import FourierSeries
 
 INTERVALS = 64  # of the certificate at its start
 HARMONICS = 5

@@ -21,13 +21,13 @@ from typing import Any
 
 import numpy as np
 
-from robot_ident.excitation.excitation import Excitation
-from robot_ident.excitation.fourier import FourierSeries
-from robot_ident.excitation.limits import Certifier
-from robot_ident.excitation.target import Target
+from robot_ident.design.target import Target
 from robot_ident.figures.parameter_bars import CONDITION, LOG10_DET
+from robot_ident.limits.certifier import Certifier
 from robot_ident.robot import load_robot
 from robot_ident.robot.robot import Robot
+from robot_ident.trajectories.excitation import Excitation
+from robot_ident.trajectories.fourier_series import FourierSeries
 
 _RANDOM = 200  # random feasible motions that an arm's design is measured by
 

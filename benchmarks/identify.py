@@ -18,11 +18,11 @@ from pathlib import Path
 import numpy as np
 
 from robot_ident.bags import write_recording
-from robot_ident.excitation.excitation import Excitation
-from robot_ident.excitation.fourier import FourierSeries
-from robot_ident.excitation.playback import Playback
+from robot_ident.planning.blends import Playback
 from robot_ident.robot import load_robot
 from robot_ident.testbed.simulation import simulate
+from robot_ident.trajectories.excitation import Excitation
+from robot_ident.trajectories.fourier_series import FourierSeries
 
 PERIODS = 16
 

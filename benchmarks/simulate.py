@@ -11,11 +11,11 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from robot_ident.excitation.fourier import FourierSeries
 from robot_ident.robot import load_robot
 from robot_ident.signals.motion import Array, Motion
 from robot_ident.testbed.phenomena import home_pose
 from robot_ident.testbed.simulation import simulate
+from robot_ident.trajectories.fourier_series import FourierSeries
 
 PERIODS, PERIOD = 16, 10.0
 

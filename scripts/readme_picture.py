@@ -18,11 +18,11 @@ import numpy as np
 from robot_ident.cli.demo import HIDDEN
 from robot_ident.cli.loop import Inputs
 from robot_ident.cli.until_adequate import add_until_adequate
+from robot_ident.design.design import design
 from robot_ident.diagnosis.beside import beside
 from robot_ident.diagnosis.comparison import compare
 from robot_ident.diagnosis.diagnose import diagnose
 from robot_ident.estimation.identify import estimate
-from robot_ident.excitation.design import design
 from robot_ident.figures.residual_scatter import binned
 from robot_ident.figures.theme import BLUE, FONT, GREY, NOISE, SHADES, SKY, VERMILLION, themed
 from robot_ident.model.structure import Structure

@@ -21,11 +21,11 @@ from robot_ident.cli.output import (
 from robot_ident.errors import CheckFailed, InputError
 
 if TYPE_CHECKING:
-    from robot_ident.excitation.excitation import Excitation
-    from robot_ident.excitation.margins import Margins
-    from robot_ident.excitation.point_to_point import PointToPoint
+    from robot_ident.limits.certifier import Margins
     from robot_ident.robot import Robot
     from robot_ident.signals.motion import Array
+    from robot_ident.trajectories.excitation import Excitation
+    from robot_ident.trajectories.point_to_point import PointToPoint
 
 
 def add_arguments(parser: argparse.ArgumentParser) -> None:
@@ -50,8 +50,8 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
 
 def run(args: argparse.Namespace) -> int:
     """Certify a motion and its way in and out; exit with 3 when a limit is not kept or not known."""
-    from robot_ident.excitation.point_to_point import load_motion
     from robot_ident.robot import load_robot
+    from robot_ident.trajectories.point_to_point import load_motion
 
     robot = load_robot(args.robot)
     start = None if args.start is None else _positions(args.start, robot.joints)
@@ -81,9 +81,9 @@ def run(args: argparse.Namespace) -> int:
 
 def _precision(args: argparse.Namespace, motion: Excitation | PointToPoint, robot: Robot) -> Precision | None:
     """Return how many periods of an excitation --precision takes, None where it isn't asked for."""
-    from robot_ident.excitation.excitation import Excitation
-    from robot_ident.excitation.target import Target
+    from robot_ident.design.target import Target
     from robot_ident.model.model_file import read_model
+    from robot_ident.trajectories.excitation import Excitation
 
     if args.precision is None and not args.parameter:
         return None
@@ -99,11 +99,10 @@ def _certified(
     """Return the margins of a motion, of its parts (blends and approach, where it keeps the limits itself), and of all
     that is played.
     """
-    from robot_ident.excitation.approach import approach
-    from robot_ident.excitation.excitation import Excitation
-    from robot_ident.excitation.limits import Certifier
-    from robot_ident.excitation.margins import worst_of
-    from robot_ident.excitation.playback import Playback
+    from robot_ident.limits.certifier import Certifier, worst_of
+    from robot_ident.planning.approach import approach
+    from robot_ident.planning.blends import Playback
+    from robot_ident.trajectories.excitation import Excitation
 
     certifier = Certifier(robot)
     margins = certifier.margins(motion)

@@ -28,8 +28,8 @@ from robot_ident.parallel import PARENT
 
 if TYPE_CHECKING:
     from robot_ident.cli.until_adequate import Additions
+    from robot_ident.design.design import Progress as DesignProgress
     from robot_ident.diagnosis.staircase import Step
-    from robot_ident.excitation.design import Progress as DesignProgress
     from robot_ident.model.model import Model
     from robot_ident.report.findings import Findings
     from robot_ident.robot import Robot
@@ -180,10 +180,10 @@ def _without_noise(model: Model, runs: list[Run], hidden: Sequence[str]) -> Arra
     effect merges with another parameter (the spring's sine with gravity).
     """
     from robot_ident.estimation.identify import estimate
-    from robot_ident.excitation.excitation import Excitation
     from robot_ident.recording.process import process
     from robot_ident.testbed.phenomena import plant_physics
     from robot_ident.testbed.simulation import Play
+    from robot_ident.trajectories.excitation import Excitation
 
     physics = plant_physics(model.robot, list(hidden))
     plays = [Play.of(model.robot, physics, Excitation.read(motion.file).series) for motion in runs[:-1]]
@@ -274,9 +274,9 @@ class Run:
 
 def design_motions(robot: Robot, folder: Path, *, periods: int, seconds: float, seed: int) -> list[Run]:
     """Design two excitations and draw a validation motion."""
-    from robot_ident.excitation.design import design
-    from robot_ident.excitation.playback import Playback
-    from robot_ident.excitation.validation import validation_motion
+    from robot_ident.design.design import design
+    from robot_ident.planning.blends import Playback
+    from robot_ident.planning.validation_motion import validation_motion
 
     runs = []
     for k in range(1, TRAJECTORIES + 1):

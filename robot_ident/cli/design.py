@@ -42,14 +42,13 @@ from robot_ident.cli.some_joints import add_joints, held_for_design, held_note
 from robot_ident.errors import InputError, did_you_mean
 
 if TYPE_CHECKING:
-    from robot_ident.excitation.design import DesignResult
-    from robot_ident.excitation.excitation import Excitation
-    from robot_ident.excitation.precision import Needed
-    from robot_ident.excitation.target import Target
+    from robot_ident.design.design import DesignResult
+    from robot_ident.design.target import Needed, Target
     from robot_ident.model.model import Model
     from robot_ident.recording.recording import Recording
     from robot_ident.robot import Robot
     from robot_ident.signals.motion import Array
+    from robot_ident.trajectories.excitation import Excitation
 
 
 _BANDWIDTH = 10.0  # Hz of the derivatives of what does not repeat: beyond, noise would widen the envelope
@@ -66,7 +65,7 @@ def within_runs(args: argparse.Namespace, robot: Robot, whole: Robot) -> Robot:
     import numpy as np
 
     from robot_ident.bags import read_for
-    from robot_ident.excitation.envelope import within_envelope
+    from robot_ident.limits.envelope import within_envelope
     from robot_ident.recording.measurement import Processing
     from robot_ident.recording.process import process
     from robot_ident.signals.motion import Motion
@@ -144,7 +143,7 @@ def precision(
         return None
     import numpy as np
 
-    from robot_ident.excitation.precision import periods_needed
+    from robot_ident.design.target import periods_needed
 
     share = share_of(args.precision)
     names = target.structure.names
@@ -323,7 +322,7 @@ def run(args: argparse.Namespace) -> int:
     check_precision(args, target)
     prior = prior_information(args.prior, target, model, bound=args.criterion == "crlb")
     if args.only:
-        from robot_ident.excitation.only_payload import all_but_payload
+        from robot_ident.design.target import all_but_payload
 
         prior = all_but_payload(target) + (0.0 if prior is None else prior)
     limit = args.time_limit
@@ -425,7 +424,7 @@ def _check_model(args: argparse.Namespace, model: Model | None, robot: Robot) ->
 
 
 def _target(args: argparse.Namespace, model: Model | None, robot: Robot) -> Target:
-    from robot_ident.excitation.target import Target
+    from robot_ident.design.target import Target
 
     return Target.of_robot(robot, args.effect) if model is None else Target.of_model(model, args.effect, robot=robot)
 
@@ -438,8 +437,8 @@ def _design(
     band: tuple[float, float] | None,
     deadline: float | None,
 ) -> DesignResult:
-    from robot_ident.excitation.design import Progress as State
-    from robot_ident.excitation.design import design
+    from robot_ident.design.design import Progress as State
+    from robot_ident.design.design import design
 
     with Progress("design", 1.0) as bar:
 
@@ -474,7 +473,7 @@ def _moved_alone(excitation: Excitation, robot: Robot, held: dict[str, float]) -
     """Return an excitation of some joints as one of the whole robot, the others held."""
     if not held:
         return excitation
-    from robot_ident.excitation.held import whole_motion
+    from robot_ident.planning.validation_motion import whole_motion
 
     return whole_motion(excitation, robot, held)
 

@@ -11,9 +11,9 @@ from robot_ident.cli.output import Options, Progress, say
 from robot_ident.errors import InputError
 
 if TYPE_CHECKING:
-    from robot_ident.excitation.bound import Bound
-    from robot_ident.excitation.design import DesignResult
-    from robot_ident.excitation.target import Target
+    from robot_ident.design.bound import Bound
+    from robot_ident.design.design import DesignResult
+    from robot_ident.design.target import Target
     from robot_ident.signals.motion import Array
 
 _SHARE = 0.4  # of a time limit that is left for the bound
@@ -42,7 +42,7 @@ def check_bound_arguments(args: argparse.Namespace) -> None:
 
 def until_bound(args: argparse.Namespace, deadline: float | None) -> float | None:
     """Return when the search has to end so that the bound fits into the time limit."""
-    from robot_ident.excitation.bound import TIME_LIMIT
+    from robot_ident.design.bound import TIME_LIMIT
 
     if deadline is None or not args.bound:
         return deadline
@@ -55,8 +55,8 @@ def bounded(
     """Return the design with the bound in what its files say was achieved."""
     if not args.bound:
         return found, None
-    from robot_ident.excitation.bound import TIME_LIMIT, Proof, determinant_bound
-    from robot_ident.excitation.setting import family_of
+    from robot_ident.design.bound import TIME_LIMIT, Proof, determinant_bound
+    from robot_ident.design.family import family_of
 
     time_limit = TIME_LIMIT if deadline is None else min(TIME_LIMIT, max(1.0, deadline - time.monotonic()))
     started = time.monotonic()

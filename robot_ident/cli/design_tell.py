@@ -10,10 +10,10 @@ from robot_ident.cli.output import Progress, margin_table, print_json, refuse_un
 from robot_ident.errors import InputError
 
 if TYPE_CHECKING:
-    from robot_ident.excitation.excitation import Excitation
-    from robot_ident.excitation.target import Target
-    from robot_ident.excitation.tell import Telling
+    from robot_ident.design.discrimination import Telling
+    from robot_ident.design.target import Target
     from robot_ident.signals.motion import Array
+    from robot_ident.trajectories.excitation import Excitation
 
 
 def run_tell(
@@ -25,7 +25,7 @@ def run_tell(
     finished: Callable[[Excitation], Excitation],
 ) -> int:
     """Design the motion that tells two effects apart; finished: what makes of it what is written."""
-    from robot_ident.excitation.tell import NEEDED, tell_apart
+    from robot_ident.design.discrimination import NEEDED, tell_apart
 
     if args.trajectories > 1 or args.symmetric or args.bandwidth or args.harmonics:
         raise InputError(
@@ -73,7 +73,7 @@ def run_tell(
 
 
 def _tell_json(found: Telling, target: Target, files: Sequence[str], labels: Sequence[str]) -> dict[str, Any]:
-    from robot_ident.excitation.tell import NEEDED
+    from robot_ident.design.discrimination import NEEDED
 
     values = found.evaluation
     return {

@@ -21,7 +21,7 @@ from robot_ident.cli.output import (
 from robot_ident.errors import InputError
 
 if TYPE_CHECKING:
-    from robot_ident.excitation.target import Target
+    from robot_ident.design.target import Target
 
 
 def add_waypoints(parser: Options) -> None:
@@ -49,7 +49,7 @@ def add_waypoints(parser: Options) -> None:
 
 def run_waypoints(args: argparse.Namespace, target: Target, files: Sequence[str]) -> int:
     """Plan a tour, and write it as a point-to-point motion."""
-    from robot_ident.excitation.waypoints import Waypoints, plan_tour
+    from robot_ident.design.tours import Waypoints, plan_tour
 
     forbidden = {
         "--tell": args.tell,

@@ -207,7 +207,7 @@ def _height(draft: str, urdf: str, output: Path) -> float | None:
 
 def _unchecked(robot: Robot | None) -> list[str]:
     """Return what no motion of a robot is certified for: what `design` and `check` say, and what they never see."""
-    from robot_ident.excitation.limits import Certifier
+    from robot_ident.limits.certifier import Certifier
 
     if robot is None:
         return ["anything: the file can't be used yet"]

@@ -13,11 +13,11 @@ from robot_ident.cli.output import Options, within
 from robot_ident.errors import InputError
 
 if TYPE_CHECKING:
-    from robot_ident.excitation.excitation import Excitation
     from robot_ident.recording.measurement import Processing
     from robot_ident.recording.recording import Recording
     from robot_ident.robot.robot import Robot
     from robot_ident.signals.motion import Array
+    from robot_ident.trajectories.excitation import Excitation
 
 
 class _Effects(argparse.Action):
@@ -227,7 +227,7 @@ def _path(played: Excitation) -> Callable[[Array], Array]:
 
 def _excitations(files: Sequence[str], robot: Robot | None = None) -> list[Excitation]:
     """Return the excitations of some files; InputError where one is not of the robot."""
-    from robot_ident.excitation.excitation import Excitation
+    from robot_ident.trajectories.excitation import Excitation
 
     found = [Excitation.read(file) for file in files]
     for one in found:

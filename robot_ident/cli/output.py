@@ -19,7 +19,7 @@ from robot_ident.errors import CheckFailed, InputError
 from robot_ident.files import is_special
 
 if TYPE_CHECKING:
-    from robot_ident.excitation.margins import Margins
+    from robot_ident.limits.certifier import Margins
     from robot_ident.recording.recording import Recording
 
 
@@ -326,7 +326,7 @@ def say_unchecked(margins: Margins) -> None:
 
 def refuse_unchecked(args: argparse.Namespace, margins: Margins) -> None:
     """Raise CheckFailed where something was not checked and nobody has accepted that."""
-    from robot_ident.excitation.margins import unchecked_refusal
+    from robot_ident.limits.certifier import unchecked_refusal
 
     refusal = unchecked_refusal(margins.unknown, f"give {_OPTION}")
     if refusal and not args.accept_unchecked:

@@ -66,9 +66,9 @@ def _planned(path: str, model: Model) -> Prediction | None:
 
     from robot_ident.estimation.at_pose import refuse_elsewhere
     from robot_ident.estimation.predict import predict_motion
-    from robot_ident.excitation.excitation import Excitation
-    from robot_ident.excitation.point_to_point import load_motion
     from robot_ident.signals.motion import Motion
+    from robot_ident.trajectories.excitation import Excitation
+    from robot_ident.trajectories.point_to_point import load_motion
 
     motion = load_motion(path)
     rate = motion.sample_rate if isinstance(motion, Excitation) else _SAMPLE_RATE

@@ -11,7 +11,7 @@ from robot_ident.errors import InputError
 from robot_ident.signals.motion import Array
 
 if TYPE_CHECKING:
-    from robot_ident.excitation.target import Target
+    from robot_ident.design.target import Target
     from robot_ident.model.model import Model
 
 

@@ -68,16 +68,16 @@ def run(args: argparse.Namespace) -> int:
     """Record the simulated robot."""
     from robot_ident.bags import write_recording
     from robot_ident.errors import InputError
-    from robot_ident.excitation.excitation import Excitation
-    from robot_ident.excitation.playback import Playback
-    from robot_ident.excitation.point_to_point import load_motion
     from robot_ident.files import refuse_existing, write_text
+    from robot_ident.planning.blends import Playback
     from robot_ident.recording.conditions import Conditions, sidecar
     from robot_ident.robot import load_robot
     from robot_ident.testbed.phenomena import plant_physics
     from robot_ident.testbed.phenomena.words import values_in_words
     from robot_ident.testbed.scenario import draw_scenario, seal, sealed_path
     from robot_ident.testbed.simulation import simulate, simulated_effects
+    from robot_ident.trajectories.excitation import Excitation
+    from robot_ident.trajectories.point_to_point import load_motion
 
     refuse_existing(args.output, force=args.force)
     answer = None if args.hidden is None else sealed_path(args.output)

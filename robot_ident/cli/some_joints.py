@@ -56,7 +56,7 @@ def held_for_design(args: argparse.Namespace, robot: Robot) -> tuple[Robot, dict
     given = given_angles(args, robot)
     if args.joints is None:
         return robot, {}
-    from robot_ident.excitation.held import check_angles
+    from robot_ident.planning.validation_motion import check_angles
     from robot_ident.robot.locked_joints import hold, moving_joints
 
     moving = moving_joints(robot, args.joints)

@@ -16,10 +16,10 @@ from robot_ident.cli.output import Progress, add_cluster, add_json, add_robot, p
 from robot_ident.errors import InputError, did_you_mean
 
 if TYPE_CHECKING:
-    from robot_ident.excitation.excitation import Excitation
     from robot_ident.robot.robot import Robot
     from robot_ident.testbed.base_trial import BaseOutcome
     from robot_ident.testbed.trial import Case, Outcome
+    from robot_ident.trajectories.excitation import Excitation
 
 
 _TRAINING = 3  # motions that are identified and diagnosed; one more is kept unseen
@@ -155,7 +155,7 @@ def _cases(args: argparse.Namespace) -> list[Case]:
 
 def _motions(args: argparse.Namespace, robot: Robot) -> list[Excitation]:
     """Return the motions: those of `--excitation`, those kept in `--folder`, or new ones."""
-    from robot_ident.excitation.excitation import Excitation
+    from robot_ident.trajectories.excitation import Excitation
 
     if args.excitation:
         if len(args.excitation) < 2:
@@ -174,7 +174,7 @@ def _motions(args: argparse.Namespace, robot: Robot) -> list[Excitation]:
 
 def _design_missing(files: Sequence[Path], robot: Robot) -> None:
     """Design the motions that are not there yet; their number is their seed."""
-    from robot_ident.excitation.design import design
+    from robot_ident.design.design import design
 
     if all(file.exists() for file in files):
         return

@@ -11,6 +11,7 @@ from collections.abc import Sequence
 
 import numpy as np
 
+from robot_ident.design.discrimination import experiment_between
 from robot_ident.diagnosis.before_after import errors, estimates, mean_squares
 from robot_ident.diagnosis.braking import with_doubt
 from robot_ident.diagnosis.candidates import Score
@@ -23,7 +24,6 @@ from robot_ident.diagnosis.refine import refined
 from robot_ident.diagnosis.ties import tied
 from robot_ident.diagnosis.unexplained import explain_by_variables
 from robot_ident.diagnosis.weighed_by_residual import tells_noise, weighed_by_residual
-from robot_ident.excitation.tell import experiment_between
 from robot_ident.model.structure import Structure
 from robot_ident.recording.measurement import Measurement
 

@@ -7,6 +7,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
+from robot_ident.design.discrimination import experiment_between
 from robot_ident.diagnosis.backlash import gap_near
 from robot_ident.diagnosis.before_after import errors, estimates, mean_squares
 from robot_ident.diagnosis.candidates import Folds, Score
@@ -17,7 +18,6 @@ from robot_ident.diagnosis.scan import base_gram
 from robot_ident.diagnosis.stage import GAIN, Stage
 from robot_ident.diagnosis.ties import tied
 from robot_ident.effects import Effect
-from robot_ident.excitation.tell import experiment_between
 from robot_ident.recording.measurement import Measurement
 
 _LISTED = 6  # candidates reported beside the members

@@ -1,7 +1,8 @@
-"""Weight as the URDF has it beside inertia far from it, on every joint alike: the clock of the stamps runs wrong.
+"""What is off the URDF alike on every joint: inertia beside weight as it should be, or weight and inertia both.
 
 Stamps that run r times too fast make accelerations r^2 and products of speeds r^2 times too small; the weight knows
 no time: k_g = 1, k_i = r^2 on all joints. A URDF's inertias are rarely all wrong by one factor beside right weights.
+Where both shares are off by one factor, all efforts may have a wrong gain: a fit takes it for heavier links.
 """
 
 from __future__ import annotations
@@ -34,7 +35,8 @@ def by_clock(judged: Sequence[Declared]) -> list[Declared]:
     apart = float(np.abs(sizes - middle).max())
     closely = len(told) > 2 and apart < _CLOSELY and abs(middle) > np.log(_NEAR)
     alike = apart < _ALIKE and abs(middle) > np.log(_FAR)
-    if np.abs(np.array(weights) - 1.0).max() > _WEIGHT or not (closely or alike):
+    weight = float(np.median(np.log(np.maximum(weights, 1e-12))))  # nearer to the URDF's than inertia is, by half
+    if np.abs(np.array(weights) - 1.0).max() > _WEIGHT or abs(weight) > abs(middle) / 2.0 or not (closely or alike):
         return list(judged)
     rate = float(np.exp(abs(middle) / 2.0))
     way = "fast" if middle > 0 else "slow"
@@ -43,3 +45,21 @@ def by_clock(judged: Sequence[Declared]) -> list[Declared]:
         f" {rate:.3g} times too {way} (or all the URDF's inertias are wrong alike)"
     )
     return [replace(d, verdict="clock", hint=hint) if d in told else d for d in judged]
+
+
+def gain_of_all(judged: Sequence[Declared]) -> list[str]:
+    """Return a line where weight and inertia are off the URDF's by one factor, k_g = k_i = g, on two joints or more.
+
+    Data can't say whether all efforts or all masses are off.
+    """
+    told = [d for d in judged if np.isfinite(d.share) and d.explained > _LEAST and d.verdict == "consistent"]
+    shares = np.array([x for d in told for x in (d.gravity, d.inertia) if np.isfinite(x)])
+    if len(told) < 2 or min(shares) <= 0.0:
+        return []
+    factor = float(np.exp(np.median(np.log(shares))))
+    if np.abs(np.log(shares / factor)).max() > _CLOSELY or abs(np.log(factor)) < np.log(_NEAR):
+        return []
+    return [
+        f"weight and inertia are {factor:.3g} times the URDF's on every joint alike: a gain of all efforts, or masses"
+        " of the URDF that are all wrong by that; these data can't tell which, a known payload can"
+    ]

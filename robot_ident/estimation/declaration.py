@@ -7,7 +7,7 @@ from dataclasses import replace
 
 import numpy as np
 
-from robot_ident.estimation.clock_rate import by_clock
+from robot_ident.estimation.clock_rate import by_clock, gain_of_all
 from robot_ident.estimation.declared import NOT_TOLD, Declared
 from robot_ident.recording.measurement import Measurement, Processing
 from robot_ident.recording.process import process
@@ -171,3 +171,9 @@ def clock_notes(measurements: Sequence[Measurement], robot: Robot) -> list[str]:
     told = [measured for measured in measurements if not measured.conditions.estimated]
     judged = judge_all(told, robot) if told else []
     return list(dict.fromkeys(one.hint for one in judged if one.verdict == "clock"))
+
+
+def scale_notes(measurements: Sequence[Measurement], robot: Robot) -> list[str]:
+    """Return what time or all efforts seem to be off by, where recordings of an arm without payload tell."""
+    bare = [measured for measured in measurements if measured.conditions.payload is None]
+    return [*clock_notes(measurements, robot), *(gain_of_all(judge_all(bare, robot)) if bare else [])]

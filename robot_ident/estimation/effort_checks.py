@@ -19,7 +19,7 @@ import numpy as np
 from robot_ident.errors import InputError
 from robot_ident.estimation.contradiction import Contradiction, contradiction
 from robot_ident.estimation.coupling import coupling_contradiction
-from robot_ident.estimation.declaration import clock_notes, clustered, judge_all, judge_measured
+from robot_ident.estimation.declaration import clustered, judge_all, judge_measured, scale_notes
 from robot_ident.estimation.effort_time import clocks_apart, out_of_step
 from robot_ident.estimation.unsigned import in_words, unsigned_joints
 from robot_ident.recording.conditions import sidecar
@@ -81,7 +81,7 @@ def contradictions(
         or contradiction(judge_all(measurements, robot), robot)
     )
     if found is None:
-        return clock_notes(measurements, robot)
+        return scale_notes(measurements, robot)
     if as_declared:
         return [f"{found.in_words}{_AS_DECLARED}"]
     stated = {str(sidecar(m.source)): m.conditions.payload for m in measurements if m.conditions.payload is not None}

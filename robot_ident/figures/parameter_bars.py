@@ -11,7 +11,7 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
-from robot_ident.excitation.design import DesignResult
+from robot_ident.design.design import DesignResult
 from robot_ident.figures.theme import BLUE, ORANGE, model_colour, plain, themed
 from robot_ident.model.model import Model
 

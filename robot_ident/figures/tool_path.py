@@ -6,10 +6,10 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
-from robot_ident.excitation.excitation import Excitation
 from robot_ident.figures.theme import BLUE, FORBIDDEN, GREEN, PARTLY_FORBIDDEN, themed
 from robot_ident.robot.robot import Robot
 from robot_ident.signals.motion import Array
+from robot_ident.trajectories.excitation import Excitation
 
 if TYPE_CHECKING:
     from plotly.graph_objects import Figure

@@ -8,12 +8,12 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from robot_ident.excitation.bound import Bound
-from robot_ident.excitation.design import DesignResult
-from robot_ident.excitation.excitation import Excitation
+from robot_ident.design.bound import Bound
+from robot_ident.design.design import DesignResult
 from robot_ident.figures.parameter_bars import CONDITION, LOG10_DET, is_paper_model
 from robot_ident.figures.theme import BLUE, GREEN, GREY, ORANGE, colour, dash, themed
 from robot_ident.robot.robot import Robot
+from robot_ident.trajectories.excitation import Excitation
 
 if TYPE_CHECKING:
     from plotly.graph_objects import Figure

@@ -22,7 +22,6 @@ from robot_ident.diagnosis.running import Change, RunningVerdict
 from robot_ident.errors import InputError, RobotIdentError
 from robot_ident.estimation.identify import identify
 from robot_ident.estimation.solve import ESTIMATORS
-from robot_ident.excitation.excitation import Excitation
 from robot_ident.model.model import Model
 from robot_ident.model.model_file import read_model, write_model
 from robot_ident.nodes.message_buffer import Intake
@@ -37,6 +36,7 @@ from robot_ident.recording.measurement import Processing
 from robot_ident.recording.recording import Recording
 from robot_ident.robot import Robot, load_robot
 from robot_ident.signals.motion import Array, Motion
+from robot_ident.trajectories.excitation import Excitation
 
 TABLE: tuple[Parameter, ...] = (
     Parameter("robot", "kuka_ir361", "name of a robot, a robot YAML or a URDF"),

@@ -15,13 +15,13 @@ from sensor_msgs.msg import JointState
 from trajectory_msgs.msg import JointTrajectory
 
 from robot_ident.errors import InputError
-from robot_ident.excitation.reference import Reference
 from robot_ident.nodes.messages import joint_state, trajectory
 from robot_ident.nodes.node import BaseNode, overridable, reliable
 from robot_ident.nodes.peers import Neighbours
 from robot_ident.playback.player import Command, Player
 from robot_ident.playback.windows import Goals, WindowSchedule
 from robot_ident.signals.motion import Motion
+from robot_ident.trajectories.excitation import Reference
 
 OUTPUTS = {
     "joint_state": "positions and velocities, sample by sample, on joint_command",

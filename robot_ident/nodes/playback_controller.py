@@ -11,21 +11,21 @@ from sensor_msgs.msg import JointState
 from std_msgs.msg import Float64
 
 from robot_ident.errors import InputError, RobotIdentError
-from robot_ident.excitation.approach import NotWanted
-from robot_ident.excitation.limits import Certifier
-from robot_ident.excitation.playback import approach, stop_from
-from robot_ident.excitation.reference import Reference
+from robot_ident.limits.certifier import Certifier
 from robot_ident.nodes.effort_topics import EffortMessage, EffortTopics, sources_of
 from robot_ident.nodes.messages import stamp_of
 from robot_ident.nodes.node import BaseNode, reliable
 from robot_ident.nodes.outputs import ActionOutput, Output, SampleOutput, TrajectoryOutput
 from robot_ident.nodes.subscriptions import Hearing, hear
+from robot_ident.planning.approach import NotWanted
+from robot_ident.planning.blends import approach, stop_from
 from robot_ident.playback.periodic_timer import Stall, Ticker
 from robot_ident.playback.plan import Plan
 from robot_ident.playback.player import DWELL, Phase, Player
 from robot_ident.playback.stamps import SetClock
 from robot_ident.playback.supervisor import Bounds, EffortLoad, SpeedScaling, Watch
 from robot_ident.signals.motion import Array, Motion
+from robot_ident.trajectories.excitation import Reference
 
 _DEPTH = 100  # joint states that may wait to be looked at
 _LEFT_OUT = 3  # ticks that may be left out between two commands, however tight the bound on tracking

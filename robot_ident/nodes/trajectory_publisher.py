@@ -12,7 +12,7 @@ from rclpy.task import Future
 from std_srvs.srv import Trigger
 
 from robot_ident.errors import CheckFailed, InputError
-from robot_ident.excitation.margins import not_checked, unchecked_refusal
+from robot_ident.limits.certifier import not_checked, unchecked_refusal
 from robot_ident.nodes.lifecycle import MANAGED, ManagedNode
 from robot_ident.nodes.node import ERROR, OK, THREAD_PRIORITY, WARN, run
 from robot_ident.nodes.outputs import OUTPUTS

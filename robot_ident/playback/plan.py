@@ -13,14 +13,13 @@ from pathlib import Path
 import numpy as np
 
 from robot_ident.errors import InputError
-from robot_ident.excitation.excitation import Excitation
-from robot_ident.excitation.limits import certify
-from robot_ident.excitation.playback import Playback
-from robot_ident.excitation.point_to_point import load_motion
-from robot_ident.excitation.reference import Reference
+from robot_ident.limits.certifier import certify
+from robot_ident.planning.blends import Playback
 from robot_ident.playback.player import Phase, Player, end_of
 from robot_ident.robot import Robot
 from robot_ident.signals.motion import Array, Motion
+from robot_ident.trajectories.excitation import Excitation, Reference
+from robot_ident.trajectories.point_to_point import load_motion
 
 
 @dataclass(frozen=True)

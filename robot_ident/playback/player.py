@@ -11,9 +11,9 @@ from itertools import pairwise
 
 import numpy as np
 
-from robot_ident.excitation.reference import Reference
 from robot_ident.playback.supervisor import Watch
 from robot_ident.signals.motion import Array, Motion
+from robot_ident.trajectories.excitation import Reference
 
 _WINDOW = 0.15  # s of commands against which the robot's position is judged
 _SAME = 1e-6  # rad or m between the end of a motion and the start of the next

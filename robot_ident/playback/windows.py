@@ -11,9 +11,9 @@ from enum import IntEnum
 
 import numpy as np
 
-from robot_ident.excitation.reference import Reference
 from robot_ident.playback.player import Phase, Player
 from robot_ident.signals.motion import Array, Motion
+from robot_ident.trajectories.excitation import Reference
 
 _IN_TIME = 0.8  # of the lead of a stop may have passed when it is sent
 

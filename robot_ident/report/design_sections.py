@@ -6,16 +6,16 @@ from collections.abc import Mapping
 from dataclasses import dataclass
 from typing import Any
 
-from robot_ident.excitation.bound import Bound
-from robot_ident.excitation.design import DesignResult
-from robot_ident.excitation.excitation import Excitation
-from robot_ident.excitation.margins import Margins
+from robot_ident.design.bound import Bound
+from robot_ident.design.design import DesignResult
 from robot_ident.figures.parameter_bars import sigma_figure, sigma_text
 from robot_ident.figures.tool_path import workspace_figure, workspace_text
 from robot_ident.figures.trajectory import convergence_figure, convergence_text, trajectory_figure, trajectory_text
+from robot_ident.limits.certifier import Margins
 from robot_ident.report.findings import Findings
 from robot_ident.report.page import Plot, Section, Table
 from robot_ident.robot.robot import Robot
+from robot_ident.trajectories.excitation import Excitation
 
 
 @dataclass(frozen=True)

@@ -17,13 +17,12 @@ from robot_ident.diagnosis.staircase import Foreseen, Level, Step, foresee, stai
 from robot_ident.estimation.effort_checks import taken_as_declared
 from robot_ident.estimation.for_model import measured_for
 from robot_ident.estimation.unusable import refuse_misdeclared, unusable_on
-from robot_ident.excitation.excitation import Excitation
-from robot_ident.excitation.limits import certify
-from robot_ident.excitation.margins import Margins
+from robot_ident.limits.certifier import Margins, certify
 from robot_ident.model.model import Model
 from robot_ident.provenance import fingerprint
 from robot_ident.recording.measurement import Source
 from robot_ident.robot.robot import Robot
+from robot_ident.trajectories.excitation import Excitation
 
 
 @dataclass(frozen=True)

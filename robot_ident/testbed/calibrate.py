@@ -7,7 +7,6 @@ from typing import NamedTuple
 
 import numpy as np
 
-from robot_ident.excitation.fourier import FourierSeries
 from robot_ident.model.structure import Structure
 from robot_ident.recording.measurement import Processing, direction_known
 from robot_ident.recording.periodic import trusted, velocity_noise
@@ -18,6 +17,7 @@ from robot_ident.testbed.phenomena import Physics, home_pose
 from robot_ident.testbed.phenomena.phenomenon import strength
 from robot_ident.testbed.sensors import Readings, Sensors
 from robot_ident.testbed.simulation import Play
+from robot_ident.trajectories.fourier_series import FourierSeries
 
 PERIODS = 16
 """Periods whose mean a phenomenon has to be seen in."""

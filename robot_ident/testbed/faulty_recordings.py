@@ -13,7 +13,6 @@ from typing import Any, ClassVar
 
 import numpy as np
 
-from robot_ident.excitation.fourier import FourierSeries
 from robot_ident.recording.recording import Recording
 from robot_ident.robot.rigid_body import RigidBody
 from robot_ident.robot.robot import Robot
@@ -23,6 +22,7 @@ from robot_ident.testbed.phenomena.phenomenon import between, either_sign
 from robot_ident.testbed.sensors import FIELDS, Readings
 from robot_ident.testbed.servo import Servo
 from robot_ident.testbed.simulation import Play, noisy
+from robot_ident.trajectories.fourier_series import FourierSeries
 
 FLIPPED = 0.25
 """Share of wrong gains that are a wrong sign."""

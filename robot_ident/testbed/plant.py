@@ -13,12 +13,12 @@ from functools import cached_property
 import numpy as np
 
 from robot_ident.errors import InputError
-from robot_ident.excitation.reference import Reference
 from robot_ident.robot.robot import Robot
 from robot_ident.signals.motion import Array, Mask, Motion
 from robot_ident.testbed.equations import Layout, Program, program_of, start_values
 from robot_ident.testbed.phenomena import Physics
 from robot_ident.testbed.servo import Servo
+from robot_ident.trajectories.excitation import Reference
 
 
 @dataclass(frozen=True)

@@ -15,8 +15,6 @@ from typing import Any
 import numpy as np
 
 from robot_ident.errors import InputError, did_you_mean
-from robot_ident.excitation.excitation import Excitation
-from robot_ident.excitation.fourier import FourierSeries
 from robot_ident.files import read_text
 from robot_ident.model.structure import Structure
 from robot_ident.recording.recording import Recording
@@ -27,6 +25,8 @@ from robot_ident.testbed.phenomena import PHYSICS, Physics, nominal_physics, pla
 from robot_ident.testbed.phenomena.phenomenon import between, strength
 from robot_ident.testbed.servo import Servo
 from robot_ident.testbed.simulation import Play
+from robot_ident.trajectories.excitation import Excitation
+from robot_ident.trajectories.fourier_series import FourierSeries
 
 KINDS = {
     "single": 0.6,

@@ -12,12 +12,12 @@ import casadi as ca
 import numpy as np
 
 from robot_ident.errors import InputError
-from robot_ident.excitation.reference import Reference
 from robot_ident.robot.robot import AntiAlias, Robot
 from robot_ident.signals.motion import Array, Motion
 from robot_ident.testbed.phenomena import Physics
 from robot_ident.testbed.phenomena.phenomenon import Instant
 from robot_ident.testbed.plant import Plant, Trace
+from robot_ident.trajectories.excitation import Reference
 
 
 @dataclass(frozen=True)

@@ -11,8 +11,6 @@ from dataclasses import dataclass, replace
 import numpy as np
 
 from robot_ident.errors import InputError
-from robot_ident.excitation.fourier import FourierSeries
-from robot_ident.excitation.reference import Reference
 from robot_ident.recording.effort import as_reported
 from robot_ident.recording.recording import Recording
 from robot_ident.robot.robot import Robot
@@ -21,6 +19,8 @@ from robot_ident.testbed.phenomena import Physics, plant_physics
 from robot_ident.testbed.plant import Plant, Steady, Trace, follow, repeats, trace
 from robot_ident.testbed.sensors import FIELDS, Readings, Sensors, blend, extra_steps, filtered, read
 from robot_ident.testbed.servo import BANDWIDTH, Servo
+from robot_ident.trajectories.excitation import Reference
+from robot_ident.trajectories.fourier_series import FourierSeries
 
 _MOST_SAMPLES = 10_000_000  # of a recording: 2 GB with the trace beneath it
 STEP_RATE = 1500.0

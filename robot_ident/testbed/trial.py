@@ -20,7 +20,6 @@ from robot_ident.diagnosis.diagnose import diagnose
 from robot_ident.diagnosis.diagnosis import Diagnosis
 from robot_ident.errors import InputError
 from robot_ident.estimation.identify import estimate
-from robot_ident.excitation.fourier import FourierSeries
 from robot_ident.model.model import Model
 from robot_ident.model.structure import Structure
 from robot_ident.recording.effort import as_reported, joint_torque
@@ -33,6 +32,7 @@ from robot_ident.testbed.calibrate import torque_scale
 from robot_ident.testbed.faulty_recordings import MeasuringFault, draw_fault, recordings_with
 from robot_ident.testbed.scenario import draw_scenario
 from robot_ident.testbed.simulation import Play
+from robot_ident.trajectories.fourier_series import FourierSeries
 
 _PERIODS = 2  # one would do, did no robot warm up from one to the next
 

@@ -55,8 +55,8 @@ def bag(arm: Any, tmp_path_factory: pytest.TempPathFactory) -> Path:
 @pytest.fixture(scope="session")
 def excitation(arm: Any, tmp_path_factory: pytest.TempPathFactory) -> Path:
     """A trajectory within the KUKA's limits."""
-    from robot_ident.excitation.excitation import Excitation
-    from robot_ident.excitation.fourier import FourierSeries
+    from robot_ident.trajectories.excitation import Excitation
+    from robot_ident.trajectories.fourier_series import FourierSeries
 
     path = tmp_path_factory.mktemp("excitations") / "excitation.yaml"
     series = FourierSeries(0.1, arm.series.q0, 0.6 * arm.series.a, 0.6 * arm.series.b)

@@ -9,8 +9,8 @@ import numpy as np
 import pytest
 
 from robot_ident.cli.main import main
-from robot_ident.excitation.excitation import Excitation
-from robot_ident.excitation.fourier import FourierSeries
+from robot_ident.trajectories.excitation import Excitation
+from robot_ident.trajectories.fourier_series import FourierSeries
 
 
 @pytest.fixture

@@ -8,7 +8,7 @@ from typing import Any
 
 import pytest
 
-from robot_ident.excitation.excitation import Excitation
+from robot_ident.trajectories.excitation import Excitation
 
 URDF = """<robot name="slider"><link name="base"/>
 <joint name="slide" type="prismatic"><parent link="base"/><child link="carriage"/><axis xyz="1 0 0"/>
@@ -34,7 +34,7 @@ def slider(tmp_path: Path) -> Path:
 def test_bound_and_page(
     run: Callable[..., Any], slider: Path, tmp_path: Path, checkout: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    monkeypatch.setattr("robot_ident.excitation.multi_start.completed", _one_by_one)
+    monkeypatch.setattr("robot_ident.design.multi_start.completed", _one_by_one)
     file, page = tmp_path / "excitation.yaml", tmp_path / "page.html"
     words = ["--robot", slider, "--harmonics", 3, "--base-frequency", 0.25, "--starts", 1, "-o", file]
     done = run("design", *words, "--bound", "--page", page, "--json")

@@ -13,8 +13,8 @@ import yaml
 from production_line import production
 
 from robot_ident.bags import read_recording, write_recording
-from robot_ident.excitation.excitation import Excitation
-from robot_ident.excitation.point_to_point import load_motion
+from robot_ident.trajectories.excitation import Excitation
+from robot_ident.trajectories.point_to_point import load_motion
 
 Run = Callable[..., Any]
 DESIGN = ("design", "--starts", "1", "--seed", "1", "--time-limit", "6")

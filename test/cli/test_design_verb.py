@@ -12,7 +12,7 @@ import pytest
 import yaml
 
 from robot_ident.cli.design import bandwidth_of, output_files
-from robot_ident.excitation import tell
+from robot_ident.design import discrimination
 
 Run = Callable[..., Any]
 
@@ -58,11 +58,11 @@ def test_a_model_and_what_recordings_told(run: Run, bag: Path, model: Path, tmp_
 def test_the_command_that_a_diagnosis_prints_runs(
     run: Run, tmp_path: Path, monkeypatch: pytest.MonkeyPatch, model: Path, arm: Any
 ) -> None:
-    monkeypatch.setattr(tell, "_RANDOM", 3)
-    monkeypatch.setattr(tell, "MENU", (("slow", 1),))
-    monkeypatch.setattr(tell, "_ROUNDS", 0)
+    monkeypatch.setattr(discrimination, "_RANDOM", 3)
+    monkeypatch.setattr(discrimination, "MENU", (("slow", 1),))
+    monkeypatch.setattr(discrimination, "_ROUNDS", 0)
     monkeypatch.chdir(tmp_path)
-    program, *words = shlex.split(tell.tell_command("stribeck@joint_2", "presliding@joint_2", arm.robot))
+    program, *words = shlex.split(discrimination.tell_command("stribeck@joint_2", "presliding@joint_2", arm.robot))
     assert program == "robot_ident"
     done = run(*words, "--json")
     assert done.code == 0, done.err

@@ -11,8 +11,8 @@ import pytest
 from production_line import production
 
 from robot_ident.bags import write_recording
-from robot_ident.excitation.excitation import Excitation
-from robot_ident.excitation.fourier import FourierSeries
+from robot_ident.trajectories.excitation import Excitation
+from robot_ident.trajectories.fourier_series import FourierSeries
 
 Run = Callable[..., Any]
 

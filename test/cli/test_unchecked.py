@@ -9,12 +9,12 @@ from typing import Any
 import numpy as np
 import pytest
 
-from robot_ident.excitation.excitation import Excitation
-from robot_ident.excitation.fourier import FourierSeries
-from robot_ident.excitation.limits import Certifier
+from robot_ident.limits.certifier import Certifier
 from robot_ident.robot import load_robot
 from robot_ident.robot.robot_file import builtin_robots
 from robot_ident.share import config_file
+from robot_ident.trajectories.excitation import Excitation
+from robot_ident.trajectories.fourier_series import FourierSeries
 
 Run = Callable[..., Any]
 URDF = config_file("robots", "kuka_ir361.urdf")

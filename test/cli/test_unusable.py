@@ -13,8 +13,8 @@ from production_line import production
 
 from robot_ident.bags import write_recording
 from robot_ident.estimation.identify import identify
-from robot_ident.excitation.point_to_point import PointToPoint
 from robot_ident.model.model_file import read_model, write_model
+from robot_ident.trajectories.point_to_point import PointToPoint
 
 Run = Callable[..., Any]
 LINE = "on backwards.npz the model errs by more than the torque itself, rms"

@@ -13,9 +13,9 @@ import numpy as np
 import pytest
 
 from robot_ident.effects import CATALOGUE
-from robot_ident.excitation.excitation import Excitation
-from robot_ident.excitation.fourier import FourierSeries
 from robot_ident.robot import Robot
+from robot_ident.trajectories.excitation import Excitation
+from robot_ident.trajectories.fourier_series import FourierSeries
 
 Run = Callable[..., Any]
 

@@ -13,7 +13,6 @@ from robot_ident.bags import write_recording
 from robot_ident.diagnosis.diagnose import diagnose
 from robot_ident.diagnosis.diagnosis import Diagnosis
 from robot_ident.estimation.identify import estimate
-from robot_ident.excitation.fourier import FourierSeries
 from robot_ident.model.model import Model
 from robot_ident.model.model_file import write_model
 from robot_ident.model.structure import Structure
@@ -23,6 +22,7 @@ from robot_ident.robot import Robot, load_robot
 from robot_ident.testbed.phenomena import plant_physics
 from robot_ident.testbed.servo import Servo
 from robot_ident.testbed.simulation import Play
+from robot_ident.trajectories.fourier_series import FourierSeries
 
 MOTIONS = [  # q0 [rad], a, b [rad/s] by joint, base frequency 0.1 Hz
     (

@@ -14,8 +14,8 @@ from robot_ident.diagnosis.curves import Variable, held_out_share, since_reversa
 from robot_ident.diagnosis.profile import ALONG
 from robot_ident.diagnosis.regions import densest
 from robot_ident.diagnosis.symmetry import mirror
-from robot_ident.excitation.fourier import FourierSeries
 from robot_ident.recording import Processing, process
+from robot_ident.trajectories.fourier_series import FourierSeries
 
 STRIBECK = ("stribeck@joint_2:stribeck=20,speed=0.08",)
 BUMP = ("unknown_bump@joint_2:bump=25,position=0.1,width=0.08",)

@@ -11,10 +11,10 @@ from typing import Any
 import numpy as np
 import pytest
 
-from robot_ident.excitation.excitation import Excitation
 from robot_ident.testbed.scenario import draw_scenario, seal
 from robot_ident.testbed.trial import MEASUREMENT, Case, Outcome, Setting, run_case
 from robot_ident.testbed.trial_table import confusion, rates, removed_quantiles, wilson
+from robot_ident.trajectories.excitation import Excitation
 
 Verb = Callable[..., tuple[int, str, str]]
 

@@ -11,10 +11,10 @@ import numpy as np
 import pytest
 
 from robot_ident.effects import CATALOGUE, Effect, Torques
-from robot_ident.excitation.fourier import FourierSeries
 from robot_ident.model.structure import Structure
 from robot_ident.robot import Robot, load_robot
 from robot_ident.signals.motion import Array, Motion
+from robot_ident.trajectories.fourier_series import FourierSeries
 
 PENDULUM = """
 <robot name="pendulum">

@@ -9,10 +9,10 @@ import pytest
 
 from robot_ident.effects import Torques, make_effect
 from robot_ident.effects.hysteresis import ELEMENTS, dahl, maxwell_slip, stretches
-from robot_ident.excitation.fourier import FourierSeries
 from robot_ident.robot import load_robot
 from robot_ident.signals.derivatives import delayed, derivatives
 from robot_ident.signals.motion import Array, Motion
+from robot_ident.trajectories.fourier_series import FourierSeries
 
 SERIES = FourierSeries(0.1, np.array([0.1, 0.0, 0.2]), *0.25 * np.random.default_rng(3).normal(size=(2, 3, 5)))
 

@@ -10,11 +10,11 @@ import pinocchio
 import pytest
 
 from robot_ident.effects import make_effect
-from robot_ident.excitation.fourier import FourierSeries
 from robot_ident.model.rigid_sensitivity import RigidSensitivity, standard_parameters
 from robot_ident.model.structure import Structure
 from robot_ident.robot import Robot
 from robot_ident.signals.motion import Array, Motion
+from robot_ident.trajectories.fourier_series import FourierSeries
 
 ARMS = ("kuka", "six_axes")
 

@@ -14,7 +14,6 @@ from robot_ident.estimation.held_out import FAINT, Grams, held_out
 from robot_ident.estimation.identify import estimate, identify
 from robot_ident.estimation.predict import predict
 from robot_ident.estimation.validate import validate
-from robot_ident.excitation.fourier import FourierSeries
 from robot_ident.export.exported import torque_of
 from robot_ident.model.expressions import columns_function
 from robot_ident.model.model_file import read_model, write_model
@@ -26,6 +25,7 @@ from robot_ident.signals.motion import Array, Motion
 from robot_ident.testbed.like_real import like_real
 from robot_ident.testbed.phenomena import plant_physics
 from robot_ident.testbed.simulation import Play
+from robot_ident.trajectories.fourier_series import FourierSeries
 
 VISCOUS = np.array([8.0, 9.0, 6.0, 1.2, 1.1, 0.7])
 COULOMB = np.array([6.0, 7.0, 5.0, 1.0, 0.9, 0.6])

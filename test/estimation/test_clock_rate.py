@@ -9,6 +9,7 @@ from typing import Any
 import numpy as np
 import pytest
 
+from robot_ident.estimation.clock_rate import gain_of_all
 from robot_ident.estimation.declaration import judge_declaration
 
 
@@ -59,3 +60,15 @@ def test_heavier_rotors_are_no_clock(arm: Any, recording: Any) -> None:
 
 def test_a_clock_a_little_off_stays_unsaid(arm: Any, recording: Any) -> None:
     assert {one.verdict for one in judge_declaration(stretched(recording, 1.03), arm.robot)} == {"consistent"}
+
+
+@pytest.mark.parametrize("gain", [0.75, 0.88, 1.15, 1.3])
+def test_a_gain_of_all_efforts_or_masses_wrong_alike(arm: Any, recording: Any, gain: float) -> None:
+    """Which of both it is can't be told; it is no clock."""
+    found = judge_declaration(replace(recording, tau=recording.tau * gain), arm.robot)
+    told = re.search(r"are ([0-9.]+) times the URDF's", "".join(gain_of_all(found)))
+    assert told and float(told[1]) == pytest.approx(gain, rel=0.05)
+    assert "clock" not in {one.verdict for one in found}
+    assert gain_of_all(judge_declaration(recording, arm.robot)) == []
+    one = judge_declaration(replace(recording, tau=recording.tau * [1.0, gain, 1.0]), arm.robot)
+    assert gain_of_all(one) == []

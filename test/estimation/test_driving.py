@@ -11,8 +11,8 @@ import pytest
 from robot_ident.diagnosis.diagnose import diagnose
 from robot_ident.estimation.driving import driven, negative_notes
 from robot_ident.estimation.identify import estimate
-from robot_ident.excitation.fourier import FourierSeries
 from robot_ident.recording.process import process
+from robot_ident.trajectories.fourier_series import FourierSeries
 
 
 @pytest.fixture(scope="module")

@@ -12,10 +12,10 @@ import pytest
 from robot_ident.estimation.identifiability import identifiability
 from robot_ident.estimation.identify import identify
 from robot_ident.estimation.solve import solve
-from robot_ident.excitation.fourier import FourierSeries
 from robot_ident.model.structure import Structure
 from robot_ident.recording import Recording, process
 from robot_ident.robot import load_robot
+from robot_ident.trajectories.fourier_series import FourierSeries
 
 
 def recording_of(arm: Any, series: FourierSeries, seed: int = 0, periods: int = 16) -> Recording:

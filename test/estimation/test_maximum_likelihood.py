@@ -9,9 +9,9 @@ import pytest
 
 from robot_ident.errors import InputError
 from robot_ident.estimation.identify import estimate, identify
-from robot_ident.excitation.fourier import FourierSeries
 from robot_ident.model.structure import Structure
 from robot_ident.recording import Processing, Recording, process
+from robot_ident.trajectories.fourier_series import FourierSeries
 
 PROCESSING = Processing(base_frequency=0.5, periodic=True)
 RUNS = 20

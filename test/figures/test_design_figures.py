@@ -8,7 +8,7 @@ from typing import Any
 import numpy as np
 import pytest
 
-from robot_ident.excitation.bound import Bound
+from robot_ident.design.bound import Bound
 from robot_ident.figures.parameter_bars import LOG10_DET, PARAMETERS, SIGMA, sigma_figure, sigma_text
 from robot_ident.figures.theme import COLOURS, SHADES
 from robot_ident.figures.tool_path import workspace_figure, workspace_text

@@ -175,12 +175,12 @@ def _tables(folder: Path, arm: ExactArm) -> None:
 def _texts(folder: Path, arm: ExactArm) -> None:
     from robot_ident.configuration import to_yaml
     from robot_ident.estimation.identify import identify
-    from robot_ident.excitation.excitation import Excitation
-    from robot_ident.excitation.fourier import FourierSeries
-    from robot_ident.excitation.point_to_point import PointToPoint
     from robot_ident.model.model_file import write_model
     from robot_ident.share import config_file
     from robot_ident.testbed.scenario import seal
+    from robot_ident.trajectories.excitation import Excitation
+    from robot_ident.trajectories.fourier_series import FourierSeries
+    from robot_ident.trajectories.point_to_point import PointToPoint
 
     write_model(identify([arm.record(periods=4)], arm.robot), folder / "model.yaml")
     small = FourierSeries(0.1, np.zeros(3), 0.2 * arm.series.a, 0.2 * arm.series.b)

@@ -110,10 +110,10 @@ def urdf(path: Path) -> None:
 
 def excitation(path: Path) -> None:
     """A motion is read and certified for the robot that it names."""
-    from robot_ident.excitation.excitation import Excitation
-    from robot_ident.excitation.limits import certify
-    from robot_ident.excitation.point_to_point import load_motion
+    from robot_ident.limits.certifier import certify
     from robot_ident.robot import load_robot
+    from robot_ident.trajectories.excitation import Excitation
+    from robot_ident.trajectories.point_to_point import load_motion
 
     motion = load_motion(path)
     if isinstance(motion, Excitation):

@@ -6,8 +6,8 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from robot_ident.excitation.fourier import FourierSeries
 from robot_ident.signals.motion import Array, Motion
+from robot_ident.trajectories.fourier_series import FourierSeries
 
 
 @dataclass(frozen=True)

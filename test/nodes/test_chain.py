@@ -15,9 +15,9 @@ pytest.importorskip("rclpy")
 
 from robot_ident.bags import read_recording  # noqa: E402
 from robot_ident.estimation.identify import identify  # noqa: E402
-from robot_ident.excitation.excitation import Excitation  # noqa: E402
 from robot_ident.recording.measurement import Processing  # noqa: E402
 from robot_ident.robot import load_robot  # noqa: E402
+from robot_ident.trajectories.excitation import Excitation  # noqa: E402
 
 
 @pytest.fixture

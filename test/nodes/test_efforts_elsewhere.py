@@ -18,12 +18,12 @@ pytest.importorskip("rclpy")
 from robot_ident.bags import read_for  # noqa: E402
 from robot_ident.cli.main import main  # noqa: E402
 from robot_ident.estimation.identify import identify  # noqa: E402
-from robot_ident.excitation.excitation import Excitation  # noqa: E402
 from robot_ident.model.model_file import read_model  # noqa: E402
 from robot_ident.recording.measurement import Processing  # noqa: E402
 from robot_ident.recording.recording import Recording  # noqa: E402
 from robot_ident.robot import load_robot  # noqa: E402
 from robot_ident.testbed.simulation import simulate  # noqa: E402
+from robot_ident.trajectories.excitation import Excitation  # noqa: E402
 
 JOINTS = ("joint_1", "joint_2", "joint_3")
 

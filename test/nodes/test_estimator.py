@@ -15,12 +15,12 @@ pytest.importorskip("rclpy")
 from robot_ident.bags import read_recording, write_recording  # noqa: E402
 from robot_ident.errors import InputError  # noqa: E402
 from robot_ident.estimation.identify import identify  # noqa: E402
-from robot_ident.excitation.excitation import Excitation  # noqa: E402
 from robot_ident.model.model_file import read_model  # noqa: E402
 from robot_ident.recording.measurement import Processing  # noqa: E402
 from robot_ident.robot import load_robot  # noqa: E402
 from robot_ident.signals.motion import Array  # noqa: E402
 from robot_ident.testbed.simulation import simulate  # noqa: E402
+from robot_ident.trajectories.excitation import Excitation  # noqa: E402
 
 
 @pytest.fixture(scope="module")

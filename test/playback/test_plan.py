@@ -8,10 +8,10 @@ from typing import Any
 import pytest
 
 from robot_ident.errors import InputError
-from robot_ident.excitation.excitation import Excitation
-from robot_ident.excitation.fourier import FourierSeries
-from robot_ident.excitation.validation import validation_motion
+from robot_ident.planning.validation_motion import validation_motion
 from robot_ident.playback.plan import load_plan
+from robot_ident.trajectories.excitation import Excitation
+from robot_ident.trajectories.fourier_series import FourierSeries
 
 
 @pytest.fixture

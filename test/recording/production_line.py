@@ -7,12 +7,12 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from robot_ident.excitation.point_to_point import PointToPoint
-from robot_ident.excitation.validation import moves
 from robot_ident.model.structure import Structure
+from robot_ident.planning.validation_motion import moves
 from robot_ident.recording import Recording
 from robot_ident.robot import Robot
 from robot_ident.signals.motion import Array, Motion
+from robot_ident.trajectories.point_to_point import PointToPoint
 
 POSES = np.array([[0.0, 0.2, -0.3], [1.0, 0.6, -0.8], [-0.9, -0.4, 0.7], [0.4, -0.6, -0.6]])
 ORDER = (0, 1, 2, 1, 3, 0)

@@ -10,7 +10,6 @@ import pytest
 
 from robot_ident.bags import read_for, read_recording, write_recording
 from robot_ident.errors import InputError
-from robot_ident.excitation.fourier import FourierSeries
 from robot_ident.recording import Recording, process
 from robot_ident.recording.checks import reach_of, refuse_payload
 from robot_ident.recording.conditions import Conditions, KnownPayload, PayloadPart, hand, read_conditions, sidecar
@@ -18,6 +17,7 @@ from robot_ident.robot import Robot, load_robot
 from robot_ident.robot.rigid_body import RigidBody
 from robot_ident.signals.motion import Array, Motion
 from robot_ident.testbed.calibrate import standard_motions
+from robot_ident.trajectories.fourier_series import FourierSeries
 
 TILTED = (1.5, -2.0, -9.0)
 BODY = KnownPayload(3.0, (0.05, -0.02, 0.1), (0.02, 0.001, 0.03, -0.002, 0.003, 0.025))

@@ -7,7 +7,7 @@ from typing import Any
 import numpy as np
 import pytest
 
-from robot_ident.excitation.validation import moves
+from robot_ident.planning.validation_motion import moves
 from robot_ident.recording import Recording
 from robot_ident.recording.clock import rate_note
 from robot_ident.recording.summary import summarise

@@ -9,9 +9,9 @@ import numpy as np
 import pytest
 
 from robot_ident.errors import InputError
-from robot_ident.excitation.fourier import FourierSeries
 from robot_ident.recording import Processing, process
 from robot_ident.recording.summary import speed_scale
+from robot_ident.trajectories.fourier_series import FourierSeries
 
 
 def slowed(arm: Any, share: float) -> Any:

@@ -9,7 +9,7 @@ from typing import Any
 
 import pytest
 
-from robot_ident.excitation.bound import Bound
+from robot_ident.design.bound import Bound
 from robot_ident.report.design_sections import design_sections
 from robot_ident.report.page import write_page
 

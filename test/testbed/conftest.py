@@ -9,9 +9,9 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from robot_ident.excitation.fourier import FourierSeries
 from robot_ident.robot import Robot, load_robot
 from robot_ident.signals.motion import Array, Motion
+from robot_ident.trajectories.fourier_series import FourierSeries
 
 PERIOD = 4.0
 

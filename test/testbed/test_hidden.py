@@ -10,11 +10,11 @@ import pytest
 
 from robot_ident.bags import read_recording
 from robot_ident.cli.main import main
-from robot_ident.excitation.excitation import Excitation
 from robot_ident.robot import Robot
 from robot_ident.testbed.calibrate import standard_motions
 from robot_ident.testbed.phenomena import plant_physics
 from robot_ident.testbed.scenario import Scenario, open_sealed
+from robot_ident.trajectories.excitation import Excitation
 
 
 @pytest.fixture

@@ -75,7 +75,7 @@ def test_a_load_is_in_one_recording_alone(kuka: Robot, blend) -> None:
 
 
 def test_recordings_are_whole_periods(kuka: Robot) -> None:
-    from robot_ident.excitation.fourier import FourierSeries
+    from robot_ident.trajectories.fourier_series import FourierSeries
 
     a, b = 0.2 * np.random.default_rng(1).standard_normal((2, 3, 5))
     motions = [FourierSeries(0.1, np.zeros(3), a, b)]

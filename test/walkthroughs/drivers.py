@@ -18,10 +18,10 @@ import numpy as np
 from robot_ident.bags.bag_writer import BagWriter
 from robot_ident.bags.rosbag2_metadata import Qos, qos_text
 from robot_ident.bags.storage import JOINT_STATE, Topic
-from robot_ident.excitation.point_to_point import PointToPoint
 from robot_ident.robot import Robot, load_robot
 from robot_ident.signals.motion import Array
 from robot_ident.testbed.simulation import simulate
+from robot_ident.trajectories.point_to_point import PointToPoint
 
 START = 1_760_000_000_000_000_000
 """Stamp of the first message [ns]."""

@@ -15,8 +15,8 @@ from typing import Any
 import numpy as np
 import pytest
 
-from robot_ident.excitation.excitation import Excitation
-from robot_ident.excitation.fourier import FourierSeries
+from robot_ident.trajectories.excitation import Excitation
+from robot_ident.trajectories.fourier_series import FourierSeries
 from robot_ident.workbench.allowed_paths import Allowed
 from robot_ident.workbench.controller import Desk
 from robot_ident.workbench.jobs import Job

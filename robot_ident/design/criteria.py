@@ -1,0 +1,201 @@
+"""What a motion tells when positions are noisy too: the Cramer-Rao bound (Swevers et al. 1997, eq. 6, with J' W J).
+
+The coefficients delta of the motion's Fourier lines are estimated beside theta, as maximum likelihood does. The noise
+of the positions is white, so their samples tell each line independently, with the variance 2 s^2 / N of an amplitude
+(s^2 / N of the mean). What is left for theta is the Schur complement F_tt - F_td F_dd^-1 F_dt.
+
+How much a motion tells about the parameters: determinant and condition number as the paper defines them.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from typing import TYPE_CHECKING, Any, NamedTuple
+
+import casadi as ca
+import numpy as np
+
+from robot_ident.errors import InputError
+from robot_ident.robot.robot import Robot
+from robot_ident.signals.motion import Array
+
+if TYPE_CHECKING:
+    from robot_ident.model.structure import Structure
+    from robot_ident.trajectories.excitation import Excitation
+
+
+PERIODS = 16  # periods that the paper averages
+_OPEN = 1e-6  # of a direction that no torque tells: a part of it that is no rounding
+ASSUMED_NOISE = 0.01  # of the torque limit, where a robot gives no noise variance
+
+
+class Evaluation(NamedTuple):
+    """What a motion tells: log10 of the determinant of the covariance, condition number, standard deviations [p]."""
+
+    log10_det_covariance: float
+    condition_number: float
+    sigma: Array
+
+
+def _weighted(columns: Array, variances: Array) -> tuple[Array, Array]:
+    """Return S^-1/2 F [N n, p] with columns of length one, and their lengths [p]."""
+    weighted = (columns / np.sqrt(variances)[:, None]).reshape(-1, columns.shape[-1])
+    length = np.linalg.norm(weighted, axis=0)
+    return weighted / np.where(length > 0, length, 1.0), length
+
+
+def _singular_values(normalised: Array) -> Array:
+    values = np.linalg.svd(normalised, compute_uv=False)
+    rounding = values[0] * max(normalised.shape) * np.finfo(float).eps
+    return np.asarray(np.where(values > rounding, values, 0.0))
+
+
+def log10_det_covariance(columns: Array, variances: Array) -> float:
+    """Return log10 det (F' S^-1 F)^-1 (Swevers et al. 1997, eq. 9); inf where parameters can't be told apart.
+
+    columns F [N, n, p], variances [n] (Nm)^2 of the noise of those N rows.
+    """
+    normalised, length = _weighted(columns, variances)
+    values = _singular_values(normalised)
+    if len(values) < len(length) or not np.all(values > 0) or not np.all(length > 0):
+        return float("inf")
+    return float(-2.0 * (np.log10(values).sum() + np.log10(length).sum()))
+
+
+def condition_number(columns: Array, variances: Array) -> float:
+    """Return s_max / s_min of S^-1/2 F with columns divided by their length; inf where it hasn't full rank.
+
+    columns F [N, n, p], variances [n] (Nm)^2.
+    """
+    normalised, length = _weighted(columns, variances)
+    values = _singular_values(normalised)
+    if len(values) < len(length) or values[-1] == 0.0 or not np.all(length > 0):
+        return float("inf")
+    return float(values[0] / values[-1])
+
+
+def standard_deviations(columns: Array, variances: Array) -> Array:
+    """Return the standard deviations [p] of the estimate, sqrt diag (F' S^-1 F)^-1; inf where it hasn't full rank."""
+    normalised, length = _weighted(columns, variances)
+    _, values, vt = np.linalg.svd(normalised, full_matrices=False)
+    if len(values) < len(length) or not np.isfinite(log10_det_covariance(columns, variances)):
+        return np.full(len(length), np.inf)
+    return np.asarray(np.linalg.norm(vt / values[:, None], axis=0) / length)
+
+
+def untold(columns: Array, variances: Array) -> Array:
+    """Return which parameters [p] a motion leaves open: those that some direction v with F v = 0 moves.
+
+    columns F [N, n, p], variances [n] (Nm)^2.
+    """
+    normalised, length = _weighted(columns, variances)
+    _, values, vt = np.linalg.svd(np.linalg.qr(normalised, mode="r"), full_matrices=True)
+    rounding = values[0] * max(normalised.shape) * np.finfo(float).eps
+    rank = int(np.count_nonzero(values > rounding))
+    return np.asarray((np.abs(vt[rank:]) > _OPEN).any(axis=0) | (length == 0))
+
+
+def noise_variances(robot: Robot) -> tuple[Array, tuple[str, ...]]:
+    """Return the variance [n] of one torque sample's noise, and notes on what had to be assumed.
+
+    A joint whose noise is unknown is weighted as if it were 1 % of its torque limit. Raises InputError where that is
+    unknown too, or where a variance is zero.
+    """
+    variances, notes = np.array(robot.noise.torque_variance), []
+    for k, joint in enumerate(robot.joints):
+        if np.isnan(variances[k]):
+            limit = robot.limits.torque[k]
+            if not np.isfinite(limit):
+                raise InputError(
+                    f"{robot.source}: joint {joint!r} has neither torque noise nor a torque limit to weight it by;"
+                    " give torque_variance: under joints in a robot YAML"
+                )
+            variances[k] = (ASSUMED_NOISE * limit) ** 2
+            notes.append(
+                f"torque noise of {joint} is unknown: weighted as {ASSUMED_NOISE:.0%} of its limit of {limit:g}"
+            )
+        elif variances[k] <= 0:
+            raise InputError(
+                f"{robot.source}: torque_variance of joint {joint!r} = {variances[k]:g}; it must be positive"
+            )
+    return variances, tuple(notes)
+
+
+def evaluate(structure: Structure, excitation: Excitation, periods: int = PERIODS) -> Evaluation:
+    """Return what one averaged period tells about the parameters: the covariance (F' S^-1 F)^-1.
+
+    S: the noise variance over the number of periods.
+
+    Rows are the samples of one period, in SI units, with the exact sign function.
+    """
+    columns = structure.columns(excitation.samples())
+    variances = noise_variances(structure.robot)[0] / periods
+    return evaluate_rows((columns / np.sqrt(variances)[:, None]).reshape(-1, columns.shape[-1]))
+
+
+def evaluate_rows(rows: Array) -> Evaluation:
+    """Return what weighted rows S^-1/2 F [R, p] tell."""
+    columns, one = rows[:, None, :], np.ones(1)
+    return Evaluation(
+        log10_det_covariance(columns, one), condition_number(columns, one), standard_deviations(columns, one)
+    )
+
+
+def line_bases(orders: Sequence[int], base_frequency: float, t: Array) -> tuple[Array, Array, Array]:
+    """Return position, velocity and acceleration [N, 1 + 2 L] at instants t per unit of mean, cosine and sine
+    amplitudes of L lines.
+    """
+    w = 2.0 * np.pi * base_frequency * np.asarray(orders, dtype=float)
+    c, s = np.cos(np.outer(t, w)), np.sin(np.outer(t, w))
+    one, zero = np.ones((len(t), 1)), np.zeros((len(t), 1))
+    return (
+        np.hstack([one, c, s]),
+        np.hstack([zero, -w * s, w * c]),
+        np.hstack([zero, -w * w * c, -w * w * s]),
+    )
+
+
+def line_deviations(orders: Sequence[int], variances: Array, samples: int) -> Array:
+    """Return the standard deviations [n (1 + 2 L)] of the lines' amplitudes, joint by joint, as positions tell them.
+
+    variances [n] rad^2 of the noise of one of the `samples` (averaged) positions a period.
+    """
+    share = np.concatenate([[1.0], np.full(2 * len(orders), 2.0)]) / samples
+    return np.asarray(np.sqrt(np.outer(variances, share)).ravel())
+
+
+def bound_information(phi: Array, slopes: Array, bases: tuple[Array, Array, Array], deviations: Array) -> Array:
+    """Return the information [p, p] about theta, F_tt - F_td F_dd^-1 F_dt.
+
+    phi [N, n, p] and slopes [N, n, 3 n] (torque by q, dq, ddq) are divided by the standard deviation of each joint's
+    torque already; deviations [n (1 + 2 L)] are those of the lines.
+    """
+    rows, n, p = phi.shape
+    parts = slopes.reshape(rows, n, 3, n)
+    lines = sum(parts[:, :, k, :, None] * base[:, None, None, :] for k, base in enumerate(bases))
+    moved = np.asarray(lines).reshape(rows * n, -1) * deviations
+    columns = phi.reshape(rows * n, p)
+    cross = moved.T @ columns
+    inner = moved.T @ moved + np.eye(moved.shape[1])
+    return np.asarray(columns.T @ columns - cross.T @ np.linalg.solve(inner, cross))
+
+
+def line_rows(
+    slopes: Any, states: Sequence[Any], bases: tuple[Array, Array, Array], size: Array, deviations: Array
+) -> Any:
+    """Return the torque's derivatives by the lines' amplitudes [n N, n (1 + 2 L)] along N states, in their deviations.
+
+    slopes: CasADi function of a state -> [n, 3 n]; size [n]: weight of each joint's torque.
+    """
+    n, points = states[0].shape
+    width = bases[0].shape[1]
+    symbols = [ca.SX.sym("x", n) for _ in range(slopes.n_in())]
+    waves = [ca.SX.sym("b", width) for _ in bases]
+    parts = ca.horzsplit(ca.mtimes(ca.diag(ca.DM(size)), slopes(*symbols)), n)
+    columns = []
+    for joint in range(n):
+        columns.append(sum(ca.mtimes(part[:, joint], wave.T) for part, wave in zip(parts, waves, strict=True)))
+    one = ca.mtimes(ca.horzcat(*columns), ca.diag(ca.DM(deviations)))
+    rows = ca.Function("lines", [*symbols, *waves], [ca.densify(one)]).map(points)
+    found = rows(*states[: slopes.n_in()], *(ca.DM(base.T) for base in bases))
+    return ca.vertcat(*ca.horzsplit(found, n * width))

@@ -1,0 +1,418 @@
+"""Searches from many starts, as independent cases that run in any process: cold ones, hops from the best in rounds, a
+last\nrefinement; for one motion, or several in turn, each beside what the others tell.
+"""
+
+from __future__ import annotations
+
+import pickle
+import time
+from collections.abc import Callable, Iterator, Sequence
+from contextlib import closing, contextmanager
+from dataclasses import dataclass, field, replace
+from functools import lru_cache
+from typing import Any, NamedTuple
+
+import numpy as np
+
+from robot_ident.design.family import Setting
+from robot_ident.design.local_search import Found
+from robot_ident.design.program import Problem
+from robot_ident.errors import InputError
+from robot_ident.limits.feasibility import overloaded
+from robot_ident.parallel import completed
+from robot_ident.signals.motion import Array
+
+_ITERATIONS = 180
+
+
+def _ahead() -> float:
+    return time.time() - time.monotonic()
+
+
+@dataclass(frozen=True)
+class Case:
+    """One search: `cold` from a random start, `hop` from beside `start`, `refine` from `start` itself.
+
+    problem: the pickled setting. width: standard deviation of a hop in the scaled variables. key: seeds the case's
+    own random numbers. deadline: on time.monotonic() of the machine that made the case; ahead: what the wall clock was
+    ahead of that, since another machine's counts from another start.
+    """
+
+    problem: bytes
+    kind: str
+    key: tuple[int, ...]
+    start: Array | None
+    width: float
+    deadline: float
+    ahead: float = field(default_factory=_ahead)
+
+    @property
+    def local_deadline(self) -> float:
+        """The deadline on time.monotonic() of the machine that runs the case."""
+        return self.deadline + self.ahead - _ahead()
+
+
+@dataclass(frozen=True)
+class Outcome:
+    """What a search ends with: its variables, their exact cost (inf: infeasible), the best certified trajectory."""
+
+    variables: Array
+    cost: float
+    found: Any
+    seconds: float
+
+
+@lru_cache(maxsize=2)
+def _problem(packed: bytes) -> Any:
+    from robot_ident.design.program import Problem
+
+    return Problem(pickle.loads(packed))
+
+
+def run_case(case: Case) -> Outcome:
+    """Run one search."""
+    from robot_ident.design import local_search
+
+    began = time.monotonic()
+    problem = _problem(case.problem)
+    recorder = local_search.Recorder(problem, case.local_deadline)
+    if recorder.expired():
+        return Outcome(np.zeros(0), float("inf"), None, 0.0)
+    rng = np.random.default_rng([abs(part) for part in case.key])
+    if case.start is None:
+        start = local_search.random_start(problem, rng, expired=recorder.expired)
+    else:
+        start = case.start + case.width * rng.normal(size=len(case.start))
+    if case.kind == "refine":
+        x = local_search.refine(problem, start, recorder)
+    else:
+        x = local_search.minimise(problem.coarse, start, recorder, iterations=_ITERATIONS)
+    return Outcome(x, local_search.end_cost(problem, x), recorder.best, time.monotonic() - began)
+
+
+@lru_cache(maxsize=2)
+def fallback(packed: bytes, seed: int) -> Any:
+    """Return a random trajectory, made small enough to be certified, or None."""
+    from robot_ident.design import local_search
+
+    problem = _problem(packed)
+    recorder = local_search.Recorder(problem)
+    coefficients = problem.coefficients(local_search.random_start(problem, np.random.default_rng(seed), draws=20))
+    for _ in range(12):
+        factor = local_search.shrink_factor(problem, coefficients)
+        if factor > 0 and recorder.examine(local_search.shrunk(coefficients, factor)):
+            break
+        coefficients = local_search.shrunk(coefficients, 0.6)
+    return recorder.best
+
+
+def random_determinant(packed: bytes, draws: int) -> float:
+    """Return log10 det of the covariance (smooth sign) of the best of random motions as large as the joints allow."""
+    from robot_ident.design import local_search
+
+    problem = _problem(packed)
+    return float(problem.coarse.value(local_search.random_start(problem, np.random.default_rng(0), draws)))
+
+
+HOPS = 8  # searches a round
+_STALE = 4  # rounds without gain after which a search begins anew or ends
+_ANEW = 3  # times that a search with a time limit begins anew
+_GAIN = 0.003
+_WIDTHS = (0.05, 0.1, 0.2, 0.3, 0.4)  # of hops: standard deviation in the scaled variables
+
+
+class Progress(NamedTuple):
+    """How a design stands: what runs, searches done and planned (if known), the best certified values, seconds."""
+
+    phase: str
+    done: int
+    planned: int | None
+    log10_det_covariance: float
+    condition_number: float
+    seconds: float
+
+
+@dataclass
+class Run:
+    """The state of a design: the clock, what was found, whom to tell."""
+
+    started: float
+    deadline: float
+    workers: int | None
+    progress: Callable[[Progress], None] | None
+    cancel: Callable[[], bool] | None
+    history: list[tuple[float, float]] = field(default_factory=list)
+    best: Any = None
+    done: int = 0
+    longest: float = 0.0
+    interrupted: bool = False
+    label: str = ""
+
+    def part(self, label: str, deadline: float) -> Run:
+        """Return the state of one part of the design, which ends earlier."""
+        return replace(self, label=label, deadline=deadline, history=[], best=None)
+
+    def join(self, part: Run) -> None:
+        """Take over what a part counted."""
+        self.done, self.longest, self.interrupted = part.done, part.longest, part.interrupted
+
+    def take_over(self, found: Found, recorded: bool) -> None:
+        """Make what a part found the state of the whole; `recorded`: it counts in the history of the cost."""
+        self.best = found
+        if recorded and not (self.history and found.cost >= self.history[-1][1]):
+            self.history.append((time.monotonic() - self.started, found.cost))
+
+    def stopped(self, deadline: float) -> bool:
+        """Return whether the user or the clock ends a stage."""
+        if self.cancel is not None and self.cancel():
+            self.interrupted = True
+        return self.interrupted or time.monotonic() > deadline
+
+    def take(self, found: Any) -> bool:
+        """Keep a certified trajectory if it is the best; return whether it is."""
+        if found is None or (self.best is not None and found.cost >= self.best.cost):
+            return False
+        self.best = found
+        self.history.append((time.monotonic() - self.started, found.cost))
+        return True
+
+    def tell(self, phase: str, planned: int | None) -> None:
+        """Report to the caller."""
+        if self.progress is not None:
+            det, condition = (self.best.log10_det, self.best.condition) if self.best else (float("inf"), float("inf"))
+            phase = f"{self.label}, {phase}" if self.label else phase
+            self.progress(Progress(phase, self.done, planned, det, condition, time.monotonic() - self.started))
+
+
+def search_from_starts(
+    run: Run, setting: Any, phase: str, cold: int, rounds: int | None, seed: int, deadline: float, warm: list[Array]
+) -> list[tuple[float, Array]]:
+    """Search from cold starts, hop in rounds, refine; return the pool (cost, variables), best first.
+
+    Which cases a round holds depends on the seed and on earlier rounds only, whatever the number of workers.
+    """
+    packed = pickle.dumps(setting)
+    run.take(fallback(packed, seed))
+    run.tell(phase, None)
+    planned = None if rounds is None else run.done + cold + len(warm) + rounds * HOPS + 2
+    total = deadline - time.monotonic()
+
+    def close() -> float:
+        return deadline - min(0.35 * total, 2.5 * run.longest) if np.isfinite(deadline) else deadline
+
+    cases = [Case(packed, "cold", (seed, 0, k), None, 0.0, close()) for k in range(cold)]
+    cases += [Case(packed, "hop", (seed, 1, k), x, 0.0, close()) for k, x in enumerate(warm)]
+    pool = _play(run, cases, phase, planned, close)
+    left: list[tuple[float, Array]] = []
+    stale, turn, anew = 0, 0, 0
+    while pool and (rounds is None or turn < rounds) and not run.stopped(close()):
+        before = pool[0][0]
+        turn += 1
+        cases = [_hop(packed, (seed, 1 + turn, k), pool, close()) for k in range(HOPS)]
+        pool = sorted(pool + _play(run, cases, phase, planned, close), key=lambda entry: entry[0])[:10]
+        stale = 0 if pool[0][0] < before - _GAIN else stale + 1
+        if stale < _STALE:
+            continue
+        if rounds is not None or anew == _ANEW:
+            break
+        stale, anew, left = 0, anew + 1, left + pool[:2]  # hops lead no further from here; elsewhere they may
+        pool = _play(
+            run,
+            [Case(packed, "cold", (seed, 1000 + anew, k), None, 0.0, close()) for k in range(cold)],
+            phase,
+            None,
+            close,
+        )
+    pool = sorted(left + pool, key=lambda entry: entry[0])
+    cases = [Case(packed, "refine", (seed, -1, k), x, 0.0, deadline) for k, (_, x) in enumerate(pool[:2])]
+    if not run.interrupted:
+        _play(run, cases, phase, planned, lambda: deadline)
+    return pool
+
+
+def _hop(packed: bytes, key: tuple[int, ...], pool: list[tuple[float, Array]], deadline: float) -> Case:
+    """Return a case that starts beside one of the best, five of eight times the very best, or at times anew."""
+    rng = np.random.default_rng([abs(part) for part in key])
+    place = key[-1] % HOPS
+    if place == HOPS - 1:
+        return Case(packed, "cold", key, None, 0.0, deadline)
+    parent = 0 if place < 5 else min(place - 4, len(pool) - 1)
+    width = float(rng.choice(_WIDTHS))
+    return Case(packed, "hop", key, pool[parent][1], width, deadline)
+
+
+def _play(
+    run: Run, cases: Sequence[Case], phase: str, planned: int | None, close: Callable[[], float]
+) -> list[tuple[float, Array]]:
+    """Run cases in parallel; return (cost, variables) of those that ended well, best first."""
+    ended: dict[int, tuple[float, Array]] = {}
+    if run.stopped(close()):  # the processes alone take seconds to start
+        return []
+    with closing(completed(run_case, cases, run.workers)) as results:
+        for index, outcome in results:
+            run.done += 1
+            run.longest = max(run.longest, outcome.seconds)
+            run.take(outcome.found)
+            if np.isfinite(outcome.cost):
+                ended[index] = (outcome.cost, outcome.variables)
+            run.tell(phase, planned)
+            if run.stopped(close()):
+                break
+    return sorted((ended[index] for index in sorted(ended)), key=lambda entry: entry[0])
+
+
+STARTS = 12  # cold starts
+COLD_PER_ROUND = 3  # as many rounds of hops as a third of the cold starts, where no time limit rules
+FLOOR_DRAWS = 400  # without a floor given, the determinant may be that of the best among as many random motions
+_TURNS = 2  # of every motion among several; more as long as there is time and they gain
+_ROUND_GAIN = 0.01
+_FIRST = 0.2  # share of a search for the condition number that first lowers the determinant
+
+
+def search(run: Run, setting: Setting, count: int, starts: int | None, seed: int, floor: float | None) -> list[Found]:
+    """Return the best of `count` motions for the criterion of the sum of their information and the prior; empty where
+    none was found.
+
+    Each is searched with the others' information as prior: first one after the other, then in turns from where it
+    stands. The cost of the set never rises. run.best is the last one found, with the values of the whole set.
+    """
+    if count == 1:
+        with _keeping_the_best(run):
+            search_one(run, setting, floor, starts, seed, run.deadline, [])
+        return [] if run.best is None else [run.best]
+    problem, found, told = Problem(setting), list[Found](), list[Array]()
+    turn, gained = 0, True
+    while turn < _TURNS or (gained and np.isfinite(run.deadline) and not run.stopped(run.deadline)):
+        before = run.best.cost if turn else np.inf
+        for k in range(count):
+            if turn and run.stopped(run.deadline):
+                return found
+            stages = count * max(1, _TURNS - turn) - k
+            here = replace(setting, prior=_sum(setting, [one for other, one in enumerate(told) if other != k]))
+            whole = bool(turn) or k == count - 1  # the floor is that of the set
+            asked = floor if whole else None
+            try:
+                best, held = _stage(
+                    run, here, found[k] if turn else None, (k, count), stages, starts, seed, asked, turn
+                )
+            except KeyboardInterrupt:  # between two searches
+                if not turn:
+                    raise
+                run.interrupted = True
+                return found
+            if best is None:
+                return []
+            floor = held if whole else floor
+            found[k:] = [best, *found[k + 1 :]]
+            told[k:] = [problem.information(best.coefficients), *told[k + 1 :]]
+            run.take_over(best, recorded=len(found) == count)
+        turn, gained = turn + 1, run.best.cost < before - _ROUND_GAIN
+    return found
+
+
+def _stage(
+    run: Run,
+    setting: Setting,
+    current: Found | None,
+    place: tuple[int, int],
+    stages: int,
+    starts: int | None,
+    seed: int,
+    floor: float | None,
+    turn: int,
+) -> tuple[Found | None, float | None]:
+    """Return the best motion beside the others of the prior, and the floor of the determinant that held."""
+    k, count = place
+    left = run.deadline - time.monotonic()
+    until = time.monotonic() + left / stages if np.isfinite(left) else np.inf
+    stage = run.part(f"motion {k + 1} of {count}", until)
+    warm = []
+    if current is not None:
+        problem = Problem(replace(setting, floor=floor))
+        stage.best = replace(current, cost=problem.cost(problem.evaluate(current.coefficients)))
+        warm = [problem.variables(current.coefficients)]
+    if run.interrupted:
+        stage.take(fallback(pickle.dumps(setting), seed + k))
+        return stage.best, floor
+    with _keeping_the_best(stage):
+        key = seed + 1000 * (turn * count + k)
+        floor = search_one(stage, setting, floor, starts, key, until, warm)
+    run.join(stage)
+    return stage.best, floor
+
+
+def search_one(
+    run: Run, setting: Setting, floor: float | None, starts: int | None, seed: int, deadline: float, warm: list[Array]
+) -> float | None:
+    """Search for one motion, from `warm` variables too; run.best holds it. Return the floor of the determinant."""
+    cold = starts or STARTS
+    if warm:
+        cold = max(1, cold // 4)
+    rounds = cold // COLD_PER_ROUND if starts or np.isinf(deadline) else None
+    if setting.criterion != "condition":
+        search_from_starts(run, setting, setting.criterion, cold, rounds, seed, deadline, warm)
+        return None
+    if not warm:
+        warm, floor = _determinant_first(run, setting, floor, seed, deadline)
+        if floor is None:
+            return None
+    setting = replace(setting, floor=floor)
+    search_from_starts(run, setting, "condition", cold, rounds, seed + 1, deadline, warm)
+    return floor
+
+
+def _determinant_first(
+    run: Run, setting: Setting, floor: float | None, seed: int, deadline: float
+) -> tuple[list[Array], float | None]:
+    """Return variables of motions with a low determinant, to start from, and the floor; None where none was found."""
+    left = deadline - time.monotonic()
+    share = deadline if np.isinf(left) else time.monotonic() + _FIRST * left
+    plain = replace(setting, criterion="d-optimal")
+    pool = search_from_starts(run, plain, "determinant first", 1, 0, seed, share, [])
+    first = run.best
+    if first is None:
+        return [], None
+    if floor is None:
+        floor = random_determinant(pickle.dumps(plain), FLOOR_DRAWS)
+    run.best, run.history = None, []
+    if first.log10_det <= floor:
+        run.take(replace(first, cost=first.condition))
+    return [x for _, x in pool[:2]], floor
+
+
+def nothing_found(run: Run, setting: Setting, floor: float | None) -> InputError:
+    """Return what to say where no motion was found."""
+    robot = setting.robot.name
+    heavy = overloaded(setting.robot)
+    if heavy:
+        return InputError(f"{setting.robot.source}: no pose can be held: {heavy} (by the masses of the URDF)")
+    if time.monotonic() > run.deadline and run.done:
+        return InputError(
+            f"{robot}: none of {run.done} searches led to a trajectory that keeps the limits, and the time limit ended"
+            " the others: wider limits, a lower --base-frequency, or more time (--time-limit)"
+        )
+    if time.monotonic() > run.deadline:
+        floored = " and is no worse in the determinant than random ones" if setting.criterion == "condition" else ""
+        return InputError(
+            f"{robot}: the time limit ended the search before it found a trajectory that keeps the limits{floored}:"
+            " give it more (--time-limit)"
+        )
+    if setting.criterion == "condition" and floor is not None:
+        return InputError(f"{robot}: no trajectory was found with log10 of the determinant below {floor:g}")
+    return InputError(f"{robot}: no trajectory within the limits tells all {setting.parameters} parameters apart")
+
+
+def _sum(setting: Setting, parts: list[Array]) -> Array | None:
+    known = [*parts] if setting.prior is None else [setting.prior, *parts]
+    return np.sum(known, axis=0) if known else None
+
+
+@contextmanager
+def _keeping_the_best(run: Run) -> Iterator[None]:
+    """Turn Ctrl-C into an early end once there is something to keep."""
+    try:
+        yield
+    except KeyboardInterrupt:
+        if run.best is None:
+            raise
+        run.interrupted = True

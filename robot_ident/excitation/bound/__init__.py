@@ -1,6 +1,0 @@
-"""How good can an excitation be: a bound of the determinant that no trajectory within the limits passes."""
-
-from robot_ident.excitation.bound.bound import TIME_LIMIT, Bound, determinant_bound
-from robot_ident.excitation.bound.relaxation import Proof
-
-__all__ = ["TIME_LIMIT", "Bound", "Proof", "determinant_bound"]

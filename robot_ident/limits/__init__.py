@@ -1,0 +1,1 @@
+"""Certificates over continuous time that a motion keeps a robot's limits, its workspace, and its links apart."""

@@ -1,0 +1,1 @@
+"""Ways into a motion, out of it and between poses, within the limits."""

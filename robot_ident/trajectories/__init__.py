@@ -1,0 +1,1 @@
+"""Motions as functions of time: Fourier series, the excitation file, moves from point to point."""
