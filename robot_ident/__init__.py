@@ -12,7 +12,7 @@ from typing import Any
 __version__ = "0.1.0"
 
 _HOME = {
-    "Excitation": "excitation.excitation",
+    "Excitation": "trajectories.excitation",
     "Model": "model.model",
     "Recording": "recording.recording",
     "Robot": "robot.robot",

@@ -6,7 +6,6 @@ that diagnose selects, and the excess over noise that falls to zero.
 
 from __future__ import annotations
 
-import argparse
 import shutil
 import sys
 from pathlib import Path
@@ -16,8 +15,6 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 
 from robot_ident.cli.demo import HIDDEN
-from robot_ident.cli.loop import Inputs
-from robot_ident.cli.until_adequate import add_until_adequate
 from robot_ident.design.design import design
 from robot_ident.diagnosis.beside import beside
 from robot_ident.diagnosis.comparison import compare
@@ -30,13 +27,15 @@ from robot_ident.recording import process
 from robot_ident.robot import load_robot
 from robot_ident.testbed.phenomena import plant_physics
 from robot_ident.testbed.simulation import Play
+from robot_ident.workflow.inputs import Inputs
+from robot_ident.workflow.steps import add_until_adequate
 
 if TYPE_CHECKING:
     from plotly.graph_objects import Figure
 
-    from robot_ident.cli.until_adequate import Additions
     from robot_ident.model.model import Model
     from robot_ident.recording.measurement import Measurement
+    from robot_ident.workflow.steps import Additions
 
 WIDTH, HEIGHT = 1400, 500  # px
 JOINT, EFFECT = 2, "stribeck@joint_3"  # on the left
@@ -59,7 +58,7 @@ def found(recordings: list[Measurement]) -> Additions:
     model = estimate(recordings, Structure.build(load_robot()))
     first = diagnose(recordings, model.structure)
     inputs = Inputs((model,), ("model.yaml",), (), tuple(recordings), ())
-    return add_until_adequate(first, inputs, argparse.Namespace(validation=[], topic=None))
+    return add_until_adequate(first, inputs)
 
 
 def before(added: Additions) -> Model:

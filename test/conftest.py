@@ -22,7 +22,7 @@ from robot_ident.trajectories.fourier_series import FourierSeries
 
 if TYPE_CHECKING:
     from robot_ident.design.design import DesignResult
-    from robot_ident.report.findings import Findings
+    from robot_ident.workflow.findings import Findings
 
 CHECKOUT = Path(__file__).resolve().parents[1]
 TESTED = Path(robot_ident.__file__).resolve().parent
@@ -143,8 +143,9 @@ def findings(arm: ExactArm, tmp_path_factory: pytest.TempPathFactory) -> Finding
     from robot_ident.bags import read_recording, write_recording
     from robot_ident.estimation.identify import identify
     from robot_ident.provenance import provenance
-    from robot_ident.report.findings import gather, read_sources
     from robot_ident.trajectories.excitation import Excitation
+    from robot_ident.workflow.findings import gather
+    from robot_ident.workflow.inputs import read_sources
 
     folder, rng = tmp_path_factory.mktemp("findings"), np.random.default_rng(5)
     bags = []

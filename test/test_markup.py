@@ -11,7 +11,7 @@ import pytest
 from robot_ident.markup import listed, paragraph, table
 
 if TYPE_CHECKING:
-    from robot_ident.report.findings import Findings
+    from robot_ident.workflow.findings import Findings
 
 EVIL = "<script>alert(1)</script>&"
 

@@ -10,12 +10,12 @@ from robot_ident.cli.output import print_json, say, tell
 from robot_ident.errors import InputError
 
 if TYPE_CHECKING:
-    from robot_ident.cli.extended import Step
+    from robot_ident.workflow.steps import Step
 
 
 def add_arguments(parser: argparse.ArgumentParser) -> None:
     """Add the command's options."""
-    from robot_ident.cli.loop import add_common
+    from robot_ident.cli.options import add_common
 
     parser.add_argument("model", metavar="model.yaml", help="the model to extend")
     parser.add_argument("effects", nargs="+", metavar="NAME@JOINT", help="effects to add")
@@ -27,10 +27,11 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
 
 def run(args: argparse.Namespace) -> int:
     """Add effects to a model, refit, and print the error before and after."""
-    from robot_ident.cli.extended import staircase, steps_of
-    from robot_ident.cli.loop import read_inputs
+    from robot_ident.cli.steps import staircase
     from robot_ident.files import refuse_existing
     from robot_ident.model.model_file import is_model, read_model, write_model
+    from robot_ident.workflow.inputs import read_inputs
+    from robot_ident.workflow.steps import steps_of
 
     if args.output:
         refuse_existing(args.output, force=args.force)
@@ -40,7 +41,7 @@ def run(args: argparse.Namespace) -> int:
     inputs = read_inputs([args.model, *args.bag], args.validation, args.topic)
     extended = inputs.models[0].structure.with_further(args.effects)
     effects = extended.effects[len(inputs.models[0].structure.effects) :]
-    steps = steps_of(inputs, effects, args.validation, args.topic)
+    steps = steps_of(inputs, effects)
     last = steps[-1].model
     if args.output:
         write_model(last, args.output, force=args.force)

@@ -12,10 +12,10 @@ from robot_ident.errors import CheckFailed, InputError, did_you_mean
 
 if TYPE_CHECKING:
     from robot_ident.bags import Series
-    from robot_ident.cli.loop import Inputs
     from robot_ident.diagnosis.changed import ModelChange, ParameterChange
     from robot_ident.diagnosis.comparison import Comparison, JointComparison
     from robot_ident.robot.robot import Robot
+    from robot_ident.workflow.inputs import Inputs
 
 
 _BAR = 20  # characters of a whole bar
@@ -59,11 +59,11 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
 
 def run(args: argparse.Namespace) -> int:
     """Show models beside measurements, and what has changed between two models."""
-    from robot_ident.cli.loop import read_inputs
     from robot_ident.diagnosis.comparison import compare
     from robot_ident.diagnosis.likely_reason import likely_reason
     from robot_ident.diagnosis.profile import ALONG
     from robot_ident.files import refuse_existing
+    from robot_ident.workflow.inputs import read_inputs
 
     if args.mcap:
         refuse_existing(args.mcap, force=args.force)

@@ -27,13 +27,13 @@ from robot_ident.errors import InputError, RobotIdentError
 from robot_ident.parallel import PARENT
 
 if TYPE_CHECKING:
-    from robot_ident.cli.until_adequate import Additions
     from robot_ident.design.design import Progress as DesignProgress
     from robot_ident.diagnosis.staircase import Step
     from robot_ident.model.model import Model
-    from robot_ident.report.findings import Findings
     from robot_ident.robot import Robot
     from robot_ident.signals.motion import Array
+    from robot_ident.workflow.findings import Findings
+    from robot_ident.workflow.steps import Additions
 
 
 # What the real robot was found to have and the paper's 21 parameters lack: axis 2's gravity spring (slack at its
@@ -122,14 +122,14 @@ def _folder(folder: Path, force: bool) -> Path:
 def _identify(robot: Robot, runs: list[Run], folder: Path) -> Additions:
     """Identify the paper's model and add what `diagnose --add-until-adequate` names; write every model of the way."""
     from robot_ident.bags import read_recording
-    from robot_ident.cli.loop import read_inputs
-    from robot_ident.cli.until_adequate import add_until_adequate
-    from robot_ident.diagnosis.diagnose import diagnose
+    from robot_ident.cli.steps import bar
     from robot_ident.estimation.identify import estimate
     from robot_ident.model.model_file import write_model
     from robot_ident.model.structure import Structure
     from robot_ident.provenance import provenance
     from robot_ident.recording.process import process
+    from robot_ident.workflow.inputs import read_inputs
+    from robot_ident.workflow.steps import add_until_adequate, find_missing
 
     tell("[3/5] Identifying the paper's 21 parameters (weighted least squares)")
     *fitted, validation = [str(motion.bag) for motion in runs]
@@ -140,8 +140,8 @@ def _identify(robot: Robot, runs: list[Run], folder: Path) -> Additions:
         "[4/5] Diagnosing: is the residual noise? If not, selecting the missing effects and adding one after the other"
     )
     inputs = read_inputs([str(folder / "model_1.yaml"), *fitted], [validation], None)
-    first = diagnose(inputs.measurements, inputs.models[0].structure, inputs.validation)
-    added = add_until_adequate(first, inputs, argparse.Namespace(validation=[validation], topic=None))
+    first = find_missing(inputs.models[0], inputs.measurements, inputs.validation)
+    added = add_until_adequate(first, inputs, bar)
     for number, step in enumerate(added.steps[1:], 2):
         write_model(replace(step.model, provenance=origin), folder / f"model_{number}.yaml")
     return added
@@ -152,8 +152,9 @@ def _report(runs: list[Run], count: int, folder: Path, page: Path) -> Findings:
     import shlex
 
     from robot_ident.model.model_file import read_model
-    from robot_ident.report.findings import gather, read_excitations, read_sources
     from robot_ident.report.sections import write_report
+    from robot_ident.workflow.findings import gather
+    from robot_ident.workflow.inputs import read_excitations, read_sources
 
     tell("[5/5] Validating on 20 points with full stops, a motion that enters no fit; writing the report")
     paths = [str(folder / f"model_{number}.yaml") for number in range(1, count + 1)]

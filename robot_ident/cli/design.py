@@ -349,7 +349,7 @@ def run(args: argparse.Namespace) -> int:
     if args.json:
         more = {"bound": bound_json(bound, found), "page": args.page, "held": held, "waypoints": None}
         print_json({**_json(found, files), **more, "precision": precision_json(needed)})
-        refuse_unchecked(args, found.margins)
+        refuse_unchecked(args, found.margins, files)
         return 0
     for note in (*held_note(whole, held), *found.notes):
         tell(note)
@@ -368,7 +368,7 @@ def run(args: argparse.Namespace) -> int:
     say(margin_table(found.margins))
     for file in [*files, *([args.page] if args.page else [])]:
         say(f"written: {file}")
-    refuse_unchecked(args, found.margins)
+    refuse_unchecked(args, found.margins, files)
     return 0
 
 

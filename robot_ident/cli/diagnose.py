@@ -6,22 +6,22 @@ import argparse
 from dataclasses import replace
 from typing import TYPE_CHECKING
 
-from robot_ident.cli.output import Progress, add_json, add_output, print_json, say, table, tell
+from robot_ident.cli.output import add_json, add_output, print_json, say, table, tell
 from robot_ident.errors import InputError
 
 if TYPE_CHECKING:
-    from robot_ident.cli.extended import Step
-    from robot_ident.cli.loop import Inputs
     from robot_ident.diagnosis.diagnosis import Diagnosis, Suspect
     from robot_ident.model.model import Model
     from robot_ident.robot.robot import Robot
+    from robot_ident.workflow.inputs import Inputs
+    from robot_ident.workflow.steps import Step
 
 _TIED_LISTED = 3  # of the candidates that one is tied with: the table stays readable, --json has them all
 
 
 def add_arguments(parser: argparse.ArgumentParser) -> None:
     """Add the command's options."""
-    from robot_ident.cli.loop import add_recordings
+    from robot_ident.cli.options import add_recordings
 
     parser.add_argument(
         "inputs",
@@ -43,13 +43,10 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
 
 def run(args: argparse.Namespace) -> int:
     """Say which physical effect is missing."""
-    from robot_ident.cli.loop import read_inputs
-    from robot_ident.cli.until_adequate import Additions, add_until_adequate, print_additions, to_dict
-    from robot_ident.diagnosis.diagnose import diagnose
-    from robot_ident.diagnosis.kept_aside import misfit_aside
-    from robot_ident.estimation.effort_checks import taken_as_declared
-    from robot_ident.estimation.unusable import refuse_misdeclared
+    from robot_ident.cli.steps import bar, print_additions, to_dict
     from robot_ident.files import refuse_existing
+    from robot_ident.workflow.inputs import read_inputs
+    from robot_ident.workflow.steps import Additions, add_until_adequate, find_missing
 
     if args.output and not args.add_until_adequate:
         raise InputError(f"-o {args.output}: a model is written only with --add-until-adequate")
@@ -59,18 +56,9 @@ def run(args: argparse.Namespace) -> int:
     if len(inputs.models) != 1 or not inputs.measurements:
         raise InputError("diagnose takes one model and at least one recording")
     model = inputs.models[0]
-    refuse_misdeclared(model, inputs.measurements)
-    with Progress("diagnose", 1.0) as bar:
-        found = diagnose(
-            inputs.measurements,
-            model.structure,
-            inputs.validation,
-            bar.reach,
-            as_declared=taken_as_declared(model.notes),
-        )
-    if found.verdict == "adequate":
-        found = replace(found, notes=(*found.notes, *misfit_aside(inputs.models[0], inputs.validation)))
-    added = add_until_adequate(found, inputs, args) if args.add_until_adequate else Additions([found])
+    with bar("diagnose") as tell_share:
+        found = find_missing(model, inputs.measurements, inputs.validation, tell_share)
+    added = add_until_adequate(found, inputs, bar) if args.add_until_adequate else Additions([found])
     steps = added.steps
     if args.output:
         _write(steps[-1].model if added.foreseen else inputs.models[0], args)

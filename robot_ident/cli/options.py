@@ -9,7 +9,7 @@ from dataclasses import replace
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
-from robot_ident.cli.output import Options, within
+from robot_ident.cli.output import Options, add_json, within
 from robot_ident.errors import InputError
 
 if TYPE_CHECKING:
@@ -262,3 +262,27 @@ def _speeds(text: str | None, robot: Robot) -> tuple[float, ...] | None:
     if len(values) not in (1, robot.n) or any(not value >= 0 for value in values):
         raise InputError(f"--minimum-speed {text!r}: give one value or {robot.n}, none negative")
     return tuple(values * robot.n if len(values) == 1 else values)
+
+
+def add_common(parser: Options) -> None:
+    """Add the options that the commands with recordings share."""
+    add_recordings(parser)
+    add_json(parser)
+
+
+def add_recordings(parser: Options) -> None:
+    """Add `--validation` and `--topic`."""
+    add_validation(parser)
+    parser.add_argument("--topic", metavar="T", help="topic of the joint states")
+
+
+def add_validation(parser: Options) -> None:
+    """Add the recordings of the validation: several after one option, or one after each."""
+    parser.add_argument(
+        "--validation",
+        action="extend",
+        nargs="+",
+        default=[],
+        metavar="BAG2",
+        help="validation recordings, never used in a fit",
+    )

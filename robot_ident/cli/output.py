@@ -324,10 +324,14 @@ def say_unchecked(margins: Margins) -> None:
         say(margins.not_checked)
 
 
-def refuse_unchecked(args: argparse.Namespace, margins: Margins) -> None:
-    """Raise CheckFailed where something was not checked and nobody has accepted that."""
+def refuse_unchecked(args: argparse.Namespace, margins: Margins, written: Sequence[str] = ()) -> None:
+    """Raise CheckFailed where something was not checked and nobody has accepted that.
+
+    written: files of motions that are there all the same, which another command can accept.
+    """
     from robot_ident.limits.certifier import unchecked_refusal
 
-    refusal = unchecked_refusal(margins.unknown, f"give {_OPTION}")
+    kept = " and ".join(f"robot_ident check {file} --robot {args.robot} {_OPTION}" for file in written)
+    refusal = unchecked_refusal(margins.unknown, f"accept it: {kept}" if kept else f"give {_OPTION}")
     if refusal and not args.accept_unchecked:
         raise CheckFailed(refusal)

@@ -7,12 +7,12 @@ import shlex
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
-from robot_ident.cli.loop import add_validation
+from robot_ident.cli.options import add_validation
 from robot_ident.cli.output import Progress, add_json, add_output, print_json, say
 from robot_ident.errors import InputError
 
 if TYPE_CHECKING:
-    from robot_ident.report.findings import Findings
+    from robot_ident.workflow.findings import Findings
 
 
 def add_arguments(parser: argparse.ArgumentParser) -> None:
@@ -38,8 +38,9 @@ def run(args: argparse.Namespace) -> int:
     """Write one self-contained page on models beside recordings."""
     from robot_ident.files import refuse_existing
     from robot_ident.model.model_file import is_model, read_model
-    from robot_ident.report.findings import gather, read_excitations, read_sources
     from robot_ident.report.sections import write_report
+    from robot_ident.workflow.findings import gather
+    from robot_ident.workflow.inputs import read_excitations, read_sources
 
     refuse_existing(args.output, force=args.force)
     for path in args.models:

@@ -8,7 +8,7 @@ import sys
 from contextlib import ExitStack
 from pathlib import Path
 
-from robot_ident.cli.loop import add_validation
+from robot_ident.cli.options import add_validation
 from robot_ident.cli.output import say, within
 
 

@@ -12,10 +12,10 @@ from robot_ident.figures.parameter_bars import sigma_figure, sigma_text
 from robot_ident.figures.tool_path import workspace_figure, workspace_text
 from robot_ident.figures.trajectory import convergence_figure, convergence_text, trajectory_figure, trajectory_text
 from robot_ident.limits.certifier import Margins
-from robot_ident.report.findings import Findings
 from robot_ident.report.page import Plot, Section, Table
 from robot_ident.robot.robot import Robot
 from robot_ident.trajectories.excitation import Excitation
+from robot_ident.workflow.findings import Findings
 
 
 @dataclass(frozen=True)

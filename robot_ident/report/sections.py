@@ -27,9 +27,9 @@ from robot_ident.figures.torque_over_time import torque_figure, torque_text
 from robot_ident.model.model import Model
 from robot_ident.recording.measurement import Source
 from robot_ident.report.design_sections import Excitations
-from robot_ident.report.findings import Findings
 from robot_ident.report.page import Plot, Section, Table, write_page
 from robot_ident.report.wording import NOTHING, joined, percent, short, verdict, with_sigma
+from robot_ident.workflow.findings import Findings
 
 _HEADER = ("effect", "", "explains", "p", "at joint", "before", "after", "validation before", "validation after")
 

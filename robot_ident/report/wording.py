@@ -8,8 +8,8 @@ from collections.abc import Sequence
 from robot_ident.diagnosis.comparison import JointComparison
 from robot_ident.diagnosis.diagnosis import Diagnosis, Suspect
 from robot_ident.diagnosis.staircase import Level, Step
-from robot_ident.report.findings import Findings
 from robot_ident.robot.robot import Robot
+from robot_ident.workflow.findings import Findings
 
 NOTHING = "–"
 _SMALL, _LARGE = 4, 6  # powers of ten below and from which on they are written

@@ -25,7 +25,7 @@ from robot_ident.files import whole, write_text
 from robot_ident.model.model import Model
 from robot_ident.recording.measurement import Measurement
 from robot_ident.signals.motion import Array, Mask
-from robot_ident.workbench.preview import Preview
+from robot_ident.workflow.preview import Preview
 
 
 def about(measured: Measurement, validation: bool) -> dict[str, Any]:

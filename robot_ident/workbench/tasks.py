@@ -18,16 +18,13 @@ from robot_ident.configuration import to_yaml
 from robot_ident.diagnosis.beside import Beside, beside
 from robot_ident.diagnosis.comparison import compare, judged
 from robot_ident.diagnosis.curves import since_reversal
-from robot_ident.diagnosis.diagnose import diagnose
-from robot_ident.diagnosis.kept_aside import misfit_aside
 from robot_ident.diagnosis.progress import Tell, after
 from robot_ident.diagnosis.residual_lines import residual_lines
 from robot_ident.effects import make_effect
 from robot_ident.errors import InputError
-from robot_ident.estimation.effort_checks import contradictions, taken_as_declared
+from robot_ident.estimation.effort_checks import contradictions
 from robot_ident.estimation.gains_anew import extended, measured_anew
 from robot_ident.estimation.identify import with_base
-from robot_ident.estimation.unusable import refuse_misdeclared
 from robot_ident.files import whole, write_text
 from robot_ident.model.model import Model
 from robot_ident.model.model_file import read_model, write_model
@@ -38,9 +35,10 @@ from robot_ident.signals.motion import Array
 from robot_ident.workbench import records
 from robot_ident.workbench.allowed_paths import Stamp, stamp
 from robot_ident.workbench.inputs import Inputs
-from robot_ident.workbench.preview import Forecast, Preview
 from robot_ident.workbench.records import Rows, lines_to_arrays, rows_to_arrays, write_arrays
 from robot_ident.workbench.session import Session, StepFile, model_name, now
+from robot_ident.workflow.preview import Forecast, Preview
+from robot_ident.workflow.steps import find_missing
 
 _OTHERWISE = ", or bring the model of robot_ident identify --as-declared"
 
@@ -86,11 +84,7 @@ class Work:
     def diagnose(self, tell: Tell, number: int) -> None:
         """Find what a step's model lacks, and what each candidate would do."""
         training, validation, model = self._given(tell, number)
-        refuse_misdeclared(model, training)
-        part, declared = _part(tell, 0.3, 0.8), taken_as_declared(model.notes)
-        found = diagnose(training, model.structure, validation, part, as_declared=declared)
-        if found.verdict == "adequate":
-            found = replace(found, notes=(*found.notes, *misfit_aside(model, validation)))
+        found = find_missing(model, training, validation, _part(tell, 0.3, 0.8))
         listed = [s for s in (*found.missing, *found.others) if s.effect.regression]
         forecast = Forecast(training, model.structure, validation)
         for place, suspect in enumerate(listed):
@@ -120,8 +114,8 @@ class Work:
 
         left: of the file that it replaces; InputError where another one has come into its place.
         """
-        from robot_ident.report.findings import gather
         from robot_ident.report.sections import write_report
+        from robot_ident.workflow.findings import gather
 
         numbers = self.session.path(number)
         models = [read_model(self.session.model_file(k)) for k in numbers]

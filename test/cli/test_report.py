@@ -11,7 +11,7 @@ import pytest
 from robot_ident.model.model_file import write_model
 
 if TYPE_CHECKING:
-    from robot_ident.report.findings import Findings
+    from robot_ident.workflow.findings import Findings
 
 Run = Callable[..., Any]
 

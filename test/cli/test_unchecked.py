@@ -111,7 +111,9 @@ def test_design_writes_its_file_all_the_same(run: Run, tmp_path: Path) -> None:
     done = run("design", "--robot", robot, *SHORT, "-o", file)
     assert done.code == 3
     assert done.out.startswith("not checked: self-collision")
-    assert done.err.strip().splitlines()[-1].endswith("into the robot YAML, or give --accept-unchecked")
+    accept = f"robot_ident check {file} --robot {robot} --accept-unchecked"
+    assert done.err.strip().splitlines()[-1].endswith(f"into the robot YAML, or accept it: {accept}")
+    assert run(*accept.split()[1:]).code == 0
     assert Excitation.read(file).robot == "arm"
     accepted = run("design", "--robot", robot, *SHORT, "-o", file, "--force", "--accept-unchecked", "--json")
     assert accepted.code == 0

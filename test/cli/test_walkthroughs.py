@@ -106,6 +106,17 @@ def test_your_own_robot_in_five_steps(
     assert all((checkout / "config" / f"{node}.yaml").is_file() for node in nodes)
 
 
+def test_export_a_model(run: Run, arm: Any, checkout: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.chdir(tmp_path)
+    walk = Walk(run, checkout, {}, lambda path, seed: motion(path, arm.robot, seed))
+    walk.page("docs/export.md")
+    named = re.findall(r"`NAME_(\w+)\(", (checkout / "docs/export.md").read_text(encoding="utf-8"))
+    header = Path("controller/kuka_ir361.h").read_text(encoding="utf-8")
+    assert named == ["torque", "gravity", "friction"] and all(f"kuka_ir361_{name}(" in header for name in named)
+    assert all(word in Path("identified.xml").read_text() for word in ("damping", "frictionloss"))
+    assert "<dynamics" in Path("identified.urdf").read_text()
+
+
 def test_how_to_read_the_verdict(
     run: Run, arm: Any, checkout: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:

@@ -96,7 +96,7 @@ def test_pairs_that_cannot_be(kuka: Robot, first: str, second: str, words: str) 
 
 def test_the_command_names_the_robot(kuka: Robot) -> None:
     stribeck, presliding = make_effect("stribeck@joint_2", kuka), make_effect("presliding@joint_2", kuka)
-    command = "robot_ident design --tell stribeck@joint_2 presliding@joint_2 --robot kuka_ir361 -o discrimination.yaml"
+    command = "robot_ident design --tell stribeck@joint_2 presliding@joint_2 --robot kuka_ir361 -o tell.yaml"
     assert tell_command("stribeck@joint_2", "presliding@joint_2", kuka) == command
     drift = make_effect("temperature_drift@joint_2", kuka)
     assert experiment_between(stribeck, [drift, presliding], kuka) == command

@@ -13,7 +13,7 @@ from robot_ident.diagnosis.comparison import compare
 from robot_ident.diagnosis.residual_lines import residual_lines
 
 if TYPE_CHECKING:
-    from robot_ident.report.findings import Findings
+    from robot_ident.workflow.findings import Findings
 
 
 def test_it_is_what_compare_judges(findings: Findings) -> None:

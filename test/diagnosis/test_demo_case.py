@@ -2,18 +2,17 @@
 
 from __future__ import annotations
 
-from argparse import Namespace
 from typing import Any
 
 import pytest
 
 from robot_ident.cli.demo import HIDDEN
-from robot_ident.cli.loop import Inputs
-from robot_ident.cli.until_adequate import add_until_adequate
 from robot_ident.diagnosis.comparison import compare
 from robot_ident.diagnosis.diagnose import diagnose
 from robot_ident.model.model import Model
 from robot_ident.recording.measurement import Measurement
+from robot_ident.workflow.inputs import Inputs
+from robot_ident.workflow.steps import add_until_adequate
 
 
 def ratios(model: Model, measured: list[Measurement]) -> list[float]:
@@ -30,7 +29,7 @@ def test_every_joint_falls_from_two_to_three_times_its_noise_to_it(bench: Any, s
     assert len(first) == 3
     assert all(2.0 <= ratio <= 3.0 for ratio in first)
     inputs = Inputs((model,), ("model.yaml",), (), tuple(measured), ())
-    added = add_until_adequate(diagnose(measured, model.structure), inputs, Namespace(validation=[], topic=None))
+    added = add_until_adequate(diagnose(measured, model.structure), inputs)
     last = added.steps[-1].model
     hidden = {effect.partition(":")[0] for effect in HIDDEN}
     assert set(last.structure.labels) - set(model.structure.labels) == hidden

@@ -13,7 +13,7 @@ from robot_ident.estimation.validate import validate
 from robot_ident.robot import load_robot
 
 if TYPE_CHECKING:
-    from robot_ident.report.findings import Findings
+    from robot_ident.workflow.findings import Findings
 
 
 def test_levels_are_those_of_identify_and_validate(findings: Findings) -> None:

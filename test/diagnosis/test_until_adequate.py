@@ -2,18 +2,17 @@
 
 from __future__ import annotations
 
-from argparse import Namespace
 from dataclasses import replace
 from typing import Any
 
 import pytest
 
-from robot_ident.cli.loop import Inputs
-from robot_ident.cli.until_adequate import add_until_adequate, print_additions, to_dict
+from robot_ident.cli.steps import print_additions, to_dict
 from robot_ident.diagnosis.diagnosis import Diagnosis
+from robot_ident.workflow.inputs import Inputs
+from robot_ident.workflow.steps import add_until_adequate
 
 HIDDEN = ("stribeck@joint_2:stribeck=20,speed=0.08", "torque_offset@joint_3:torque_offset=5")
-WORDS = Namespace(validation=[], topic=None)
 
 
 @pytest.fixture(scope="module")
@@ -34,7 +33,7 @@ def half(bench: Any) -> Diagnosis:
 def test_what_the_longer_model_lacks_is_added_too(
     half: Diagnosis, inputs: Inputs, capsys: pytest.CaptureFixture[str]
 ) -> None:
-    added = add_until_adequate(half, inputs, WORDS)
+    added = add_until_adequate(half, inputs)
     assert [one.verdict for one in added.said] == ["missing", "missing", "adequate"]
     assert [step.model.structure.labels[-1] for step in added.steps[1:]] == [
         "stribeck@joint_2",
@@ -55,7 +54,7 @@ def test_what_does_not_lower_the_error_on_the_validation_is_left_out(
 ) -> None:
     """The offset is in the recordings that are fitted, not in the one kept aside."""
     other = replace(inputs, validation=tuple(bench.measure(HIDDEN[:1], [3])))
-    added = add_until_adequate(half, other, WORDS)
+    added = add_until_adequate(half, other)
     assert [step.model.structure.labels[-1] for step in added.steps[1:]] == ["stribeck@joint_2"]
     assert added.stopped == ("torque_offset@joint_3: left out, adding it does not lower the error on the validation")
 
@@ -66,7 +65,7 @@ def test_an_adequate_end_that_misfits_what_was_kept_aside_says_so(
     """All that the fitted recordings show is added; the one kept aside shows more."""
     more = (*HIDDEN, "torque_offset@joint_1:torque_offset=9")
     found = bench.diagnose(HIDDEN)
-    added = add_until_adequate(found, replace(inputs, validation=tuple(bench.measure(more, [3]))), WORDS)
+    added = add_until_adequate(found, replace(inputs, validation=tuple(bench.measure(more, [3]))))
     assert added.last.verdict == "adequate"
     assert "the model does not fit what was kept aside: joint_1 by" in added.last.notes[-1]
     print_additions(found, added)
@@ -78,7 +77,7 @@ def test_where_nothing_is_named_the_staircase_is_the_model_as_it_is(
 ) -> None:
     measured = bench.measure(())
     plain = Inputs((bench.model(measured),), ("model.yaml",), (), tuple(measured), tuple(bench.measure((), [3])))
-    added = add_until_adequate(bench.diagnose(()), plain, WORDS)
+    added = add_until_adequate(bench.diagnose(()), plain)
     data = to_dict(added)
     assert [step["added"] for step in data["staircase"]] == [None]
     assert data["after_adding"]["verdict"] == "adequate"
@@ -90,7 +89,7 @@ def test_where_nothing_is_named_the_staircase_is_the_model_as_it_is(
 def test_adding_ends_after_some_rounds_and_says_so(
     half: Diagnosis, inputs: Inputs, monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    monkeypatch.setattr("robot_ident.cli.until_adequate._ROUNDS", 1)
-    added = add_until_adequate(half, inputs, WORDS)
+    monkeypatch.setattr("robot_ident.workflow.steps._ROUNDS", 1)
+    added = add_until_adequate(half, inputs)
     assert [step.model.structure.labels[-1] for step in added.steps[1:]] == ["stribeck@joint_2"]
     assert added.stopped == "torque_offset@joint_3 named after 1 rounds of adding, and not added"

@@ -10,8 +10,8 @@ from typing import Any
 import pytest
 
 from robot_ident.estimation.validate import validate
-from robot_ident.report.findings import Findings
 from robot_ident.report.sections import report_sections, write_report
+from robot_ident.workflow.findings import Findings
 
 EVIL = "<img src=x onerror=\"document.title='caught'\"><b>%{x}"
 SECTIONS = [

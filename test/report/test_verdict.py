@@ -10,9 +10,9 @@ import pytest
 from robot_ident.cli.main import build_parser
 from robot_ident.diagnosis.diagnosis import EVERYWHERE, Diagnosis, Unexplained
 from robot_ident.provenance import fingerprint
-from robot_ident.report.findings import Findings
 from robot_ident.report.sections import Candidates, Origin
 from robot_ident.report.wording import joined, percent, short, verdict, with_sigma
+from robot_ident.workflow.findings import Findings
 
 
 def only_first(findings: Findings, diagnosis: Diagnosis) -> Findings:

@@ -6,23 +6,18 @@ from __future__ import annotations
 
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass
-from pathlib import Path
 from typing import Any
 
-from robot_ident.bags import read_for
-from robot_ident.diagnosis.diagnose import diagnose
 from robot_ident.diagnosis.diagnosis import Diagnosis
 from robot_ident.diagnosis.kept_aside import misfit_aside
 from robot_ident.diagnosis.staircase import Foreseen, Level, Step, foresee, staircase
-from robot_ident.estimation.effort_checks import taken_as_declared
-from robot_ident.estimation.for_model import measured_for
-from robot_ident.estimation.unusable import refuse_misdeclared, unusable_on
+from robot_ident.estimation.unusable import unusable_on
 from robot_ident.limits.certifier import Margins, certify
 from robot_ident.model.model import Model
-from robot_ident.provenance import fingerprint
 from robot_ident.recording.measurement import Source
 from robot_ident.robot.robot import Robot
 from robot_ident.trajectories.excitation import Excitation
+from robot_ident.workflow.steps import find_missing
 
 
 @dataclass(frozen=True)
@@ -128,42 +123,18 @@ def gather(
     heard("comparing")
     steps = staircase(models, training, validation)
     seen, unseen = ([source.measured for source in sources] for sources in (training, validation))
-    refuse_misdeclared(steps[0].model, seen)
-    declared = taken_as_declared(steps[0].model.notes)
     diagnoses = {}
     for place in sorted({0, len(steps) - 1}):
         heard(f"diagnosing {steps[place].name}")
-        diagnoses[place] = diagnose(seen, steps[place].model.structure, unseen, as_declared=declared)
+        diagnoses[place] = find_missing(steps[place].model, seen, unseen)
     played = []
     for path, excitation in excitations:
         heard(f"certifying {path}")
         played.append(Played(path, excitation, certify(excitation, steps[0].model.robot)))
-    last, aside = steps[-1].model, [one.measured for one in validation]
-    troubles = unusable_on(last, aside)
+    last = steps[-1].model
+    troubles = unusable_on(last, unseen)
     if diagnoses[len(steps) - 1].verdict == "adequate":
-        troubles = (*troubles, *misfit_aside(last, aside))
+        troubles = (*troubles, *misfit_aside(last, unseen))
     return Findings(
         steps, tuple(training), tuple(validation), diagnoses, tuple(played), command, troubles, tuple(effects_from)
     )
-
-
-def read_sources(
-    bags: Sequence[str], model: Model, *, topic: str | None = None, heard: Callable[[str], None] = lambda what: None
-) -> tuple[Source, ...]:
-    """Return recordings as read and as measured for a model; InputError where one can't be used."""
-    out = []
-    for bag in bags:
-        heard(f"reading {bag}")
-        recording = read_for(bag, model.robot, topic=topic)
-        out.append(Source(str(bag), fingerprint(bag), recording, measured_for(model, recording)))
-    return tuple(out)
-
-
-def read_excitations(named: Sequence[str], models: Sequence[Model]) -> list[tuple[str, Excitation]]:
-    """Return the excitations that are named; where none is, those that the models say and that are still there."""
-    paths = list(named)
-    if not paths:
-        noted = [model.provenance.get("options", {}).get("trajectory") or () for model in models]
-        files = [file for one in noted for file in ([one] if isinstance(one, str) else one)]
-        paths = list(dict.fromkeys(str(path) for path in files if Path(str(path)).is_file()))
-    return [(path, Excitation.read(path)) for path in paths]
