@@ -14,7 +14,7 @@ from scipy.signal import butter, sosfiltfilt
 from robot_ident.cli.output import table
 from robot_ident.errors import InputError
 from robot_ident.estimation.identify import identify
-from robot_ident.estimation.predict import predict
+from robot_ident.estimation.prediction import predict
 from robot_ident.model.model import Model
 from robot_ident.model.structure import Structure
 from robot_ident.recording import Processing

@@ -19,7 +19,7 @@ _HOME = {
     "diagnose": "diagnosis.diagnose",
     "identify": "estimation.identify",
     "read_recording": "bags.read",
-    "validate": "estimation.validate",
+    "validate": "estimation.validation",
     "write_recording": "bags.write",
 }
 

@@ -1,14 +1,18 @@
-"""Where a model comes from: recordings with their hashes, versions, options, date."""
+"""Where a model comes from: recordings with their hashes, versions, options, date; and where the robots and node
+parameters are that are installed with the package.
+"""
 
 from __future__ import annotations
 
 import hashlib
-from collections.abc import Mapping, Sequence
+import os
+from collections.abc import Iterator, Mapping, Sequence
 from datetime import datetime, timezone
 from pathlib import Path
 from typing import Any
 
 from robot_ident import __version__
+from robot_ident.errors import InputError
 
 
 def fingerprint(path: Path | str) -> str:
@@ -41,3 +45,27 @@ def provenance(bags: Sequence[str], options: dict[str, Any]) -> dict[str, Any]:
         "recordings": [{"path": str(bag), "sha256": fingerprint(bag)} for bag in bags],
         "options": {key: value for key, value in options.items() if value is not None},
     }
+
+
+def _places() -> Iterator[Path]:
+    package = Path(__file__).resolve().parent
+    if (package.parent / "package.xml").is_file():
+        yield package.parent  # a checkout
+    for parent in list(package.parents)[2:5]:  # PREFIX/lib/python3.x/site-packages/robot_ident
+        yield parent / "share" / "robot_ident"
+    for prefix in os.environ.get("AMENT_PREFIX_PATH", "").split(os.pathsep):
+        if prefix:
+            yield Path(prefix) / "share" / "robot_ident"
+
+
+def share_folder() -> Path:
+    """Return the folder that holds `config/`, in a checkout, a virtual environment or a ROS workspace alike."""
+    for place in _places():
+        if (place / "config").is_dir():
+            return place
+    raise InputError("the package's config folder was not found; install robot_ident again")
+
+
+def config_file(*parts: str) -> Path:
+    """Return the path of a file in `config/`."""
+    return share_folder().joinpath("config", *parts)

@@ -8,7 +8,7 @@ from pathlib import Path
 import numpy as np
 
 from robot_ident.bags.write import Series, write_series
-from robot_ident.estimation.predict import Prediction
+from robot_ident.estimation.prediction import Prediction
 from robot_ident.files import whole
 
 

@@ -234,7 +234,7 @@ def _write_mcap(args: argparse.Namespace, inputs: Inputs) -> None:
     """Write what belongs beside the recordings in a viewer, with their own stamps."""
     from robot_ident.bags import read_for, write_series
     from robot_ident.diagnosis.along import along
-    from robot_ident.estimation.at_pose import at_pose
+    from robot_ident.estimation.prediction import at_pose
 
     series: list[Series] = []
     for number, (name, measured) in enumerate(zip(inputs.bags, inputs.measurements, strict=True), 1):

@@ -235,7 +235,7 @@ def _ratio(step: Step, joint: str) -> float:
 
 
 def _to_dict(found: Findings, added: Additions, truth: Array, runs: list[Run], seconds: float) -> dict[str, Any]:
-    from robot_ident.estimation.validate import validate
+    from robot_ident.estimation.validation import validate
 
     models = [step.model for step in found.steps]
     return {

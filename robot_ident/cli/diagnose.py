@@ -76,7 +76,7 @@ def run(args: argparse.Namespace) -> int:
 
 def _troubles(found: Diagnosis, inputs: Inputs, steps: list[Step]) -> tuple[str, ...]:
     """Return on which recordings kept aside the model is worse than none, with what was added if something was."""
-    from robot_ident.estimation.unusable import residual_on, unusable_on
+    from robot_ident.estimation.validation import residual_on, unusable_on
 
     if steps:
         return steps[-1].troubles

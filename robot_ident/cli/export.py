@@ -157,8 +157,8 @@ def _held_against(model: Model, made: Exported, args: argparse.Namespace) -> _He
     if not args.validation:
         return _Held({}, {}, None)
     from robot_ident.bags import read_for
-    from robot_ident.estimation.for_model import measured_for
-    from robot_ident.estimation.unusable import residual_on, unusable
+    from robot_ident.estimation.prediction import measured_for
+    from robot_ident.estimation.validation import residual_on, unusable
     from robot_ident.export.exported import torque_of
 
     measured = measured_for(model, read_for(args.validation, model.robot, topic=args.topic))

@@ -60,8 +60,7 @@ def run_only(args: argparse.Namespace) -> int:
     from robot_ident.bags import read_for
     from robot_ident.cli.options import AS_DECLARED
     from robot_ident.estimation.effort_checks import contradictions
-    from robot_ident.estimation.held_body import part_of
-    from robot_ident.estimation.payload import bare, identify_payload
+    from robot_ident.estimation.payload import bare, identify_payload, part_of
     from robot_ident.files import refuse_existing, refuse_twice, write_text
     from robot_ident.model.model_file import read_model
     from robot_ident.recording.checks import refuse_copies
@@ -122,7 +121,7 @@ def _empty(found: PayloadFit) -> str:
 
 def body_table(body: Mapping[str, Any]) -> str:
     """Return mass, centre and inertia of a payload with their standard deviations."""
-    from robot_ident.estimation.body import NOTHING
+    from robot_ident.estimation.payload import NOTHING
 
     def row(name: str, value: float, std: float, unit: str, what: str) -> tuple[str, str, str, str]:
         if what in body["given"]:

@@ -9,7 +9,7 @@ from robot_ident.cli.output import add_json, add_robot, print_json, say, table, 
 from robot_ident.errors import InputError
 
 if TYPE_CHECKING:
-    from robot_ident.estimation.declared import Declared
+    from robot_ident.estimation.declaration import Declared
     from robot_ident.recording.measurement import Measurement
     from robot_ident.recording.recording import Recording
     from robot_ident.recording.summary import Summary
@@ -132,7 +132,7 @@ def _coupling(measured: Measurement, robot: Robot) -> list[str]:
     """Return what contradicts a declared coupling, whose joints seem to have wrong signs and gains."""
     if robot.effort.coupling is None:
         return []
-    from robot_ident.estimation.coupling import coupling_contradiction
+    from robot_ident.estimation.contradiction import coupling_contradiction
 
     found = coupling_contradiction([measured], robot)
     return [] if found is None else [found.told(robot)]

@@ -10,7 +10,7 @@ from robot_ident.cli.output import add_json, add_output, print_json, say, table,
 from robot_ident.errors import InputError
 
 if TYPE_CHECKING:
-    from robot_ident.estimation.predict import Prediction
+    from robot_ident.estimation.prediction import Prediction
     from robot_ident.model.model import Model
 
 _SAMPLE_RATE = 150.0  # Hz at which moves from point to point are looked at
@@ -29,7 +29,7 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
 def run(args: argparse.Namespace) -> int:
     """Write the model's torque along a recording."""
     from robot_ident.bags import read_for, write_prediction
-    from robot_ident.estimation.predict import predict
+    from robot_ident.estimation.prediction import predict
     from robot_ident.files import refuse_existing
     from robot_ident.model.model_file import read_model
 
@@ -64,8 +64,7 @@ def _planned(path: str, model: Model) -> Prediction | None:
         return None
     import numpy as np
 
-    from robot_ident.estimation.at_pose import refuse_elsewhere
-    from robot_ident.estimation.predict import predict_motion
+    from robot_ident.estimation.prediction import predict_motion, refuse_elsewhere
     from robot_ident.signals.motion import Motion
     from robot_ident.trajectories.excitation import Excitation
     from robot_ident.trajectories.point_to_point import load_motion

@@ -34,7 +34,7 @@ def run(args: argparse.Namespace) -> int:
     """Validate and print the residual of every joint."""
     from robot_ident.bags import read_for
     from robot_ident.cli.identify import fit_table
-    from robot_ident.estimation.validate import validate
+    from robot_ident.estimation.validation import validate
     from robot_ident.model.model_file import read_model
     from robot_ident.provenance import was_fitted
 

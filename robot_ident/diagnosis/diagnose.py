@@ -36,7 +36,7 @@ from robot_ident.diagnosis.unseen import Unseen
 from robot_ident.diagnosis.weighed_by_residual import tells_noise
 from robot_ident.diagnosis.white_lines import whitened
 from robot_ident.estimation.declaration import clock_notes
-from robot_ident.estimation.unusable import refuse_foreign
+from robot_ident.estimation.validation import refuse_foreign
 from robot_ident.model.structure import Structure
 from robot_ident.recording.checks import of_one_motion, refuse_copies, refuse_silent
 from robot_ident.recording.measurement import Measurement, time_scale_notes

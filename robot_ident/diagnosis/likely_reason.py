@@ -6,11 +6,10 @@ from collections.abc import Mapping, Sequence
 
 import numpy as np
 
-from robot_ident.estimation.contradiction import Contradiction, contradiction
-from robot_ident.estimation.coupling import coupling_contradiction
+from robot_ident.estimation.contradiction import Contradiction, contradiction, coupling_contradiction
 from robot_ident.estimation.declaration import judge_all
 from robot_ident.estimation.effort_checks import EffortChecks
-from robot_ident.estimation.unusable import residual_on
+from robot_ident.estimation.validation import residual_on
 from robot_ident.model.model import Model
 from robot_ident.recording.measurement import Measurement
 from robot_ident.robot.robot import Robot

@@ -10,7 +10,7 @@ from robot_ident.diagnosis.comparison import Comparison, compare
 from robot_ident.diagnosis.diagnosis import Diagnosis
 from robot_ident.errors import InputError
 from robot_ident.estimation.extend import mean_square_errors
-from robot_ident.estimation.validate import validate
+from robot_ident.estimation.validation import validate
 from robot_ident.model.model import Model
 from robot_ident.recording.measurement import Source
 

@@ -1,21 +1,108 @@
-"""Does the effort mean what the robot YAML declares? Held against the rigid model of the URDF."""
+"""Does the effort mean what the robot YAML declares? Held against the rigid model of the URDF.
+
+What is off alike on every joint is no drive's matter. Stamps that run r times too fast make accelerations r^2 and
+products of speeds r^2 times too small; the weight knows no time: k_g = 1, k_i = r^2 on all joints. A URDF's inertias
+are rarely all wrong by one factor beside right weights. Where both shares are off by one factor, all efforts may have a
+wrong gain: a fit takes it for heavier links.
+"""
 
 from __future__ import annotations
 
 from collections.abc import Sequence
-from dataclasses import replace
+from dataclasses import asdict, dataclass, replace
+from typing import Any
 
 import numpy as np
 
-from robot_ident.estimation.clock_rate import by_clock, gain_of_all
-from robot_ident.estimation.declared import NOT_TOLD, Declared
 from robot_ident.recording.measurement import Measurement, Processing
 from robot_ident.recording.process import process
 from robot_ident.recording.recording import Recording
 from robot_ident.robot.robot import Robot
 from robot_ident.signals.motion import Array
 
-_NEAR = 0.35  # a URDF's masses are seldom better than that
+NOT_TOLD = float("nan")
+
+
+@dataclass(frozen=True)
+class Declared:
+    """What a recording says of a joint's effort: `share` of the URDF's gravity torque (of the inertial one where the
+    joint carries no gravity) that is found in it, with its standard deviation, the verdict, and what to look at.
+
+    verdict: consistent, compensated (gravity is taken out), included (though declared to be taken out), sign, factor,
+    driven where friction gives energy, clock where time explains all joints, or not_told where the motion loads the
+    joint too little, or the URDF's torque is hardly in its effort. gravity, inertia: both shares, nan where not told.
+    friction: power that is lost over the product of rms torque and rms speed; negative where effort has the wrong sign.
+    explained: part of the effort, friction left aside, that the URDF's torque times those shares accounts for.
+    """
+
+    joint: str
+    share: float
+    std: float
+    verdict: str
+    hint: str
+    gravity: float = NOT_TOLD
+    inertia: float = NOT_TOLD
+    friction: float = 0.0
+    explained: float = 0.0
+
+    def to_dict(self) -> dict[str, Any]:
+        """Return it as `info --json` prints it: null where nothing is told."""
+        values = asdict(self)
+        return {key: None if isinstance(v, float) and not np.isfinite(v) else v for key, v in values.items()}
+
+
+_WEIGHT = 0.15  # by which shares of gravity may be off 1
+_ALIKE = 0.15  # by which the logarithms of the joints' shares of inertia may be off their middle
+_FAR = 1.4  # factor of inertia from which on it is the clock rather than the URDF: stamps 18 % off
+_CLOSELY = 0.05  # by which logarithms may be off their middle where three joints or more tell a smaller one
+_NEAR = 1.1  # that smaller factor: stamps 5 % off
+_LEAST = 0.7  # part of the effort that the URDF's torque must account for
+
+
+def by_clock(judged: Sequence[Declared]) -> list[Declared]:
+    """Return judgements of all joints of a recording, those that a wrong clock explains together with the verdict
+    `clock`: two or more joints that tell of inertia, one or more that tell of weight.
+    """
+    told = [d for d in judged if np.isfinite(d.inertia) and d.explained > _LEAST]
+    weights = [d.gravity for d in told if np.isfinite(d.gravity)]
+    if len(told) < 2 or not weights or min(d.inertia for d in told) <= 0.0:
+        return list(judged)
+    sizes = np.log([d.inertia for d in told])
+    middle = float(np.median(sizes))
+    apart = float(np.abs(sizes - middle).max())
+    closely = len(told) > 2 and apart < _CLOSELY and abs(middle) > np.log(_NEAR)
+    alike = apart < _ALIKE and abs(middle) > np.log(_FAR)
+    weight = float(np.median(np.log(np.maximum(weights, 1e-12))))  # nearer to the URDF's than inertia is, by half
+    if np.abs(np.array(weights) - 1.0).max() > _WEIGHT or abs(weight) > abs(middle) / 2.0 or not (closely or alike):
+        return list(judged)
+    rate = float(np.exp(abs(middle) / 2.0))
+    way = "fast" if middle > 0 else "slow"
+    hint = (
+        f"weight is right and inertia {np.exp(middle):.3g} times the URDF's on every joint: the stamps' clock runs"
+        f" {rate:.3g} times too {way} (or all the URDF's inertias are wrong alike)"
+    )
+    return [replace(d, verdict="clock", hint=hint) if d in told else d for d in judged]
+
+
+def gain_of_all(judged: Sequence[Declared]) -> list[str]:
+    """Return a line where weight and inertia are off the URDF's by one factor, k_g = k_i = g, on two joints or more.
+
+    Data can't say whether all efforts or all masses are off.
+    """
+    told = [d for d in judged if np.isfinite(d.share) and d.explained > _LEAST and d.verdict == "consistent"]
+    shares = np.array([x for d in told for x in (d.gravity, d.inertia) if np.isfinite(x)])
+    if len(told) < 2 or min(shares) <= 0.0:
+        return []
+    factor = float(np.exp(np.median(np.log(shares))))
+    if np.abs(np.log(shares / factor)).max() > _CLOSELY or abs(np.log(factor)) < np.log(_NEAR):
+        return []
+    return [
+        f"weight and inertia are {factor:.3g} times the URDF's on every joint alike: a gain of all efforts, or masses"
+        " of the URDF that are all wrong by that; these data can't tell which, a known payload can"
+    ]
+
+
+_USUAL = 0.35  # a URDF's masses are seldom better than that
 _LITTLE = 0.15  # share below which next to nothing of it is found
 _SURE = 4.0  # standard deviations
 _BLOCK = 0.5  # s; within it the residual is not independent
@@ -128,15 +215,15 @@ def _verdict(robot: Robot, joint: int, told: dict[int, tuple[float, float]], *, 
     (share, std), (inertia, _) = told.get(0) or told[1], told.get(1) or told[0]
     unit = "N" if robot.prismatic[joint] else "Nm"
     declared = robot.effort.of(robot.joints[joint])
-    if declared.gravity == "removed" and 0 in told and abs(share - 2.0) < max(_NEAR, _SURE * std):
+    if declared.gravity == "removed" and 0 in told and abs(share - 2.0) < max(_USUAL, _SURE * std):
         return "included", "gravity is in it already: effort: {gravity: included}"
-    if abs(share - 1.0) < max(_NEAR, _SURE * std):
+    if abs(share - 1.0) < max(_USUAL, _SURE * std):
         return "consistent", ""
     if 0 in told and 1 in told and share < -max(_LITTLE, _SURE * std) and inertia > _LITTLE:
         return "sign", "weight is turned round and inertia is not: does gravity point the wrong way?"
     if share < -max(_LITTLE, _SURE * std):
         return "sign", "it grows where the rigid torque falls: opposite sign"
-    if 0 in told and 1 in told and abs(share) < max(_LITTLE, _SURE * std) and inertia > 1.0 - _NEAR:
+    if 0 in told and 1 in told and abs(share) < max(_LITTLE, _SURE * std) and inertia > 1.0 - _USUAL:
         return "compensated", "gravity is not in it: effort: {gravity: removed}"
     if robot.in_ampere(joint):
         size = f"{1.0 / share:.3g} {'or more' if hidden_rotor else f'+- {2.0 * std / share**2:.1g}'} {unit} per A"

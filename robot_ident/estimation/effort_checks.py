@@ -17,8 +17,7 @@ from dataclasses import dataclass, replace
 import numpy as np
 
 from robot_ident.errors import InputError
-from robot_ident.estimation.contradiction import Contradiction, contradiction
-from robot_ident.estimation.coupling import coupling_contradiction
+from robot_ident.estimation.contradiction import Contradiction, contradiction, coupling_contradiction
 from robot_ident.estimation.declaration import clustered, judge_all, judge_measured, scale_notes
 from robot_ident.estimation.effort_time import clocks_apart, out_of_step
 from robot_ident.estimation.unsigned import in_words, unsigned_joints

@@ -13,8 +13,7 @@ from typing import Protocol
 
 import numpy as np
 
-from robot_ident.estimation.clock_rate import by_clock
-from robot_ident.estimation.declared import Declared
+from robot_ident.estimation.declaration import Declared, by_clock
 from robot_ident.signals.motion import Array
 
 _NEAR = 0.25  # s; a delay or a drive's lag up to that is an effect of the robot, not another time

@@ -13,18 +13,16 @@ from robot_ident.estimation.apart import apart
 from robot_ident.estimation.base_choice import Choice, torque_scale_notes
 from robot_ident.estimation.base_model import choose_base
 from robot_ident.estimation.carried import Carried, Solved, solve_carrying
-from robot_ident.estimation.days import by_day
+from robot_ident.estimation.contradiction import scale_notes
+from robot_ident.estimation.drive_gains import Gains, spread_by_gains, with_known_gains
 from robot_ident.estimation.driving import driven, negative_notes
 from robot_ident.estimation.effort_checks import contradictions
 from robot_ident.estimation.equations import Equations, stack
-from robot_ident.estimation.estimate_gains import spread_by_gains, with_known_gains
-from robot_ident.estimation.gains import Gains
 from robot_ident.estimation.identifiability import identifiability
 from robot_ident.estimation.implausible import implausible_notes
-from robot_ident.estimation.per_period import drift_notes, per_period
 from robot_ident.estimation.position_noise import position_notes
 from robot_ident.estimation.problem import Solution
-from robot_ident.estimation.scale import scale_notes
+from robot_ident.estimation.repeatability import by_day, drift_notes, per_period
 from robot_ident.estimation.solve import ESTIMATORS
 from robot_ident.model.model import Fit, Model, NoiseLevel
 from robot_ident.model.structure import Structure
@@ -191,7 +189,7 @@ def estimate(
     notes += time_scale_notes(measurements)
     consistent = None
     if physical:
-        from robot_ident.estimation.physical import nearest_physical
+        from robot_ident.estimation.physical_consistency import nearest_physical
 
         consistent = nearest_physical(found)
         found = consistent.solution

@@ -1,7 +1,8 @@
 """A payload on an arm that is known: its mass, centre and inertia from a short motion.
 
 tau = Y theta + Y_last pi + friction: the arm's parameters theta keep what its model says, by their covariance; the ten
-of the payload are free, and friction, which differs from day to day and with the load, is found anew.
+of the payload, in the last joint's frame, are free, and friction, which differs from day to day and with the load, is
+found anew. What is known of the payload stays what it is while the rest is estimated.
 """
 
 from __future__ import annotations
@@ -13,16 +14,232 @@ from typing import Any
 import numpy as np
 
 from robot_ident.errors import InputError
-from robot_ident.estimation.body import Body, body_of
 from robot_ident.estimation.covariance import sandwich
 from robot_ident.estimation.equations import Equations
-from robot_ident.estimation.held_body import Holding
 from robot_ident.estimation.problem import Problem
 from robot_ident.model.model import Model
 from robot_ident.recording.conditions import Conditions, KnownPayload, PayloadPart, hand, payload_columns
 from robot_ident.recording.measurement import Measurement
+from robot_ident.robot.rigid_body import STANDARD
 from robot_ident.robot.robot import Robot
 from robot_ident.signals.motion import Array
+
+VAGUE = np.full(10, 200.0)  # kg, kg m, kg m^2: more than any payload, before data
+NOTHING = 10.0  # kg, m, kg m^2: a larger standard deviation is no knowledge of what a hand carries
+ENTRIES = ((0, 0), (0, 1), (1, 1), (0, 2), (1, 2), (2, 2))
+"""Where Ixx, Ixy, Iyy, Ixz, Iyz, Izz stand in the matrix."""
+_SURE = 1.96  # standard deviations of a 95 % interval
+_TOLD = 0.25  # share of what was known before that data must bring the standard deviation below
+_CLEARLY = 4.0  # standard deviations
+
+
+@dataclass(frozen=True)
+class Body:
+    """A payload: ten parameters [10] about and along the last joint's frame with covariance [10, 10], and what follows.
+
+    centre [3] m in the end effector's frame; inertia (3 x 3) kg m^2 about the centre along its axes; their standard
+    deviations by the first order. told [10]: whether the data say anything of a parameter. given: what was known before
+    (mass, centre, inertia) and held.
+    """
+
+    values: Array
+    covariance: Array
+    told: tuple[bool, ...]
+    centre: Array
+    centre_std: Array
+    inertia: Array
+    inertia_std: Array
+    given: tuple[str, ...] = ()
+
+    @property
+    def mass(self) -> float:
+        """Mass [kg]."""
+        return float(self.values[0])
+
+    @property
+    def mass_std(self) -> float:
+        """Standard deviation of the mass [kg]."""
+        return float(np.sqrt(self.covariance[0, 0]))
+
+    @property
+    def known(self) -> KnownPayload:
+        """The same body as conditions state one."""
+        x, y, z = (float(c) for c in self.centre)
+        xx, xy, yy, xz, yz, zz = (float(self.inertia[i, j]) for i, j in ENTRIES)
+        return KnownPayload(self.mass, (x, y, z), (xx, xy, yy, xz, yz, zz))
+
+    @property
+    def in_words(self) -> str:
+        """Mass and centre in one line."""
+        place = (f"{c:.4f}" if s < NOTHING else "?" for c, s in zip(self.centre, self.centre_std, strict=True))
+        mass = f"{self.mass:.4g} kg (given)" if "mass" in self.given else f"{self.mass:.4g} +- {self.mass_std:.2g} kg"
+        return f"{mass} at [{', '.join(place)}] m{' (given)' if 'centre' in self.given else ''}"
+
+    @property
+    def notes(self) -> tuple[str, ...]:
+        """What a user should know."""
+        notes = []
+        if self.mass <= 0:
+            notes.append("its mass is not positive: does the model hold this payload already?")
+        unknown = [name for name, known in zip(STANDARD, self.told, strict=True) if not known]
+        if unknown:
+            notes.append(f"the motion does not tell {', '.join(unknown)}")
+        elif np.linalg.eigvalsh(self.inertia)[0] < -_CLEARLY * float(self.inertia_std.max()):
+            notes.append("its inertia about the centre is that of no body: the arm's model may not be this arm's today")
+        return tuple(notes)
+
+    def to_dict(self) -> dict[str, Any]:
+        """Return mass, centre, inertia and the ten parameters with their uncertainty."""
+        std = np.sqrt(np.diag(self.covariance))
+        return {
+            "mass": self.mass,
+            "mass_std": self.mass_std,
+            "mass_interval": [self.mass - _SURE * self.mass_std, self.mass + _SURE * self.mass_std],
+            "centre": self.centre.tolist(),
+            "centre_std": self.centre_std.tolist(),
+            "centre_interval": [
+                [float(c - _SURE * s), float(c + _SURE * s)] for c, s in zip(self.centre, self.centre_std, strict=True)
+            ],
+            "inertia": [float(self.inertia[i, j]) for i, j in ENTRIES],
+            "inertia_std": [float(self.inertia_std[i, j]) for i, j in ENTRIES],
+            "parameters": [
+                {"name": name, "value": float(value), "std": float(s), "told": told}
+                for name, value, s, told in zip(STANDARD, self.values, std, self.told, strict=True)
+            ],
+            "given": list(self.given),
+        }
+
+
+def body_of(values: Array, covariance: Array, robot: Robot, given: tuple[str, ...] = ()) -> Body:
+    """Return the body of ten parameters [10] with covariance [10, 10] about and along the last joint's frame, of which
+    something was `given`.
+
+    With the mass m and first moment m p: centre R' (p - o), inertia R' (I - m (p^2 1 - p p')) R in the hand's frame of
+    rotation R and origin o. Raises InputError where the hand isn't on the last link.
+    """
+    rotation, origin = hand(robot)
+
+    def derived(x: Array) -> Array:
+        mass, first = x[0], x[1:4]
+        p = first / mass
+        about = _symmetric(x[4:]) - mass * (p @ p * np.eye(3) - np.outer(p, p))
+        turned = rotation.T @ about @ rotation
+        return np.concatenate([rotation.T @ (p - origin), [turned[i, j] for i, j in ENTRIES]])
+
+    slope = np.empty((9, 10))
+    sigma = np.sqrt(np.diag(covariance))
+    for k in range(10):
+        step = np.zeros(10)
+        step[k] = 1e-4 * max(float(sigma[k]), 1e-9)
+        slope[:, k] = (derived(values + step) - derived(values - step)) / (2.0 * step[k])
+    found = derived(values)
+    spread = np.sqrt(np.maximum(np.diag(slope @ covariance @ slope.T), 0.0))
+    told = tuple(bool(s < _TOLD * v) for s, v in zip(sigma, VAGUE, strict=True))
+    spread[:3] *= "centre" not in given
+    spread[3:] *= "inertia" not in given
+    return Body(values, covariance, told, found[:3], spread[:3], _symmetric(found[3:]), _symmetric(spread[3:]), given)
+
+
+def _symmetric(six: Sequence[float] | Array) -> Array:
+    xx, xy, yy, xz, yz, zz = six
+    return np.array([[xx, xy, xz], [xy, yy, yz], [xz, yz, zz]])
+
+
+def part_of(stated: Iterable[tuple[str, Conditions]]) -> PayloadPart:
+    """Return what the conditions of recordings (source, conditions) say together of a payload that all of them carried.
+
+    Raises InputError where they contradict each other.
+    """
+    told: dict[str, tuple[str, object]] = {}
+    for source, conditions in stated:
+        for name in conditions.part.given:
+            value = getattr(conditions.part, name)
+            first, known = told.setdefault(name, (source, value))
+            if known != value:
+                raise InputError(
+                    f"{source}: payload {conditions.body}: {name} = {value}, where {first} states {known}; one name"
+                    " stands for one body"
+                )
+    return PayloadPart(**{name: value for name, (_, value) in told.items()})  # type: ignore[arg-type]
+
+
+class Holding:
+    """The payloads that have a mass m, a centre c or an inertia J about it that are known, among those of any ten
+    parameters (m, f = m c, I = J + S(f) / m) in the last joint's frame, S(f) = f^2 1 - f f'.
+
+    Free are m, f and I where nothing is known of them; f = m c follows the mass where c is known, and I follows both
+    where J is.
+    """
+
+    def __init__(self, part: PayloadPart, robot: Robot) -> None:
+        """Hold `part`; InputError where the hand isn't on the last link."""
+        rotation, self._origin = hand(robot)
+        self.given = part.given
+        self._mass = part.mass
+        self._centre = None if part.centre is None else self._origin + rotation @ np.array(part.centre)
+        self._inertia = None
+        if part.inertia is not None:
+            xx, xy, yy, xz, yz, zz = part.inertia
+            self._inertia = rotation @ np.array([[xx, xy, xz], [xy, yy, yz], [xz, yz, zz]]) @ rotation.T
+
+    @property
+    def curved(self) -> bool:
+        """Whether what is known bends the space of what is left, so that it takes several steps to be found."""
+        return self._inertia is not None and self._centre is None
+
+    def start(self) -> Array:
+        """Return the ten parameters [10] to begin with: a known mass where the hand is, else nothing."""
+        values = np.zeros(10)
+        if self._mass is not None:
+            values[0] = self._mass
+            values[1:4] = self._mass * self._origin
+        return self.settled(values)
+
+    def settled(self, values: Array) -> Array:
+        """Return the ten parameters [10] next to others that keep what is known."""
+        out = np.array(values)
+        if self._mass is not None:
+            out[0] = self._mass
+        if self._centre is not None:
+            out[1:4] = out[0] * self._centre
+        if self._inertia is not None and out[0] != 0.0:
+            out[4:] = _six(self._inertia + _spread(out[1:4]) / out[0])
+        return out
+
+    def directions(self, values: Array) -> tuple[Array, Array]:
+        """Return how the ten parameters may change about `values` [10, k], and what is known of each way before data
+        [k].
+        """
+        columns, vague = [], []
+        mass, first = self._mass is None, self._centre is None
+        place = self._centre if self._centre is not None else values[1:4] / (values[0] or 1.0)
+        bound = self._inertia is not None and (self._centre is not None or values[0] != 0.0)
+        if mass:
+            column = np.zeros(10)
+            column[0] = 1.0
+            column[1:4] = 0.0 if first else place
+            column[4:] = (-1.0 if first else 1.0) * _six(_spread(place)) * bound
+            columns.append(column)
+            vague.append(VAGUE[0])
+        if first:
+            for axis in np.eye(3):
+                bent = np.outer(axis, place) + np.outer(place, axis)
+                columns.append(np.concatenate([[0.0], axis, _six(np.trace(bent) * np.eye(3) - bent) * bound]))
+            vague.extend(VAGUE[1:4])
+        if not bound:
+            columns.extend(np.eye(10)[4:])
+            vague.extend(VAGUE[4:])
+        return np.array(columns).T, np.array(vague)
+
+
+def _spread(first: Array) -> Array:
+    """Return f^2 1 - f f' [3, 3]."""
+    return np.asarray(first @ first * np.eye(3) - np.outer(first, first))
+
+
+def _six(matrix: Array) -> Array:
+    return np.array([matrix[i, j] for i, j in ENTRIES])
+
 
 _ROUNDS = 8
 _STILL = 0.02  # standard deviations that a parameter may yet move by

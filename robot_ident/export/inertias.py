@@ -11,9 +11,17 @@ from dataclasses import dataclass
 import numpy as np
 
 from robot_ident.errors import InputError
-from robot_ident.estimation.pseudo_inertia import LEAST, least_eigenvalues
-from robot_ident.estimation.semidefinite import Nearest, inertial_scale, pseudo_inertia_rows, solve
-from robot_ident.estimation.violations import NEAR, never_negative, violations
+from robot_ident.estimation.physical_consistency import (
+    LEAST,
+    NEAR,
+    Nearest,
+    inertial_scale,
+    least_eigenvalues,
+    never_negative,
+    pseudo_inertia_rows,
+    solve,
+    violations,
+)
 from robot_ident.model.model import Model
 from robot_ident.model.structure import Structure
 from robot_ident.signals.motion import Array, Mask

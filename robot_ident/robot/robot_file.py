@@ -12,6 +12,7 @@ from pydantic import Field, ValidationInfo, field_validator
 from robot_ident.configuration import Closed, parse, read_yaml, schema
 from robot_ident.errors import InputError, did_you_mean
 from robot_ident.files import read_text
+from robot_ident.provenance import config_file
 from robot_ident.robot import workspace
 from robot_ident.robot.drives import EffortField, EffortFile, EffortsField, EffortsFile, efforts_of
 from robot_ident.robot.geometry import CLEARANCE, Geometry
@@ -26,7 +27,6 @@ from robot_ident.robot.urdf import (
     refuse_millimetres,
     refuse_mimics,
 )
-from robot_ident.share import config_file
 from robot_ident.signals.motion import Array, frozen_array
 
 Positive = Annotated[float, Field(gt=0)]

@@ -17,7 +17,7 @@ from pydantic import TypeAdapter
 from robot_ident.effects.torque_scale import TorqueScale
 from robot_ident.errors import InputError
 from robot_ident.estimation.identify import identify
-from robot_ident.estimation.predict import predict
+from robot_ident.estimation.prediction import predict
 from robot_ident.model.model import Model
 from robot_ident.recording.measurement import Processing
 from robot_ident.robot.robot import Robot

@@ -11,7 +11,7 @@ from typing import Any
 from robot_ident.bags import read_for
 from robot_ident.diagnosis.progress import Tell
 from robot_ident.effects import load_effects, register
-from robot_ident.estimation.for_model import measured_for
+from robot_ident.estimation.prediction import measured_for
 from robot_ident.model.model import Model
 from robot_ident.model.model_file import read_model
 from robot_ident.provenance import fingerprint

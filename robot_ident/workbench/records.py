@@ -20,7 +20,7 @@ from robot_ident.diagnosis.residual_lines import ResidualLines
 from robot_ident.effects import candidates_of
 from robot_ident.errors import InputError
 from robot_ident.estimation.extend import mean_square_errors
-from robot_ident.estimation.unusable import unusable_on
+from robot_ident.estimation.validation import unusable_on
 from robot_ident.files import whole, write_text
 from robot_ident.model.model import Model
 from robot_ident.recording.measurement import Measurement

@@ -23,7 +23,7 @@ from robot_ident.diagnosis.residual_lines import residual_lines
 from robot_ident.effects import make_effect
 from robot_ident.errors import InputError
 from robot_ident.estimation.effort_checks import contradictions
-from robot_ident.estimation.gains_anew import extended, measured_anew
+from robot_ident.estimation.extend import extended, measured_anew
 from robot_ident.estimation.identify import with_base
 from robot_ident.files import whole, write_text
 from robot_ident.model.model import Model

@@ -11,7 +11,7 @@ from typing import Any
 from robot_ident.diagnosis.diagnosis import Diagnosis
 from robot_ident.diagnosis.kept_aside import misfit_aside
 from robot_ident.diagnosis.staircase import Foreseen, Level, Step, foresee, staircase
-from robot_ident.estimation.unusable import unusable_on
+from robot_ident.estimation.validation import unusable_on
 from robot_ident.limits.certifier import Margins, certify
 from robot_ident.model.model import Model
 from robot_ident.recording.measurement import Source

@@ -9,9 +9,9 @@ from pathlib import Path
 
 from robot_ident.bags import read_for
 from robot_ident.errors import InputError
-from robot_ident.estimation.for_model import measured_for
-from robot_ident.estimation.gains_anew import measured_anew
-from robot_ident.estimation.unusable import residual_on, unusable
+from robot_ident.estimation.extend import measured_anew
+from robot_ident.estimation.prediction import measured_for
+from robot_ident.estimation.validation import residual_on, unusable
 from robot_ident.files import refuse_twice
 from robot_ident.model.model import Model
 from robot_ident.model.model_file import is_model, read_model

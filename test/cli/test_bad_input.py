@@ -224,7 +224,7 @@ def test_a_full_disk_is_one_line(run: Run, excitation: Path, tmp_path: Path) -> 
 
 
 def test_robot_yaml_beside_its_urdf_travels_in_the_model(run: Run, bag: Path, tmp_path: Path) -> None:
-    from robot_ident.share import config_file
+    from robot_ident.provenance import config_file
 
     for name in ("kuka_ir361.yaml", "kuka_ir361.urdf"):
         shutil.copy(config_file("robots", name), tmp_path)

@@ -10,7 +10,7 @@ from typing import Any
 import pytest
 
 from robot_ident.cli.main import VERBS
-from robot_ident.share import config_file
+from robot_ident.provenance import config_file
 from robot_ident.trajectories.excitation import Excitation
 
 Run = Callable[..., Any]

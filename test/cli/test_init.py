@@ -11,9 +11,9 @@ import numpy as np
 import pytest
 
 from robot_ident.bags import BagWriter, Qos, Topic, qos_text
+from robot_ident.provenance import config_file
 from robot_ident.recording.resolution import position_step
 from robot_ident.robot import load_robot
-from robot_ident.share import config_file
 
 Run = Callable[..., Any]
 KUKA = str(config_file("robots", "kuka_ir361.urdf"))

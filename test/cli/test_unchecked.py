@@ -10,9 +10,9 @@ import numpy as np
 import pytest
 
 from robot_ident.limits.certifier import Certifier
+from robot_ident.provenance import config_file
 from robot_ident.robot import load_robot
 from robot_ident.robot.robot_file import builtin_robots
-from robot_ident.share import config_file
 from robot_ident.trajectories.excitation import Excitation
 from robot_ident.trajectories.fourier_series import FourierSeries
 

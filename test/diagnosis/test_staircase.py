@@ -9,7 +9,7 @@ import pytest
 
 from robot_ident.diagnosis.staircase import foresee, staircase
 from robot_ident.errors import InputError
-from robot_ident.estimation.validate import validate
+from robot_ident.estimation.validation import validate
 from robot_ident.robot import load_robot
 
 if TYPE_CHECKING:

@@ -12,8 +12,8 @@ from robot_ident.estimation.base_model import choose_base
 from robot_ident.estimation.extend import extend
 from robot_ident.estimation.held_out import FAINT, Grams, held_out
 from robot_ident.estimation.identify import estimate, identify
-from robot_ident.estimation.predict import predict
-from robot_ident.estimation.validate import validate
+from robot_ident.estimation.prediction import predict
+from robot_ident.estimation.validation import validate
 from robot_ident.export.exported import torque_of
 from robot_ident.model.expressions import columns_function
 from robot_ident.model.model_file import read_model, write_model

@@ -16,11 +16,10 @@ from robot_ident.effects import make_effect
 from robot_ident.errors import InputError
 from robot_ident.estimation.carried import solve_carrying
 from robot_ident.estimation.extend import extend
-from robot_ident.estimation.for_model import measured_for
 from robot_ident.estimation.identify import identify
-from robot_ident.estimation.predict import predict
+from robot_ident.estimation.prediction import measured_for, predict
 from robot_ident.estimation.problem import Problem
-from robot_ident.estimation.validate import validate
+from robot_ident.estimation.validation import validate
 from robot_ident.model.model import Model
 from robot_ident.model.model_file import read_model, write_model
 from robot_ident.model.structure import Structure

@@ -9,8 +9,7 @@ from typing import Any
 import numpy as np
 import pytest
 
-from robot_ident.estimation.clock_rate import gain_of_all
-from robot_ident.estimation.declaration import judge_declaration
+from robot_ident.estimation.declaration import gain_of_all, judge_declaration
 
 
 @pytest.fixture(scope="module")

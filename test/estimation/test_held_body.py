@@ -12,9 +12,8 @@ import pytest
 from robot_ident.bags import write_recording
 from robot_ident.cli.main import main
 from robot_ident.errors import InputError
-from robot_ident.estimation.held_body import Holding
 from robot_ident.estimation.identify import identify
-from robot_ident.estimation.payload import identify_payload
+from robot_ident.estimation.payload import Holding, identify_payload
 from robot_ident.model.model_file import write_model
 from robot_ident.recording import Recording, process
 from robot_ident.recording.conditions import Conditions, KnownPayload, PayloadPart

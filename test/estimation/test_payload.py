@@ -16,7 +16,7 @@ from robot_ident.design.target import Target, all_but_payload
 from robot_ident.errors import InputError
 from robot_ident.estimation.identify import identify
 from robot_ident.estimation.payload import PayloadFit, identify_payload
-from robot_ident.estimation.predict import predict
+from robot_ident.estimation.prediction import predict
 from robot_ident.model.model import Model
 from robot_ident.model.model_file import write_model
 from robot_ident.recording import process

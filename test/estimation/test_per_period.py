@@ -8,7 +8,7 @@ import numpy as np
 import pytest
 
 from robot_ident.estimation.identify import identify
-from robot_ident.estimation.per_period import per_period
+from robot_ident.estimation.repeatability import per_period
 from robot_ident.estimation.solve import solve
 from robot_ident.recording import Recording, process
 

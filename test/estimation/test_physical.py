@@ -10,10 +10,14 @@ import pinocchio
 import pytest
 
 from robot_ident.estimation.identify import identify
-from robot_ident.estimation.physical import nearest_physical, projected_covariance
-from robot_ident.estimation.semidefinite import Nearest
+from robot_ident.estimation.physical_consistency import (
+    Nearest,
+    nearest_physical,
+    never_negative,
+    projected_covariance,
+    violations,
+)
 from robot_ident.estimation.solve import solve
-from robot_ident.estimation.violations import never_negative, violations
 from robot_ident.model.model_file import read_model, write_model
 from robot_ident.model.structure import Structure
 from robot_ident.recording import Recording, process

@@ -12,7 +12,7 @@ import pytest
 from robot_ident.bags import read_recording, write_prediction
 from robot_ident.errors import InputError
 from robot_ident.estimation.identify import identify
-from robot_ident.estimation.predict import predict, predict_motion, standard_deviation
+from robot_ident.estimation.prediction import predict, predict_motion, standard_deviation
 from robot_ident.recording.measurement import Processing
 from robot_ident.recording.process import process
 from robot_ident.trajectories.fourier_series import FourierSeries

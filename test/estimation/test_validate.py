@@ -9,7 +9,7 @@ import pytest
 
 from robot_ident.errors import InputError
 from robot_ident.estimation.identify import identify
-from robot_ident.estimation.validate import validate
+from robot_ident.estimation.validation import validate
 from robot_ident.planning.validation_motion import validation_motion
 from robot_ident.recording import Recording
 from robot_ident.testbed.simulation import simulate

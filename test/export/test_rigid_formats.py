@@ -15,7 +15,7 @@ import pytest
 
 from robot_ident.errors import InputError
 from robot_ident.estimation.identify import identify
-from robot_ident.estimation.pseudo_inertia import least_eigenvalues
+from robot_ident.estimation.physical_consistency import least_eigenvalues
 from robot_ident.export.exported import Dynamics
 from robot_ident.export.inertias import FullInertias
 from robot_ident.export.to_mjcf import to_mjcf

@@ -176,7 +176,7 @@ def _texts(folder: Path, arm: ExactArm) -> None:
     from robot_ident.configuration import to_yaml
     from robot_ident.estimation.identify import identify
     from robot_ident.model.model_file import write_model
-    from robot_ident.share import config_file
+    from robot_ident.provenance import config_file
     from robot_ident.testbed.scenario import seal
     from robot_ident.trajectories.excitation import Excitation
     from robot_ident.trajectories.fourier_series import FourierSeries

@@ -62,7 +62,7 @@ def large(path: Path) -> None:
 def table(path: Path) -> None:
     """A table is read, and what was read is measured and predicted from."""
     from robot_ident.bags import describe, read_recording, write_recording
-    from robot_ident.estimation.predict import predict
+    from robot_ident.estimation.prediction import predict
     from robot_ident.recording import process
     from robot_ident.robot import load_robot
 

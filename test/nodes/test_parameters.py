@@ -14,7 +14,7 @@ import yaml
 pytest.importorskip("rclpy")
 
 from robot_ident.nodes.parameters import Parameter  # noqa: E402
-from robot_ident.share import config_file  # noqa: E402
+from robot_ident.provenance import config_file  # noqa: E402
 
 NODES = {
     "trajectory_publisher": "TrajectoryPublisher",

@@ -12,7 +12,7 @@ import numpy as np
 import pytest
 
 from robot_ident.estimation.identify import identify
-from robot_ident.estimation.predict import predict
+from robot_ident.estimation.prediction import predict
 from robot_ident.model.model import Model
 from robot_ident.recording import Processing
 

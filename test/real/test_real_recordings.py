@@ -10,7 +10,7 @@ import pytest
 
 from robot_ident.estimation.equations import stack
 from robot_ident.estimation.identify import identify
-from robot_ident.estimation.validate import validate
+from robot_ident.estimation.validation import validate
 from robot_ident.model.structure import Structure
 from robot_ident.recording import Processing, Recording, process
 from robot_ident.robot import load_robot

@@ -10,8 +10,8 @@ import pytest
 
 from robot_ident.errors import InputError
 from robot_ident.estimation.identify import estimate
-from robot_ident.estimation.predict import predict
-from robot_ident.estimation.validate import validate
+from robot_ident.estimation.prediction import predict
+from robot_ident.estimation.validation import validate
 from robot_ident.recording.measurement import Measurement
 from robot_ident.recording.process import process
 from robot_ident.recording.summary import summarise

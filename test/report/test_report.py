@@ -9,7 +9,7 @@ from typing import Any
 
 import pytest
 
-from robot_ident.estimation.validate import validate
+from robot_ident.estimation.validation import validate
 from robot_ident.report.sections import report_sections, write_report
 from robot_ident.workflow.findings import Findings
 

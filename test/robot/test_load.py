@@ -9,8 +9,8 @@ import numpy as np
 import pytest
 
 from robot_ident.errors import InputError
+from robot_ident.provenance import config_file
 from robot_ident.robot import load_robot
-from robot_ident.share import config_file
 
 
 @pytest.fixture

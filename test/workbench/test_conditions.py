@@ -16,9 +16,9 @@ from robot_ident.bags import write_recording
 from robot_ident.cli.main import main
 from robot_ident.model.model import Model
 from robot_ident.model.model_file import read_model
+from robot_ident.provenance import config_file
 from robot_ident.recording.conditions import Conditions, KnownPayload
 from robot_ident.robot import Robot, load_robot
-from robot_ident.share import config_file
 from robot_ident.testbed.calibrate import standard_motions
 from robot_ident.testbed.phenomena import plant_physics
 from robot_ident.testbed.simulation import Play

@@ -8,26 +8,119 @@ free: gains are found over that of one drive, and everything carries the unit A.
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, replace
+from typing import Any
 
 import numpy as np
 
 from robot_ident.errors import InputError
-from robot_ident.estimation.carried import Solved, refuse_untold, refuse_without_scale, rows_of_payloads
+from robot_ident.estimation.carried import (
+    Solved,
+    basis_of,
+    open_load,
+    refuse_untold,
+    refuse_without_scale,
+    rows_of_payloads,
+)
 from robot_ident.estimation.declaration import judge_all
 from robot_ident.estimation.equations import Equations
-from robot_ident.estimation.gains import Gains
-from robot_ident.estimation.gains_robot import robot_with
-from robot_ident.estimation.open_load import basis_of, open_load
 from robot_ident.estimation.problem import Problem
 from robot_ident.estimation.row_noise import row_noise
 from robot_ident.model.structure import Structure
 from robot_ident.recording.measurement import Measurement, Processing
 from robot_ident.recording.process import process
 from robot_ident.recording.recording import Recording
-from robot_ident.robot.robot import Robot
+from robot_ident.robot.robot import Definition, Robot
+from robot_ident.robot.robot_file import definition_of, robot_of
 from robot_ident.signals.motion import Array
+
+
+@dataclass(frozen=True)
+class Gains:
+    """Gains of drives that a robot's files don't know.
+
+    joints [k]; values [k]: Nm/A (N/A), or over the first one's where no payload was known (`absolute` False); logarithm
+    [k, k]: covariance of ln K. payload [k]: rms torque Nm that the payload makes at each; unloaded: those that it
+    hardly loads; unknown: whose gain stays unknown, so that their results carry the unit A. exchanged: the recordings
+    whose payloads would tell the gains, were they stated the other way round.
+    """
+
+    joints: tuple[str, ...]
+    units: tuple[str, ...]
+    values: Array
+    logarithm: Array
+    payload: Array
+    unloaded: tuple[str, ...]
+    unknown: tuple[str, ...]
+    absolute: bool
+    exchanged: str = ""
+
+    @property
+    def std(self) -> Array:
+        """Standard deviation of each gain [k]."""
+        return np.asarray(self.values * np.sqrt(np.diag(self.logarithm)))
+
+    def to_dict(self) -> list[dict[str, Any]]:
+        """Return the gains for `model.yaml`."""
+        rows = zip(self.joints, self.units, self.values, self.std, self.payload, strict=True)
+        return [
+            {
+                "joint": joint,
+                "value": float(value),
+                "std": float(std),
+                "unit": unit if self.absolute and joint not in self.unknown else "A/A",
+                "payload_rms": float(load),
+                "loaded": joint not in self.unloaded,
+            }
+            for joint, unit, value, std, load in rows
+        ]
+
+    @property
+    def notes(self) -> tuple[str, ...]:
+        """What a user should know."""
+        known = [k for k, joint in enumerate(self.joints) if not self.absolute or joint not in self.unknown]
+        found = ", ".join(f"{self.joints[k]} {self.values[k]:.4g} +- {self.std[k]:.2g}" for k in known)
+        if not self.absolute:
+            return (
+                f"drive gains over that of {self.joints[0]}: {found}; results carry the unit A: a recording with a"
+                " known payload beside one without would tell Nm/A (its BAG.conditions.yaml states the payload)",
+            )
+        if not known:
+            way = f"; exchanged between {self.exchanged} they would" if self.exchanged else ""
+            return (
+                f"the payloads that the conditions state tell no drive gain: results carry the unit A{way}; is each"
+                " stated beside its own recording, its mass in kg?",
+            )
+        notes = [f"drive gains by the payload, {self.units[0]}: {found}"]
+        if self.unloaded:
+            notes.append(f"the payload does not load {', '.join(self.unloaded)}: gains there come by the links alone")
+        if self.unknown:
+            values = ", ".join(f"{v:.3g}" for j, v in zip(self.joints, self.values, strict=True) if j in self.unknown)
+            notes.append(
+                f"the gain of {', '.join(self.unknown)} stays unknown: results there carry the unit A, of a drive of"
+                f" 1 {self.units[0]}, with {values} for it; give its torque_constant where a data sheet knows it"
+            )
+        return tuple(notes)
+
+
+def robot_with(robot: Robot, gains: Gains) -> Robot:
+    """Return a robot whose files would know these gains: torque constants, or relative gains where the unit stays A."""
+    definition = definition_of(robot)
+    data: dict[str, Any] = dict(definition.yaml)
+    joints: Mapping[str, Any] = data.get("joints") or {}
+    made = {name: dict(joints.get(name) or {}) for name in robot.joints}
+    for k, name in enumerate(gains.joints):
+        value = float(gains.values[k]) * (robot.effort.of(name).relative or 1.0)
+        if name in gains.unknown:
+            told = made[name].get("effort", {})
+            told = {"quantity": told} if isinstance(told, str) else dict(told)
+            made[name]["effort"] = {**told, "relative_gain": value}
+        else:
+            made[name]["torque_constant"] = value
+    data["joints"] = made
+    return robot_of(Definition(data, definition.urdf), robot.source)
+
 
 _VAGUE = 1.0  # standard deviation of ln K before data, about what the URDF's masses or the other drives make of it
 _SURE = 3.0  # sigma of a share of the URDF's torque that tells a gain to begin with

@@ -1,19 +1,107 @@
-"""The model's torque along a recording, with a band that holds what the model is known not to know."""
+"""The model's torque along a recording, with a band that holds what the model is known not to know.
+
+A recording is taken as the model takes it: processed alike, of what its hand carried what the model knows, and joints
+that the model holds have to stand where it does.
+"""
 
 from __future__ import annotations
 
-from collections.abc import Callable
+from collections.abc import Callable, Mapping
 from dataclasses import dataclass, replace
+from pathlib import Path
 
 import numpy as np
 
-from robot_ident.estimation.at_pose import at_pose
-from robot_ident.estimation.for_model import payload_in, processing_of, within_rate
+from robot_ident.errors import InputError
+from robot_ident.estimation.payload import bare, identify_payload
 from robot_ident.model.model import Model
-from robot_ident.recording.checks import still_notes
+from robot_ident.recording.checks import STILL, held_angles, still_notes, still_part
+from robot_ident.recording.clock import read_clock
+from robot_ident.recording.conditions import KnownPayload
+from robot_ident.recording.measurement import Measurement, Processing
 from robot_ident.recording.process import process
 from robot_ident.recording.recording import Recording
 from robot_ident.signals.motion import Array, Motion
+
+
+def held_by(model: Model) -> Mapping[str, float]:
+    """Return the joints that a model was identified with held, and where [rad, m]; its parameters hold there alone."""
+    held: Mapping[str, float] = model.provenance.get("options", {}).get("held") or {}
+    return held
+
+
+def at_pose(model: Model, recording: Recording) -> Recording:
+    """Return the part of a recording in which the joints that a model holds stand; all of it where they aren't in it.
+
+    Raises InputError where they move, or stand elsewhere: the model says nothing of the arm there.
+    """
+    angles = held_angles(recording, [name for name in held_by(model) if name in recording.names], {})
+    part = still_part(recording, angles, "take a model in which it moves")
+    refuse_elsewhere(model, recording.source, angles)
+    return part
+
+
+def refuse_elsewhere(model: Model, source: str, angles: Mapping[str, float]) -> None:
+    """Raise InputError where a joint that a model holds stands at another angle [rad, m]."""
+    held = held_by(model)
+    for name, angle in angles.items():
+        if abs(angle - held.get(name, angle)) > 2.0 * STILL:
+            raise InputError(
+                f"{source}: {name} stands at {angle:.4g}, the model holds it at {held[name]:.4g};"
+                " its parameters depend on the pose"
+            )
+
+
+def measured_for(model: Model, recording: Recording) -> Measurement:
+    """Return a recording processed as a model's own were, less the torque of its payload.
+
+    Raises InputError where it can't be used, or its payload is unknown and can't be told from it.
+    """
+    return process(with_payload_found(model, recording), model.robot, processing_of(model))
+
+
+def processing_of(model: Model) -> Processing:
+    """Return how a model's recordings were processed."""
+    return Processing(**dict(model.processing)) if model.processing else Processing()
+
+
+def within_rate(low_pass: float, recording: Recording) -> float:
+    """Return a low pass [Hz] that a recording can take: four fifths of half of its sample rate at most."""
+    return min(low_pass, 0.4 / read_clock(recording).dt)
+
+
+def with_payload_found(model: Model, recording: Recording) -> Recording:
+    """Return a recording whose payload, where its conditions leave it open, is the one that the model's recordings
+    told under the same name; else what this recording alone tells of it on the model's arm. Where the model holds
+    joints, the part in which they stand there.
+    """
+    recording = at_pose(model, recording)
+    conditions = recording.conditions
+    if not conditions.estimated or conditions.payload is not None:
+        return recording
+    known, notes = payload_in(model, recording), recording.notes
+    if known is None:
+        bared = replace(recording, conditions=bare(conditions))
+        measured = process(bared, model.robot, processing_of(model))
+        found = identify_payload([measured], model, part=conditions.part)
+        known = found.body.known
+        notes = (*notes, f"payload found by this recording on the model's arm: {found.body.in_words}", *found.notes)
+    return replace(recording, conditions=replace(conditions, payload=known), notes=notes)
+
+
+def payload_in(model: Model, recording: Recording) -> KnownPayload | None:
+    """Return an unknown payload as the model has it, None where it does not: one without a name is known by its
+    recordings alone.
+    """
+    named = recording.conditions.body
+    for one in model.payloads:
+        files = [Path(source).name for source in one["recordings"]]
+        if one["name"] == named and (named or Path(recording.source).name in files):
+            xx, xy, yy, xz, yz, zz = one["inertia"]
+            x, y, z = one["centre"]
+            return KnownPayload(one["mass"], (x, y, z), (xx, xy, yy, xz, yz, zz))
+    return None
+
 
 _BAND = 1.96  # standard deviations of 95 % of a normal distribution
 _FURTHER = 0.1  # of the range and of the speed: more is beyond what was identified
