@@ -1,4 +1,4 @@
-"""Writes a whole recording at once: a rosbag2 folder, a single `.mcap`, or a table."""
+"""Writes a whole recording at once: a rosbag2 folder, a single `.mcap`, or a table; and predicted torque beside it."""
 
 from __future__ import annotations
 
@@ -15,6 +15,7 @@ from robot_ident.bags.read import TABLES
 from robot_ident.bags.rosbag2_metadata import Qos, qos_text
 from robot_ident.bags.storage import JOINT_STATE, Integers, Topic
 from robot_ident.errors import InputError
+from robot_ident.estimation.prediction import Prediction
 from robot_ident.files import whole
 from robot_ident.recording.recording import Recording
 from robot_ident.signals.motion import Array
@@ -97,3 +98,38 @@ def _write_bag(draft: Path, path: Path, series: Sequence[Series]) -> None:
                 bag.write(topics[place].name, next(messages[place]), stamp)
     if path.suffix == ".mcap":
         (folder / f"{folder.name}_0.mcap").rename(draft)
+
+
+def write_prediction(path: Path | str, prediction: Prediction, *, force: bool = False) -> None:
+    """Write a prediction, whole or not at all, in the form that the suffix of `path` names (none: a rosbag2 folder).
+
+    .npz: t, q, dq, ddq, tau, tau_std, tau_band [N, n] and names; .csv: the same by column. Bags: the topics /predicted,
+    /predicted_lower and /predicted_upper, the band's ends. InputError when the path exists (and not `force`).
+    """
+    path = Path(path)
+    motion = prediction.motion
+    arrays = {"q": motion.q, "dq": motion.dq, "ddq": motion.ddq}
+    arrays |= {"tau": prediction.torque, "tau_std": prediction.std, "tau_band": prediction.band}
+    if path.suffix not in (".npz", ".csv"):
+        write_series(path, _series(prediction), force=force)
+        return
+    with whole(path, force=force) as draft:
+        if path.suffix == ".npz":
+            with draft.open("wb") as file:
+                np.savez(file, t=prediction.t, names=np.array(prediction.joints), **arrays)  # type: ignore[arg-type]
+        else:
+            header = ["t", *(f"{key}_{joint}" for key in arrays for joint in prediction.joints)]
+            columns = np.column_stack([prediction.t, *arrays.values()])
+            np.savetxt(draft, columns, fmt="%.12g", delimiter=",", header=",".join(header), comments="")
+
+
+def _series(prediction: Prediction) -> list[Series]:
+    start = prediction.start_ns or time.time_ns()
+    stamps = start + np.rint(prediction.t * 1e9).astype(np.int64)
+    efforts = {
+        "/predicted": prediction.torque,
+        "/predicted_lower": prediction.torque - prediction.band,
+        "/predicted_upper": prediction.torque + prediction.band,
+    }
+    q, dq = prediction.motion.q, prediction.motion.dq
+    return [Series(topic, prediction.joints, stamps, q, dq, effort) for topic, effort in efforts.items()]

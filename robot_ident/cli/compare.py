@@ -61,7 +61,7 @@ def run(args: argparse.Namespace) -> int:
     """Show models beside measurements, and what has changed between two models."""
     from robot_ident.diagnosis.comparison import compare
     from robot_ident.diagnosis.likely_reason import likely_reason
-    from robot_ident.diagnosis.profile import ALONG
+    from robot_ident.diagnosis.regions import ALONG
     from robot_ident.files import refuse_existing
     from robot_ident.workflow.inputs import read_inputs
 

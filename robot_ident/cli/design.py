@@ -21,6 +21,7 @@ from robot_ident.cli.design_bound import (
     write_design_page,
 )
 from robot_ident.cli.design_waypoints import add_waypoints, run_waypoints
+from robot_ident.cli.options import add_joints, held_for_design, held_note
 from robot_ident.cli.output import (
     DEFAULT_ROBOT,
     Options,
@@ -38,7 +39,6 @@ from robot_ident.cli.output import (
     tell,
     within,
 )
-from robot_ident.cli.some_joints import add_joints, held_for_design, held_note
 from robot_ident.errors import InputError, did_you_mean
 
 if TYPE_CHECKING:
@@ -302,8 +302,8 @@ def _add_purpose(group: Options) -> None:
 
 def run(args: argparse.Namespace) -> int:
     """Design excitations."""
-    from robot_ident.cli.prior import prior_information
     from robot_ident.files import refuse_existing
+    from robot_ident.workflow.inputs import prior_information
 
     files = output_files(args.output, args.trajectories)
     for file in files:

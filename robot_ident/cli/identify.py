@@ -8,7 +8,7 @@ from collections.abc import Mapping
 from dataclasses import replace
 from typing import TYPE_CHECKING, Any
 
-from robot_ident.cli.options import add_bags_and_effects, bags_of
+from robot_ident.cli.options import add_bags_and_effects, add_joints, bags_of, held_in_recordings, held_note
 from robot_ident.cli.output import (
     Options,
     add_json,
@@ -20,7 +20,6 @@ from robot_ident.cli.output import (
     table,
     tell,
 )
-from robot_ident.cli.some_joints import add_joints, held_in_recordings, held_note
 from robot_ident.errors import InputError
 
 if TYPE_CHECKING:

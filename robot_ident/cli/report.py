@@ -40,7 +40,7 @@ def run(args: argparse.Namespace) -> int:
     from robot_ident.model.model_file import is_model, read_model
     from robot_ident.report.sections import write_report
     from robot_ident.workflow.findings import gather
-    from robot_ident.workflow.inputs import read_excitations, read_sources
+    from robot_ident.workflow.inputs import read_excitations, read_sources, refuse_repeated
 
     refuse_existing(args.output, force=args.force)
     for path in args.models:
@@ -57,6 +57,7 @@ def run(args: argparse.Namespace) -> int:
 
         training = read_sources(args.bag, models[0][1], topic=args.topic, heard=heard)
         unseen = read_sources(args.validation, models[0][1], topic=args.topic, heard=heard)
+        refuse_repeated(training, unseen)
         command, own = _command(args), args.effects_from
         found = gather(models, training, unseen, excitations, command=command, effects_from=own, heard=heard)
         heard("drawing")

@@ -36,13 +36,14 @@ def run(args: argparse.Namespace) -> int:
     from robot_ident.cli.identify import fit_table
     from robot_ident.estimation.validation import validate
     from robot_ident.model.model_file import read_model
-    from robot_ident.provenance import was_fitted
+    from robot_ident.workflow.inputs import fitted_to
 
     model = read_model(args.model)
-    result = validate(model, read_for(args.bag, model.robot, topic=args.topic), low_pass=args.low_pass)
-    if was_fitted(args.bag, model.provenance):
-        seen = f"{args.bag}: the model was fitted to it, so it validates nothing; give an independent one"
-        result = replace(result, notes=(seen, *result.notes))
+    recording = read_for(args.bag, model.robot, topic=args.topic)
+    result = validate(model, recording, low_pass=args.low_pass)
+    seen = fitted_to(model, args.bag, recording)
+    if seen:
+        result = replace(result, notes=(f"{seen}, so it validates nothing; give an independent one", *result.notes))
     if args.json:
         print_json(result.to_dict())
     else:

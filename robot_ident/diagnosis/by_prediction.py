@@ -13,12 +13,12 @@ import numpy as np
 
 from robot_ident.design.discrimination import experiment_between
 from robot_ident.diagnosis.before_after import errors, estimates, mean_squares
-from robot_ident.diagnosis.braking import with_doubt
 from robot_ident.diagnosis.candidates import Score
 from robot_ident.diagnosis.diagnosis import Diagnosis, Suspect, Verdict
 from robot_ident.diagnosis.evidence import Evidence, extended
 from robot_ident.diagnosis.impossible import possible
 from robot_ident.diagnosis.left_out import Foreseen, in_parts
+from robot_ident.diagnosis.power import with_doubt
 from robot_ident.diagnosis.progress import Tell, after, silent
 from robot_ident.diagnosis.refine import refined
 from robot_ident.diagnosis.ties import tied

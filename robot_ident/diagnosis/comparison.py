@@ -11,15 +11,13 @@ from typing import Any
 
 import numpy as np
 
-from robot_ident.diagnosis.curves import Variable, held_out_share, own, variables
+from robot_ident.diagnosis.curves import Variable, held_out_share, odd_and_even, own, variables
 from robot_ident.diagnosis.evidence import Evidence, Trajectory, trajectory
 from robot_ident.diagnosis.hidden_path import note
 from robot_ident.diagnosis.misfit import beside_hidden_path, misfit
 from robot_ident.diagnosis.more_than_noise import NoiseTest, chance
-from robot_ident.diagnosis.profile import Profile, profiles
-from robot_ident.diagnosis.regions import Region, densest
+from robot_ident.diagnosis.regions import Profile, Region, densest, profiles
 from robot_ident.diagnosis.spectrum import bands
-from robot_ident.diagnosis.symmetry import odd_and_even
 from robot_ident.errors import InputError
 from robot_ident.model.model import Model
 from robot_ident.recording.checks import refuse_copies, refuse_silent, silent_joints, still_notes
@@ -340,3 +338,21 @@ def _in_time(
             part = region.of_time * rows[k] / sum(rows)
             out.append(replace(region, share=share, of_time=part, recording=t.measured.source))
     return out
+
+
+def misfit_aside(model: Model, validation: Sequence[Measurement]) -> tuple[str, ...]:
+    """Return a line where a model, adequate by the recordings that it was fitted to, misfits those kept aside."""
+    if not validation:
+        return ()
+    robot = model.robot
+    worst = [
+        f"{one.name} by {one.excess:.3g} {robot.torque_unit(robot.joint_index(one.name))} rms beyond the noise"
+        for one in compare(model, validation).joints
+        if one.fails and not one.hidden_in_path
+    ]
+    if not worst:
+        return ()
+    return (
+        f"the model does not fit what was kept aside: {', '.join(worst)} (robot_ident compare shows where); something"
+        " is there that the fitted recordings don't show",
+    )

@@ -13,8 +13,6 @@ from dataclasses import replace
 
 import numpy as np
 
-from robot_ident.diagnosis.amount import too_little, unseen_below
-from robot_ident.diagnosis.braking import with_doubt
 from robot_ident.diagnosis.by_prediction import diagnose_by_prediction
 from robot_ident.diagnosis.candidates import Score
 from robot_ident.diagnosis.diagnosis import Diagnosis, Suspect, Verdict
@@ -25,16 +23,16 @@ from robot_ident.diagnosis.impossible import of_use, possible
 from robot_ident.diagnosis.lack_of_fit import LackOfFit, lack_of_fit
 from robot_ident.diagnosis.measuring.first import Fault, measuring_fault, undecidable
 from robot_ident.diagnosis.measuring.jitter import with_jitter
+from robot_ident.diagnosis.power import too_little, unseen_below, with_doubt
 from robot_ident.diagnosis.progress import Tell, silent
 from robot_ident.diagnosis.scan import base_gram
 from robot_ident.diagnosis.search import Search
-from robot_ident.diagnosis.shapes import doubted, of_another_form
+from robot_ident.diagnosis.spectrum import whitened
 from robot_ident.diagnosis.stage import GAIN, MOSTLY, Stage
 from robot_ident.diagnosis.suspects import Ground, further, gap_suspects, suspect
-from robot_ident.diagnosis.unexplained import explain_by_variables, stiction_note
+from robot_ident.diagnosis.unexplained import doubted, explain_by_variables, of_another_form, stiction_note
 from robot_ident.diagnosis.unseen import Unseen
 from robot_ident.diagnosis.weighed_by_residual import tells_noise
-from robot_ident.diagnosis.white_lines import whitened
 from robot_ident.estimation.declaration import clock_notes
 from robot_ident.estimation.validation import refuse_foreign
 from robot_ident.model.structure import Structure

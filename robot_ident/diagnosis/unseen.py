@@ -13,7 +13,7 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from robot_ident.diagnosis.evidence import Evidence, Trajectory, trajectory
-from robot_ident.diagnosis.white_lines import white_lines
+from robot_ident.diagnosis.spectrum import white_lines
 from robot_ident.effects import Effect, Torques
 from robot_ident.recording.measurement import Measurement
 from robot_ident.signals.motion import Array

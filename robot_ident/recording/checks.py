@@ -429,6 +429,9 @@ def still_part(recording: Recording, angles: Mapping[str, float], instead: str =
 _SMALL = 0.1  # m; a robot without links between its joints, a slide say, has no reach that tells anything
 
 
+_HEAVIEST = 5000.0  # kg; the strongest arms lift half of that
+
+
 def refuse_payload(conditions: Conditions, robot: Robot, source: Path | str) -> None:
     """Raise InputError where a stated payload can't be the robot's: its centre lies farther from the flange than the
     arm is long, or a joint on the way to the flange follows another one and stands still in the model.
@@ -438,6 +441,8 @@ def refuse_payload(conditions: Conditions, robot: Robot, source: Path | str) -> 
         return
     centre = payload.centre if payload is not None else conditions.part.centre
     file, reach = sidecar(source), reach_of(robot)
+    if payload is not None and payload.mass > _HEAVIEST:
+        raise InputError(f"{file}: payload.mass = {payload.mass:g} kg: no robot carries that")
     if centre is not None and _SMALL < reach < np.linalg.norm(centre):
         raise InputError(f"{file}: {in_metres(centre)} (the whole arm is {reach:.2g} m long)")
     following = followers(robot)

@@ -58,6 +58,8 @@ _SILENT = (
     1e-5  # of a joint's torque: no sensor has less noise; what is below is rounding, or a simulation without noise
 )
 _WHITE = 0.1  # share of rounding in the error of a position from which on that error is not white
+_FEW = 5  # periods, below which a drift can't be told from chance
+_CHANCE = 1e-4  # of a drift of the mean effort where there is none
 _REVERSAL = 2e-3  # share of the top speed within which the sign of a sampled velocity is not trusted
 
 
@@ -111,7 +113,7 @@ def of_mean(
         low_pass=None if cutoff is None else PeriodicLowPass(cutoff, frequency, len(mean.q)),
         decimate=processing.decimate,
         period_torque=mean.periods_of_tau,
-        notes=(*_notes(mean, chain, noise, robot), *_silence(silent)),
+        notes=(*_notes(mean, chain, noise, robot), *_drifting(mean, robot), *_silence(silent)),
         noise=noise,
         quantisation=rounding if rounding.any() else None,
         position_lines=strong,
@@ -143,6 +145,31 @@ def _notes(mean: Average, chain: Chain, noise: NoiseSpectrum, robot: Robot) -> t
     if noise.correlated:
         notes.append("the torque noise of the joints is correlated; its covariance is taken into account")
     return tuple(notes)
+
+
+def _drifting(mean: Average, robot: Robot) -> list[str]:
+    """Say of which joints the mean effort changes from period to period along a straight line, and by how much.
+
+    A t test of the slope; a friction that falls with temperature has no mean over a period.
+    """
+    periods = mean.periods_of_tau
+    if periods is None or len(periods) < _FEW:
+        return []
+    from scipy.special import stdtr
+
+    level = np.nanmean(periods, axis=1)
+    when = np.arange(len(level)) - (len(level) - 1) / 2.0
+    slope = when @ level / (when @ when)
+    left = level - level.mean(axis=0) - np.outer(when, slope)
+    std = np.sqrt(np.sum(left**2, axis=0) / (len(level) - 2) / (when @ when))
+    chance = 2.0 * stdtr(len(level) - 2, -np.abs(slope) / np.maximum(std, 1e-300))
+    return [
+        f"the mean effort of {name} drifts by {slope[k] * (len(level) - 1):+.3g} {robot.torque_unit(k)} over the"
+        " periods: an offset that changes (a torque sensor or a hose that warms up), which the parameters of weight"
+        " take in"
+        for k, name in enumerate(robot.joints)
+        if chance[k] < _CHANCE
+    ]
 
 
 def _silence(joints: list[str]) -> list[str]:

@@ -143,6 +143,7 @@ def _mean_period(recording: Recording, clock: Clock, period: float) -> tuple[Ave
 _SAME = 5e-3  # share by which a period may be off without a word
 _ALIKE = 0.05  # of a joint's rms motion: how far the measured path may stray from the commanded one
 _OTHER = 0.3  # of it: another path
+_PLACED = 0.05  # of a joint's commanded range: farther off, its zero or its scale is another than commanded
 
 
 def speed_scale(recording: Recording, path: Callable[[Array], Array], base_frequency: float) -> float | None:
@@ -172,6 +173,43 @@ def speed_scale(recording: Recording, path: Callable[[Array], Array], base_frequ
     if same:
         return 1.0
     return scale if apart < _ALIKE else None
+
+
+def path_notes(
+    recording: Recording, path: Callable[[Array], Array], base_frequency: float, file: str
+) -> tuple[str, ...]:
+    """Return a line for every joint of a periodic motion that moves farther than it was commanded, or elsewhere: its
+    encoder's scale or zero is another than the robot's that played it. path: as `speed_scale` takes it; file: its name.
+    """
+    clock = read_clock(recording)
+    period = find_period(even_positions(recording, clock), clock.dt)
+    if period is None:
+        return ()
+    try:
+        _, mean = average(recording, clock, period)
+    except InputError:
+        return ()
+    measured, commanded = mean.q, path(np.arange(len(mean.q)) / len(mean.q) / base_frequency)
+    if _apart(measured, commanded) > _OTHER:
+        return ()
+    out = []
+    for name, q, wanted in zip(recording.names, measured.T, commanded.T, strict=True):
+        reach = float(np.ptp(wanted))
+        if reach == 0.0:
+            continue
+        scale = float(np.std(q) / np.std(wanted))
+        off = float(q.mean() - wanted.mean())
+        if abs(scale - 1.0) > _PLACED:
+            out.append(
+                f"{name} moves {scale:.3g} times as far as {file} commands: its position's scale"
+                " (encoder, gear ratio, unit) is wrong, or the drive doesn't follow"
+            )
+        elif abs(off) > _PLACED * reach:
+            out.append(
+                f"{name} is {off:+.3g} away from where {file} commands it: its zero is another than"
+                " the URDF's, or the drive doesn't follow"
+            )
+    return tuple(out)
 
 
 def _apart(measured: Array, commanded: Array) -> float:

@@ -24,6 +24,7 @@ _NO_DIRECTION = 1e-6  # length of an axis
 _LONGEST = 20.0  # m; no arm has a link as long
 _LONG = 5.0  # m; few arms have, and then their other links are not much shorter
 _BEYOND = 20.0  # times the middle one of a robot's lengths
+_TURN = 6.29  # rad; an angle beyond a turn is one in degrees
 _NUMBERS = {
     "origin": {"xyz": 3, "rpy": 3},
     "axis": {"xyz": 3},
@@ -58,6 +59,9 @@ def _check_numbers(tree: ElementTree.Element, path: Path) -> None:
                 if told is not None and not _are_numbers(told, count):
                     where = f"{path}: {branch.tag} {branch.get('name', '')!r}: <{element.tag} {key}={told[:60]!r}>"
                     raise InputError(f"{where}: {count} numbers of a possible size were expected")
+                if told is not None and key == "rpy" and max(abs(float(word)) for word in told.split()) > _TURN:
+                    where = f"{path}: {branch.tag} {branch.get('name', '')!r}: <{element.tag} {key}={told[:60]!r}>"
+                    raise InputError(f"{where}: radians were expected, and these are degrees")
                 if told is not None and key in _NEVER_NEGATIVE and float(told) < 0.0:
                     what = "a mass" if key == "value" else "a moment of inertia"
                     where = f"{path}: {branch.tag} {branch.get('name', '')!r}: <{element.tag} {key}={told[:60]!r}>"

@@ -9,7 +9,7 @@ from typing import Any
 
 import numpy as np
 
-from robot_ident.diagnosis.families import FRICTION
+from robot_ident.diagnosis.diagnosis import FRICTION
 from robot_ident.testbed.trial import MEASUREMENT, Outcome
 
 _Z = 1.959963984540054  # standard normal quantile of a two-sided 95 % interval

@@ -8,8 +8,8 @@ from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass
 from typing import Any
 
+from robot_ident.diagnosis.comparison import misfit_aside
 from robot_ident.diagnosis.diagnosis import Diagnosis
-from robot_ident.diagnosis.kept_aside import misfit_aside
 from robot_ident.diagnosis.staircase import Foreseen, Level, Step, foresee, staircase
 from robot_ident.estimation.validation import unusable_on
 from robot_ident.limits.certifier import Margins, certify

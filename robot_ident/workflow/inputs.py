@@ -1,4 +1,6 @@
-"""Models and recordings as every command takes them: read once, refused once, processed as the model says."""
+"""Models and recordings as every command takes them: read once, refused once, processed as the model says; and what
+earlier ones tell already, for a design that goes on from there.
+"""
 
 from __future__ import annotations
 
@@ -6,6 +8,9 @@ import os
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass, replace
 from pathlib import Path
+from typing import TYPE_CHECKING
+
+import numpy as np
 
 from robot_ident.bags import read_for
 from robot_ident.errors import InputError
@@ -15,11 +20,15 @@ from robot_ident.estimation.validation import residual_on, unusable
 from robot_ident.files import refuse_twice
 from robot_ident.model.model import Model
 from robot_ident.model.model_file import is_model, read_model
-from robot_ident.provenance import fingerprint
+from robot_ident.provenance import fingerprint, was_fitted
 from robot_ident.recording.checks import refuse_copies, refuse_same_rows
 from robot_ident.recording.measurement import Measurement, Source
 from robot_ident.recording.recording import Recording
+from robot_ident.signals.motion import Array
 from robot_ident.trajectories.excitation import Excitation
+
+if TYPE_CHECKING:
+    from robot_ident.design.target import Target
 
 
 @dataclass(frozen=True)
@@ -113,6 +122,33 @@ def read_sources(
     return tuple(out)
 
 
+def fitted_to(model: Model, bag: str, recording: Recording) -> str:
+    """Return that a model was fitted to a recording, or to one of which it holds samples or noise; or nothing.
+
+    Its own recordings are read where they still are.
+    """
+    if was_fitted(bag, model.provenance):
+        return f"{bag}: the model was fitted to it"
+    for one in model.provenance.get("recordings", ()):
+        if not os.path.exists(str(one.get("path"))):
+            continue
+        try:
+            other = read_for(str(one["path"]), model.robot)
+            refuse_same_rows([other, recording])
+            refuse_copies([measured_for(model, other), measured_for(model, recording)])
+        except InputError as error:
+            if "the samples of" in str(error):
+                return f"{error}: the model was fitted to {one['path']}"
+    return ""
+
+
+def refuse_repeated(training: Sequence[Source], validation: Sequence[Source]) -> None:
+    """Raise InputError where a recording is given twice, or another one holds its samples or its noise."""
+    every = [*training, *validation]
+    refuse_same_rows([source.recording for source in every])
+    refuse_copies([source.measured for source in every])
+
+
 def read_excitations(named: Sequence[str], models: Sequence[Model]) -> list[tuple[str, Excitation]]:
     """Return the excitations that are named; where none is, those that the models say and that are still there."""
     paths = list(named)
@@ -121,3 +157,55 @@ def read_excitations(named: Sequence[str], models: Sequence[Model]) -> list[tupl
         files = [file for one in noted for file in ([one] if isinstance(one, str) else one)]
         paths = list(dict.fromkeys(str(path) for path in files if Path(str(path)).is_file()))
     return [(path, Excitation.read(path)) for path in paths]
+
+
+def prior_information(words: Sequence[str], target: Target, model: Model | None, *, bound: bool) -> Array | None:
+    """Return the information [p, p] of recordings and models about a target's parameters, None where none are given.
+
+    Recordings are processed as the model says (as usual without one). A model counts by the inverse of its covariance.
+    """
+    if not words:
+        return None
+    from robot_ident.model.model_file import is_model
+
+    size = len(target.structure.parameters)
+    out = np.zeros((size, size))
+    bags = [word for word in words if not is_model(word)]
+    for word in words:
+        if word not in bags:
+            out += _of_model(word, target)
+    return out + _of_recordings(bags, target, model, bound) if bags else out
+
+
+def _of_recordings(bags: Sequence[str], target: Target, model: Model | None, bound: bool) -> Array:
+    from robot_ident.bags import read_for
+    from robot_ident.estimation.information import information
+    from robot_ident.files import refuse_twice
+    from robot_ident.recording.checks import refuse_copies
+    from robot_ident.recording.measurement import Processing
+    from robot_ident.recording.process import process
+
+    refuse_twice(bags)
+    processing = Processing(**dict(model.processing)) if model and model.processing else Processing()
+    measurements = [process(read_for(bag, target.robot), target.robot, processing) for bag in bags]
+    refuse_copies(measurements)
+    return information(measurements, target.structure, target.values, bound=bound)
+
+
+def _of_model(path: str, target: Target) -> Array:
+    """Return the information of a model about the parameters that it shares with the target, the others set free."""
+    from robot_ident.model.model_file import read_model
+
+    found = read_model(path)
+    if found.robot.joints != target.robot.joints:
+        raise InputError(f"{path}: a model of robot {found.robot.name!r}, not of {target.robot.name!r}")
+    names = {parameter.name: k for k, parameter in enumerate(found.parameters)}
+    mine = [k for k, name in enumerate(target.structure.names) if name in names]
+    theirs = [names[target.structure.names[k]] for k in mine]
+    covariance = found.covariance[np.ix_(theirs, theirs)]
+    scale = np.sqrt(np.diag(covariance))
+    if not mine or not np.all(scale > 0):
+        raise InputError(f"{path}: its covariance does not contain the parameters to optimise for")
+    out = np.zeros((len(target.structure.names),) * 2)
+    out[np.ix_(mine, mine)] = np.linalg.inv(covariance / np.outer(scale, scale)) / np.outer(scale, scale)
+    return out

@@ -8,9 +8,9 @@ from dataclasses import dataclass, field, replace
 
 import numpy as np
 
+from robot_ident.diagnosis.comparison import misfit_aside
 from robot_ident.diagnosis.diagnose import diagnose
 from robot_ident.diagnosis.diagnosis import Diagnosis
-from robot_ident.diagnosis.kept_aside import misfit_aside
 from robot_ident.diagnosis.progress import Tell, silent
 from robot_ident.effects import Effect
 from robot_ident.errors import InputError

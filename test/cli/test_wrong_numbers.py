@@ -158,6 +158,26 @@ def test_validation_on_what_was_fitted_says_so_first(run: Run, golden: Path, tmp
     assert "validates nothing" not in run("validate", model, golden / "kuka_2.npz").err
 
 
+@pytest.mark.parametrize("kind", ["shifted in time", "a part", "single precision", "a little noise"])
+def test_validation_on_what_is_a_copy_in_disguise(run: Run, golden: Path, tmp_path: Path, kind: str) -> None:
+    model, bag, copy = tmp_path / "model.yaml", golden / "kuka_1.npz", tmp_path / "copy.npz"
+    assert run("identify", bag, golden / "kuka_2.npz", "-o", model).code == 0
+    a = {key: x for key, x in np.load(bag).items() if key != "dq"}
+    if kind == "shifted in time":
+        a["t"] = a["t"] + 3600.0
+    elif kind == "a part":
+        a = {key: x if key == "names" else x[137:] for key, x in a.items()}
+    elif kind == "single precision":
+        a |= {key: a[key].astype(np.float32) for key in ("q", "tau")}
+    else:
+        a["tau"] = a["tau"] + np.random.default_rng(0).normal(0.0, 0.01, a["tau"].shape)
+    np.savez(copy, **a)
+    done = run("validate", model, copy)
+    assert done.code == 0 and "so it validates nothing" in done.err.splitlines()[0]
+    page = run("report", model, "--bag", bag, "--validation", copy, "-o", tmp_path / "page.html")
+    assert page.code == 2 and "the samples of" in page.err
+
+
 @pytest.mark.parametrize("joints", [slice(None), slice(1, 2)], ids=["all", "one"])
 def test_positions_that_leap_and_come_back_are_left_out(
     run: Run, base: Arrays, golden: Path, tmp_path: Path, joints: slice

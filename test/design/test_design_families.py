@@ -11,7 +11,7 @@ from robot_ident.design.criteria import evaluate
 from robot_ident.design.design import DesignResult, Progress, design
 from robot_ident.design.family import family_of
 from robot_ident.design.target import Target
-from robot_ident.diagnosis.symmetry import mirror
+from robot_ident.diagnosis.curves import mirror
 from robot_ident.errors import InputError
 from robot_ident.limits.certifier import certify
 from robot_ident.model.structure import Structure

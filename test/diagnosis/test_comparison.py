@@ -10,10 +10,8 @@ import pytest
 
 from robot_ident.diagnosis.along import along, shares
 from robot_ident.diagnosis.comparison import compare
-from robot_ident.diagnosis.curves import Variable, held_out_share, since_reversal
-from robot_ident.diagnosis.profile import ALONG
-from robot_ident.diagnosis.regions import densest
-from robot_ident.diagnosis.symmetry import mirror
+from robot_ident.diagnosis.curves import Variable, held_out_share, mirror, since_reversal
+from robot_ident.diagnosis.regions import ALONG, densest
 from robot_ident.recording import Processing, process
 from robot_ident.trajectories.fourier_series import FourierSeries
 

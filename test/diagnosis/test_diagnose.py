@@ -115,9 +115,9 @@ def test_without_periods_an_effect_is_named_that_predicts_other_motion(bench: An
 
 
 def test_too_little_data_says_how_much_more(bench: Any) -> None:
-    from robot_ident.diagnosis.amount import ENOUGH, too_little
     from robot_ident.diagnosis.candidates import Folds, enumerate_candidates, score
     from robot_ident.diagnosis.evidence import gather
+    from robot_ident.diagnosis.power import ENOUGH, too_little
     from robot_ident.diagnosis.scan import base_gram
 
     evidence = gather(bench.measure(()), bench.structure)

@@ -14,8 +14,8 @@ from robot_ident.diagnosis.diagnose import diagnose
 from robot_ident.diagnosis.evidence import gather
 from robot_ident.diagnosis.hidden_path import gain_beside_hidden_path
 from robot_ident.diagnosis.scan import base_gram
+from robot_ident.diagnosis.spectrum import whitened
 from robot_ident.diagnosis.stage import GAIN, OWN
-from robot_ident.diagnosis.white_lines import whitened
 from robot_ident.estimation.identify import estimate
 from robot_ident.model.structure import Structure
 from robot_ident.recording import Recording, process

@@ -11,9 +11,8 @@ import pytest
 from scipy import signal
 
 from robot_ident.diagnosis.diagnose import diagnose
-from robot_ident.diagnosis.diagnosis import Diagnosis
-from robot_ident.diagnosis.families import FRICTION
-from robot_ident.diagnosis.measuring.passage import LOW_PASSES, Passage
+from robot_ident.diagnosis.diagnosis import FRICTION, Diagnosis
+from robot_ident.diagnosis.measuring.filtered import LOW_PASSES, WITHOUT_PHASE, Passage
 from robot_ident.recording import process
 
 RATE = 150.0
@@ -102,8 +101,11 @@ def test_every_form_passes_what_is_slow_and_half_the_power_at_its_cutoff() -> No
         slow, edge = low_pass.response(np.array([1e-6, 9.0]), RATE)
         assert abs(slow - 1.0) < 1e-6, form
         assert abs(edge) == pytest.approx(2**-0.5, rel=1e-4), form
+        if form in WITHOUT_PHASE:
+            assert low_pass.lag(RATE) == pytest.approx(0.0, abs=1e-12)
+            continue
         assert low_pass.lag(RATE) > 0.0
-        for other in LOW_PASSES:
+        for other in [other for other in LOW_PASSES if other not in WITHOUT_PHASE]:
             assert low_pass.like(other, RATE).lag(RATE) == pytest.approx(low_pass.lag(RATE), rel=0.1), (form, other)
 
 
@@ -113,3 +115,21 @@ def test_filters_from_sample_to_sample_are_those_of_scipy(order: int) -> None:
     frequency = np.linspace(0.1, 70.0, 40)
     _, h = signal.freqz(*signal.butter(order, 9.0, fs=RATE), worN=frequency, fs=RATE)
     assert np.allclose(Passage(form, 9.0).response(frequency, RATE), h, atol=1e-9)
+
+
+@pytest.mark.parametrize(
+    ("form", "filtered"),
+    [
+        ("second-order Butterworth, forward and backward", lambda x: signal.filtfilt(*signal.butter(2, 6 / 75), x)),
+        ("fourth-order Butterworth, forward and backward", lambda x: signal.filtfilt(*signal.butter(4, 4 / 75), x)),
+        ("centred moving average", lambda x: np.convolve(x, np.ones(21) / 21, "same")),
+    ],
+)
+def test_a_filter_without_phase_is_named_as_what_it_is(bench: Any, form: str, filtered: Filter) -> None:
+    """A script that smooths a recording shifts nothing in time. Friction that turns smoothly may fit as well: both are
+    said then.
+    """
+    found = found_behind(bench, filtered, 0)
+    (named,) = found.missing
+    assert "effort_filter@joint_1" in (named.label, *named.tied_with)
+    assert named.fix and form in named.fix and "--low-pass" in named.fix

@@ -11,9 +11,8 @@ import pytest
 import yaml
 
 from robot_ident.diagnosis.diagnose import diagnose
-from robot_ident.diagnosis.diagnosis import Diagnosis
+from robot_ident.diagnosis.diagnosis import FRICTION, Diagnosis
 from robot_ident.diagnosis.evidence import gather
-from robot_ident.diagnosis.families import FRICTION
 from robot_ident.diagnosis.measuring.gain import undecidable_gains
 from robot_ident.diagnosis.scan import base_gram
 from robot_ident.effects import make_effect

@@ -12,8 +12,8 @@ from scipy.stats import chi2
 from robot_ident.diagnosis import ties
 from robot_ident.diagnosis.evidence import gather
 from robot_ident.diagnosis.scan import BaseFit, BaseGram, add
+from robot_ident.diagnosis.spectrum import whitened
 from robot_ident.diagnosis.stage import Stage
-from robot_ident.diagnosis.white_lines import whitened
 from robot_ident.signals.motion import Array
 
 ROWS, NOISE = 400, 1.0

@@ -12,8 +12,8 @@ from robot_ident.diagnosis.backlash import best_gap
 from robot_ident.diagnosis.diagnose import diagnose
 from robot_ident.diagnosis.evidence import gather
 from robot_ident.diagnosis.search import Search
+from robot_ident.diagnosis.spectrum import whitened
 from robot_ident.diagnosis.stage import Stage, choose, worthwhile
-from robot_ident.diagnosis.white_lines import whitened
 
 FAINT, FAINTER = "backlash@joint_3:gap=0.00055", "backlash@joint_3:gap=0.0004"
 GAPS = {"joint_2": 0.87e-3, "joint_1": 0.61e-3}  # rad

@@ -12,9 +12,9 @@ import pytest
 from robot_ident.diagnosis.candidates import Score
 from robot_ident.diagnosis.evidence import gather
 from robot_ident.diagnosis.refine import refined
-from robot_ident.diagnosis.shapes import doubted, of_another_form, shapes
+from robot_ident.diagnosis.spectrum import whitened
 from robot_ident.diagnosis.stage import Stage
-from robot_ident.diagnosis.white_lines import whitened
+from robot_ident.diagnosis.unexplained import doubted, of_another_form, shapes
 from robot_ident.recording import process
 from robot_ident.recording.recording import Recording
 from robot_ident.signals.motion import Motion

@@ -13,8 +13,8 @@ from robot_ident.diagnosis.diagnose import diagnose
 from robot_ident.diagnosis.evidence import gather
 from robot_ident.diagnosis.lack_of_fit import lack_of_fit
 from robot_ident.diagnosis.scan import base_gram
+from robot_ident.diagnosis.spectrum import whitened
 from robot_ident.diagnosis.stage import GAIN
-from robot_ident.diagnosis.white_lines import whitened
 from robot_ident.recording import process
 from robot_ident.recording.measurement import Measurement
 

@@ -182,6 +182,11 @@ def test_a_centre_beyond_the_arm_s_own_length_is_refused(robot: Robot, tmp_path:
             refuse_payload(stated, robot, "bag")
 
 
+def test_a_mass_that_no_robot_carries_is_refused(robot: Robot) -> None:
+    with pytest.raises(InputError, match="bag.conditions.yaml: payload.mass = 1e\\+09 kg: no robot carries that"):
+        refuse_payload(Conditions(KnownPayload(1e9, (0.0, 0.0, 0.1))), robot, "bag")
+
+
 def test_a_payload_beyond_a_joint_that_follows_another_is_refused(tmp_path: Path) -> None:
     def joint(number: int, more: str = "") -> str:
         return (

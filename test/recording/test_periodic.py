@@ -215,3 +215,14 @@ def test_what_is_left_out_before_the_periods_is_named(arm: Any) -> None:
     assert "4 periods that are not in step with the others" in told or "3 periods that" in told
     usual = process(arm.record(1, periods=4, lead=7.3), arm.robot).notes
     assert any("of approach and transient left out" in note for note in usual)
+
+
+def test_a_mean_effort_that_drifts_is_named(arm: Any) -> None:
+    """An offset that changes goes into the parameters of weight; noise alone doesn't look like one."""
+    recordings = [arm.record(seed, periods=8) for seed in range(6)]
+    assert not any("drifts" in note for one in recordings for note in process(one, arm.robot).notes)
+    first = recordings[0]
+    rise = np.linspace(0.0, 10.0, first.samples)[:, None] * [0.0, 1.0, 0.0]
+    (note,) = [n for n in process(replace(first, tau=first.tau + rise), arm.robot).notes if "drifts" in n]
+    size = float(note.split("drifts by ")[1].split()[0])
+    assert "joint_2" in note and size == pytest.approx(10.0 * 7 / 8, rel=0.15)

@@ -10,7 +10,7 @@ import pytest
 
 from robot_ident.errors import InputError
 from robot_ident.recording import Processing, process
-from robot_ident.recording.summary import speed_scale
+from robot_ident.recording.summary import path_notes, speed_scale
 from robot_ident.trajectories.fourier_series import FourierSeries
 
 
@@ -47,3 +47,19 @@ def test_another_path_of_the_same_period_is_refused(arm: Any) -> None:
 def test_without_the_path_it_is_refused_with_the_way_out(arm: Any) -> None:
     with pytest.raises(InputError, match=r"at 87 % of its speed.*--base-frequency 0\.087"):
         process(slowed(arm, 0.87).record(1, periods=3), arm.robot, Processing(base_frequency=0.1, periodic=True))
+
+
+def test_a_joint_that_is_elsewhere_than_commanded_is_named(arm: Any) -> None:
+    """Of another scale or zero: neither shows in the torque, whose parameters take it in."""
+
+    def told(q: Any) -> tuple[str, ...]:
+        recording = arm.record(1, periods=3)
+        return path_notes(
+            replace(recording, q=q(recording.q), dq=None), lambda t: arm.series.motion(t).q, 0.1, "e.yaml"
+        )
+
+    assert told(lambda q: q) == () == told(lambda q: 1.01 * q + 0.002)
+    (scale,) = told(lambda q: q * [1.0, 1.1, 1.0])
+    assert "joint_2 moves 1.1 times as far as e.yaml commands" in scale
+    (zero,) = told(lambda q: q + [0.0, 0.0, -0.1])
+    assert "joint_3 is -0.1 away from where e.yaml commands it" in zero

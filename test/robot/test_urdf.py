@@ -39,6 +39,7 @@ def test_a_fixed_joint_needs_no_axis(tmp_path: Path) -> None:
         ('<mass value="2"/>', '<mass value="two"/>', "<mass value='two'>"),
         ('ixx="0.1"', 'ixx="1e300"', "<inertia ixx='1e300'>"),
         ('<origin xyz="0 0 0.1"/>', '<origin xyz="0 0 0.1 0"/>', "3 numbers"),
+        ('<origin xyz="0 0 0.2"/>', '<origin xyz="0 0 0.2" rpy="0 0 -90"/>', "radians were expected, and these are"),
     ],
 )
 def test_numbers_that_make_no_robot(tmp_path: Path, old: str, new: str, message: str) -> None:

@@ -25,6 +25,7 @@ from robot_ident.signals.motion import Array
 LIKE = CATALOGUE[NAME].confused_with
 """Names of the effects that look like a low pass."""
 
+_SMOOTHED = "viscous_nonlinear"  # friction that turns as smoothly as a filter without phase makes any turn
 _DELAY = "time_delay"  # of these the one that is of the measuring, too, and has less parameters
 _CLEAR = 0.08  # of its held-out gain by which a low pass must lead a delay: a joint that sticks turns steps into ramps
 _HEARD = 0.4  # of a low pass's held-out gain from which on an effect is held against it
@@ -48,7 +49,7 @@ class LowPasses:
     def _beside(self, suspect: Suspect) -> Suspect:
         mine = next((s for s in self.scores if s.label == suspect.label), None)
         given = next((f for f in self.found if f.effect.place == suspect.effect.place), None)
-        if suspect.effect.name not in LIKE or mine is None or given is None:
+        if suspect.effect.name not in (*LIKE, _SMOOTHED) or mine is None or given is None:
             return suspect
         score = refined(mine, self.evidence, self.folds)
         low_pass = exact(given, self.evidence, self.folds.base)

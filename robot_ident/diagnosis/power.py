@@ -1,14 +1,19 @@
-"""How much data a verdict takes."""
+"""How much data a verdict takes; and a model whose friction drives its joints, which is no adequate one, however well
+it fits.
+"""
 
 from __future__ import annotations
 
 from collections.abc import Collection, Sequence
+from dataclasses import replace
 from math import ceil
 
 import numpy as np
 
 from robot_ident.diagnosis.candidates import Score
+from robot_ident.diagnosis.diagnosis import Diagnosis
 from robot_ident.diagnosis.evidence import Evidence
+from robot_ident.estimation.driving import driven
 
 ENOUGH = 40.0  # chi-square units that an effect must gain before it may be named
 
@@ -41,3 +46,20 @@ def unseen_below(evidence: Evidence) -> str:
             level = np.sqrt(ENOUGH * rows / information / max(rows, 1.0))
             parts.append(f"{name} {level:.2g} {evidence.structure.robot.torque_unit(joint)}")
     return "an effect of which the model absorbs nothing would have shown from so much rms on: " + ", ".join(parts)
+
+
+def with_doubt(found: Diagnosis, evidence: Evidence) -> Diagnosis:
+    """Return a diagnosis with what is wrong about the friction of the model as it was given, before all other notes.
+
+    What is reversed in time, or in the signs of both positions and efforts, fits to the noise with negative friction:
+    not decidable rather than adequate. Single coefficients are doubted where nothing is missing that would bend them.
+    What of the efforts was cut off is said, too.
+    """
+    phi = np.concatenate([columns.reshape(-1, columns.shape[2]) for columns in evidence.phi])
+    covariance = np.linalg.pinv(phi.T @ phi, hermitian=True)
+    wrong = driven(evidence.structure, evidence.recordings, evidence.values, covariance)
+    if found.verdict != "adequate":
+        wrong = replace(wrong, coefficients={})
+    verdict = "not_decidable" if found.verdict == "adequate" and wrong.notes else found.verdict
+    cut_off = [f"{measured.source}: {note}" for measured in evidence.recordings for note in measured.clipped]
+    return replace(found, verdict=verdict, notes=(*wrong.notes, *cut_off, *found.notes))
