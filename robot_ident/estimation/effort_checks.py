@@ -19,19 +19,15 @@ import numpy as np
 from robot_ident.errors import InputError
 from robot_ident.estimation.contradiction import Contradiction, contradiction, coupling_contradiction
 from robot_ident.estimation.declaration import clustered, judge_all, judge_measured, scale_notes
-from robot_ident.estimation.effort_time import clocks_apart, out_of_step
-from robot_ident.estimation.unsigned import in_words, unsigned_joints
+from robot_ident.estimation.effort_rows import EffortRows, clocks_apart, in_words, out_of_step, unsigned_joints
 from robot_ident.recording.conditions import sidecar
 from robot_ident.recording.measurement import Measurement
-from robot_ident.recording.payload_torque import beyond_base, with_payload
+from robot_ident.recording.payload_torque import with_payload
 from robot_ident.robot.robot import Robot
 from robot_ident.signals.motion import Array
 
-_ROWS = 4000  # that are looked at, at most
-_MOVES = 0.02  # rad or m
 _NOTHING = 0.05  # of an effort's power that its motion must explain
 _SEEN = 4.0  # standard deviations from which on weight, inertia or friction is seen in an effort
-_BLOCK = 0.5  # s within which residuals depend on each other
 _FITS = 0.8  # of an effort that must be explained before anything is said about what it is
 _FOLLOWS = 0.9  # of an effort that another joint's motion must explain
 _MUCH_LESS = 0.25  # of what its own motion leaves over, that it may leave
@@ -98,70 +94,13 @@ def taken_as_declared(notes: Sequence[str]) -> bool:
     return any(note.endswith(_AS_DECLARED) for note in notes)
 
 
-class _Rows:
-    """The rows of a measurement that count: effort and what the motion can make of it, after the low pass."""
-
-    def __init__(self, measured: Measurement, robot: Robot) -> None:
-        """Compute the URDF's torques at `_ROWS` rows at most, linear between."""
-        self.measured, motion = measured, measured.motion
-        every = slice(None, None, max(1, motion.samples // _ROWS))
-        thin, still = motion[every], np.zeros_like(motion.q[every])
-        nothing = robot.rigid.inverse_dynamics(replace(thin, dq=still, ddq=still, gravity=(0.0, 0.0, 0.0)))
-        axes: list[tuple[float, float, float]] = [(1.0, 0.0, 0.0), (0.0, 1.0, 0.0), (0.0, 0.0, 1.0)]
-        at_rest = [replace(thin, dq=still, ddq=still, gravity=axis) for axis in axes]
-        weight = [robot.rigid.inverse_dynamics(one) - nothing for one in at_rest]
-        self.robot = robot
-        self.gravity = np.array(motion.gravity or robot.rigid.model.gravity.linear, dtype=float)
-        inertial = robot.rigid.inverse_dynamics(thin) - sum(g * w for g, w in zip(self.gravity, weight, strict=True))
-        at = np.arange(motion.samples)
-
-        def passed(torque: Array) -> Array:
-            if len(torque) != motion.samples:
-                torque = np.column_stack([np.interp(at, at[every], column) for column in torque.T])
-            return measured.passed(torque)
-
-        self.weight = np.stack([passed(one) for one in weight], axis=2)  # [N, n, 3] Nm per m/s^2
-        self.tau = passed(measured.torque + beyond_base(motion, robot))
-        parts = (inertial, motion.dq, np.sign(motion.dq), motion.ddq, np.ones_like(motion.q))
-        self.drive = np.stack([passed(one) for one in parts], axis=2)  # [N, n, 5]
-        self.used = measured.used[measured.rows]
-        self.spacing = measured.dt * measured.decimate
-        self.block = max(1, round(_BLOCK / self.spacing))
-        reach = np.ptp(motion.q, axis=0)
-        self.moving = [
-            j for j in range(robot.n) if reach[j] > _MOVES and self.used[:, j].sum() > 5 * self.drive.shape[2]
-        ]
-
-    def of(self, joint: int, effort: int | None = None) -> tuple[Array, Array]:
-        """Return the columns of a joint [K, 6], its weight first and its offset last, and an effort [K]: its own, or
-        that of another joint.
-        """
-        effort = joint if effort is None else effort
-        used = self.used[:, effort]
-        return self.columns(joint)[used], self.tau[used, effort]
-
-    def columns(self, joint: int) -> Array:
-        """Return the columns of a joint [K, 6] at all rows, those that don't count included."""
-        return np.column_stack([self.weight[:, joint] @ self.gravity, self.drive[:, joint]])
-
-    @property
-    def efforts(self) -> list[Array]:
-        """The efforts [K, n] of all rows: of every period by itself where there are some, else of the recording."""
-        periods = self.measured.period_torque
-        if periods is None:
-            return [self.tau]
-        mean = self.measured.torque
-        whole = (np.where(np.isfinite(one), one, mean) for one in periods)
-        return [self.tau + self.measured.passed(one - mean) for one in whole]
-
-
 class EffortChecks:
     """What efforts of some recordings are, each held against what its motion can make of it."""
 
     def __init__(self, measurements: Sequence[Measurement], robot: Robot) -> None:
         """Compute the torques of the URDF along the motions."""
         self._robot = robot
-        self._measured = [(measured, _Rows(measured, robot)) for measured in measurements]
+        self._measured = [(measured, EffortRows(measured, robot)) for measured in measurements]
 
     def foreign(self) -> str:
         """Return which joints' efforts are none of this motion, in a sentence that says what they look like; or
@@ -180,7 +119,7 @@ class EffortChecks:
         """Return which joints' efforts follow each other's motion, in a sentence; or nothing."""
         return "" if self._robot.effort.coupling is not None else self._first(_exchanged)
 
-    def _first(self, look: Callable[[_Rows], list[str]]) -> str:
+    def _first(self, look: Callable[[EffortRows], list[str]]) -> str:
         """Return what a look at the recordings says of the first one of which it says something."""
         for measured, rows in self._measured:
             told = look(rows)
@@ -214,12 +153,12 @@ def undecided_directions(measured: Measurement, robot: Robot) -> str:
     """
     if robot.effort.coupling is not None:
         return ""
-    rows, alike = _Rows(measured, robot), []
+    rows, alike = EffortRows(measured, robot), []
     left = sum(1.0 - _explained(*rows.of(joint), rows.block)[0] for joint in rows.moving)
     for joint in rows.moving:
         turn, motion = np.where(np.arange(robot.n) == joint, -1.0, 1.0), measured.motion
         turned = replace(motion, q=motion.q * turn, dq=motion.dq * turn, ddq=motion.ddq * turn)
-        other = _Rows(replace(measured, motion=turned, torque=measured.torque * turn), robot)
+        other = EffortRows(replace(measured, motion=turned, torque=measured.torque * turn), robot)
         if sum(1.0 - _explained(*other.of(k), other.block)[0] for k in other.moving) < _AS_WELL * left + _ALIKE:
             alike.append(robot.joints[joint])
     if not alike:
@@ -230,7 +169,7 @@ def undecided_directions(measured: Measurement, robot: Robot) -> str:
     )
 
 
-def _not_of_this_motion(rows: _Rows) -> list[str]:
+def _not_of_this_motion(rows: EffortRows) -> list[str]:
     """Say which joints' efforts are none of this motion, or have lost their sign: of all of them at once."""
     lost = unsigned_joints(rows)
     names = [rows.robot.joints[joint] for joint in lost]
@@ -240,7 +179,7 @@ def _not_of_this_motion(rows: _Rows) -> list[str]:
     return out_of_step(rows) or noise
 
 
-def _noise(rows: _Rows, joints: Sequence[int]) -> list[str]:
+def _noise(rows: EffortRows, joints: Sequence[int]) -> list[str]:
     """Say of which joints the effort holds nothing of the motion."""
     nothing = []
     for joint in joints:
@@ -268,7 +207,7 @@ def _explained(columns: Array, tau: Array, block: int) -> tuple[float, float]:
     return 1.0 - float(left @ left) / power if power > 0 else 0.0, float(np.abs(solved[:-1] / spread[:-1]).max())
 
 
-def _exchanged(rows: _Rows) -> list[str]:
+def _exchanged(rows: EffortRows) -> list[str]:
     """Say which joints' efforts follow each other's motion."""
     share = {
         joint: {other: _explained(*rows.of(other, joint), rows.block)[0] for other in rows.moving}
@@ -308,7 +247,7 @@ class _Loaded:
         return self.left(gravity * float(own @ self.tau) / max(float(own @ own), 1e-300))
 
 
-def _gravity(rows: _Rows) -> Contradiction | None:
+def _gravity(rows: EffortRows) -> Contradiction | None:
     loaded = [one for joint in rows.moving if (one := _loaded(rows, joint)) is not None]
     if len(loaded) < 2 or not all(one.sound for one in loaded):
         return None
@@ -344,7 +283,7 @@ def _gravity(rows: _Rows) -> Contradiction | None:
     return Contradiction("gravity", now, f"gravity: {best}", {}, f"weight is that of {told} m/s^2")
 
 
-def _loaded(rows: _Rows, joint: int) -> _Loaded | None:
+def _loaded(rows: EffortRows, joint: int) -> _Loaded | None:
     """Return a joint on which weight shows; None where it doesn't, or where effort is no torque."""
     if rows.robot.in_ampere(joint):
         return None
