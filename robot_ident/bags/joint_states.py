@@ -274,7 +274,7 @@ def _spread(samples: Samples, follows: NDArray[np.bool_]) -> Samples:
     size = np.bincount(burst)
     first = np.cumsum(size) - size
     stamp = (samples.stamp - start)[first]
-    length = np.diff(stamp, prepend=stamp[0] - (stamp[1] - stamp[0]) * size[0] / size[1])
+    length = np.diff(stamp, prepend=stamp[0] - (stamp[1] - stamp[0]) * (size[0] / size[1]))
     since = stamp[burst] - length[burst] * (1.0 - (np.arange(len(burst)) - first[burst] + 1.0) / size[burst])
     even = np.asarray(since if samples.stamp.dtype.kind == "f" else np.rint(since).astype(np.int64))
     return replace(samples, stamp=even + start)

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import subprocess
 import sys
+import warnings
 from pathlib import Path
 from types import SimpleNamespace
 
@@ -233,6 +234,19 @@ def test_bursts_are_spread(tmp_path: Path, maker: SimpleNamespace, apart: int) -
     assert got.samples == 200
     np.testing.assert_allclose(np.diff(got.t), 0.01, atol=2e-8)
     assert any("160 samples came in bursts" in note for note in got.notes)
+
+
+def test_bursts_decades_apart_overflow_nothing(tmp_path: Path, maker: SimpleNamespace) -> None:
+    """As damaged stamps may say: an answer or one line, and no wrapped number."""
+    stamps = [10**18 * (k // 13) + 1000 * (k % 13) for k in range(39)]
+    with warnings.catch_warnings():
+        warnings.simplefilter("error")
+        try:
+            got = read_recording(maker.write_mcap(tmp_path / "a.mcap", restamped(maker, stamps)))
+        except InputError as error:
+            assert "a.mcap" in str(error)
+        else:
+            assert np.all(np.diff(got.t) > 0)
 
 
 def test_two_rates_are_no_bursts(tmp_path: Path, maker: SimpleNamespace) -> None:
