@@ -194,7 +194,7 @@ def exact(found: Finding, evidence: Evidence, base: BaseGram) -> Finding:
     """Return a low pass at its exact frequency, of the form among `LOW_PASSES` that leaves least."""
     model = Passages.of(evidence, base)
     joints, start = joints_of(found, base), _passage_of(found)
-    losses = dict(model.best(start.like(form, model.rate), joints) for form in LOW_PASSES)
+    losses = dict(model.best(start.like(form, model.rate), joints) for form in _forms(evidence, joints))
     closest = min(losses, key=losses.__getitem__)
     passage, _ = model.best(closest, joints, 2.0 * _COARSE, _FINE)
     declared = min((p for p in losses if p.form in ORDERS.values()), key=losses.__getitem__)
@@ -206,6 +206,15 @@ def exact(found: Finding, evidence: Evidence, base: BaseGram) -> Finding:
     return better if better.gain > found.gain else found
 
 
+def _forms(evidence: Evidence, joints: Sequence[int]) -> list[str]:
+    """Return the forms that the efforts of some joints may have passed. A script that filters a recording without phase
+    filters its noise as well: where that is white, none did.
+    """
+    noises = [t.measured.noise for t in evidence.trajectories]
+    coloured = all(noise is not None and all(noise.coloured[joint] for joint in joints) for noise in noises)
+    return [form for form in LOW_PASSES if coloured or form not in WITHOUT_PHASE]
+
+
 def joints_of(found: Finding, base: BaseGram) -> list[int]:
     """Return the joints whose effort passes."""
     return list(range(base.power.shape[1])) if found.effect.place is None else [found.effect.joint]
@@ -213,7 +222,8 @@ def joints_of(found: Finding, base: BaseGram) -> list[int]:
 
 def _of_grid(model: Passages, passes: Mapping[Passage, BaseGram], place: int | None) -> Finding:
     joints = list(range(model.base.power.shape[1])) if place is None else [place]
-    mixed = {passage: chosen(model.base, made, joints) for passage, made in passes.items()}
+    forms = _forms(model.evidence, joints)
+    mixed = {passage: chosen(model.base, made, joints) for passage, made in passes.items() if passage.form in forms}
     losses = {passage: fitted_loss(one, range(len(model.base.power))) for passage, one in mixed.items()}
     best = min(losses, key=losses.__getitem__)
     near = sorted(CUTOFFS, key=lambda f: abs(np.log(f / best.at)))[1]
