@@ -193,23 +193,19 @@ def at_its_speed(
             f"--trajectory is given {len(args.trajectory)} times for {len(recordings)} recordings; give it once, or"
             " once per recording in their order"
         )
-    from robot_ident.recording.summary import path_notes, speed_scale
+    from robot_ident.recording.summary import mean_path, path_notes, speed_scale
 
     files = args.trajectory * (len(recordings) // len(args.trajectory))
     excitations = _excitations(files)
+    moving = [one.with_joints(played.joints) for one, played in zip(recordings, excitations, strict=True)]
+    means = [mean_path(one) for one in moving]
     scales = [
-        speed_scale(one.with_joints(played.joints), _path(played), played.base_frequency)
-        for one, played in zip(recordings, excitations, strict=True)
+        speed_scale(one, _path(played), played.base_frequency, mean)
+        for one, played, mean in zip(moving, excitations, means, strict=True)
     ]
     recordings = [
-        replace(
-            one,
-            notes=(
-                *one.notes,
-                *path_notes(one.with_joints(played.joints), _path(played), played.base_frequency, file),
-            ),
-        )
-        for one, file, played in zip(recordings, files, excitations, strict=True)
+        replace(one, notes=(*one.notes, *path_notes(played.joints, q, _path(played), played.base_frequency, file)))
+        for one, file, played, (_, q) in zip(recordings, files, excitations, means, strict=True)
     ]
     if all(scale is None or scale == 1.0 for scale in scales):
         return recordings, processing

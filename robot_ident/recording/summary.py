@@ -5,7 +5,7 @@ A speed override stretches time: the same path, run through slower, is recognise
 
 from __future__ import annotations
 
-from collections.abc import Callable
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass
 from typing import Any
 
@@ -146,25 +146,38 @@ _OTHER = 0.3  # of it: another path
 _PLACED = 0.05  # of a joint's commanded range: farther off, its zero or its scale is another than commanded
 
 
-def speed_scale(recording: Recording, path: Callable[[Array], Array], base_frequency: float) -> float | None:
+def mean_path(recording: Recording) -> tuple[float | None, Array | None]:
+    """Return the period [s] of a recording and its mean positions [N, n] over one; None where nothing repeats."""
+    clock = read_clock(recording)
+    period = find_period(even_positions(recording, clock), clock.dt)
+    if period is None:
+        return None, None
+    try:
+        return period * clock.dt, average(recording, clock, period)[1].q
+    except InputError:
+        return period * clock.dt, None
+
+
+def speed_scale(
+    recording: Recording,
+    path: Callable[[Array], Array],
+    base_frequency: float,
+    mean: tuple[float | None, Array | None] | None = None,
+) -> float | None:
     """Return at which share of its speed a periodic motion was run, q(t) = path(s t); None where it is no such motion.
 
     path: positions [N, n] of the recording's joints at instants [N] s of the commanded motion, whose period is 1 /
     base_frequency. The measured mean period is shifted along the commanded one until they agree best. InputError where
-    it has that period and is another path.
+    it has that period and is another path. mean: what `mean_path` says of the recording, where it is known.
     """
-    clock = read_clock(recording)
-    period = find_period(even_positions(recording, clock), clock.dt)
+    period, q = mean_path(recording) if mean is None else mean
     if period is None:
         return None
-    scale = 1.0 / (period * clock.dt * base_frequency)
+    scale = 1.0 / (period * base_frequency)
     same = abs(scale - 1.0) < _SAME
-    try:
-        _, mean = average(recording, clock, period)
-    except InputError:
+    if q is None:
         return 1.0 if same else None
-    commanded = path(np.arange(len(mean.q)) / len(mean.q) / base_frequency)
-    apart = _apart(mean.q, commanded)
+    apart = _apart(q, path(np.arange(len(q)) / len(q) / base_frequency))
     if same and apart > _OTHER:
         raise InputError(
             f"{recording.source}: not the motion of the trajectory, though it has its period: the path differs by"
@@ -176,29 +189,22 @@ def speed_scale(recording: Recording, path: Callable[[Array], Array], base_frequ
 
 
 def path_notes(
-    recording: Recording, path: Callable[[Array], Array], base_frequency: float, file: str
+    joints: Sequence[str], q: Array | None, path: Callable[[Array], Array], base_frequency: float, file: str
 ) -> tuple[str, ...]:
     """Return a line for every joint of a periodic motion that moves farther than it was commanded, or elsewhere: its
-    encoder's scale or zero is another than the robot's that played it. path: as `speed_scale` takes it; file: its name.
+    encoder's scale or zero is another than the robot's that played it. q: their mean positions, as `mean_path` gives
+    them; path: as `speed_scale` takes it; file: its name.
     """
-    clock = read_clock(recording)
-    period = find_period(even_positions(recording, clock), clock.dt)
-    if period is None:
-        return ()
-    try:
-        _, mean = average(recording, clock, period)
-    except InputError:
-        return ()
-    measured, commanded = mean.q, path(np.arange(len(mean.q)) / len(mean.q) / base_frequency)
-    if _apart(measured, commanded) > _OTHER:
+    commanded = None if q is None else path(np.arange(len(q)) / len(q) / base_frequency)
+    if q is None or commanded is None or _apart(q, commanded) > _OTHER:
         return ()
     out = []
-    for name, q, wanted in zip(recording.names, measured.T, commanded.T, strict=True):
+    for name, moved, wanted in zip(joints, q.T, commanded.T, strict=True):
         reach = float(np.ptp(wanted))
         if reach == 0.0:
             continue
-        scale = float(np.std(q) / np.std(wanted))
-        off = float(q.mean() - wanted.mean())
+        scale = float(np.std(moved) / np.std(wanted))
+        off = float(moved.mean() - wanted.mean())
         if abs(scale - 1.0) > _PLACED:
             out.append(
                 f"{name} moves {scale:.3g} times as far as {file} commands: its position's scale"

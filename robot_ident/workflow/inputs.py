@@ -51,7 +51,7 @@ class Inputs:
         return [read_for(bag, self.models[0].robot, topic=self.topic) for bag in self.bags]
 
     def validated_for(self, model: Model) -> tuple[Measurement, ...]:
-        """Return the recordings kept aside as a model of these inputs measures them."""
+        """Return the validation recordings as a model of these inputs measures them."""
         if not measured_anew(model):
             return self.validation
         return tuple(_measured(model, bag, self.topic) for bag in self.validation_bags)
@@ -166,8 +166,6 @@ def prior_information(words: Sequence[str], target: Target, model: Model | None,
     """
     if not words:
         return None
-    from robot_ident.model.model_file import is_model
-
     size = len(target.structure.parameters)
     out = np.zeros((size, size))
     bags = [word for word in words if not is_model(word)]
@@ -178,10 +176,7 @@ def prior_information(words: Sequence[str], target: Target, model: Model | None,
 
 
 def _of_recordings(bags: Sequence[str], target: Target, model: Model | None, bound: bool) -> Array:
-    from robot_ident.bags import read_for
     from robot_ident.estimation.information import information
-    from robot_ident.files import refuse_twice
-    from robot_ident.recording.checks import refuse_copies
     from robot_ident.recording.measurement import Processing
     from robot_ident.recording.process import process
 
@@ -194,8 +189,6 @@ def _of_recordings(bags: Sequence[str], target: Target, model: Model | None, bou
 
 def _of_model(path: str, target: Target) -> Array:
     """Return the information of a model about the parameters that it shares with the target, the others set free."""
-    from robot_ident.model.model_file import read_model
-
     found = read_model(path)
     if found.robot.joints != target.robot.joints:
         raise InputError(f"{path}: a model of robot {found.robot.name!r}, not of {target.robot.name!r}")

@@ -41,7 +41,7 @@ def find_missing(
 
 @dataclass(frozen=True)
 class Step:
-    """A model and, by joint, its mean square error (Nm)^2 over the recordings kept aside; None where there are none.
+    """A model and, by joint, its mean square error (Nm)^2 over the validation recordings; None without.
 
     troubles: a line for each of those on which it is worse than none.
     """
@@ -59,7 +59,7 @@ def steps_of(inputs: Inputs, effects: Sequence[Effect]) -> list[Step]:
 
 
 def unseen_errors(model: Model, validation: Sequence[Measurement]) -> dict[str, float] | None:
-    """Return the mean square error by joint over recordings kept aside, (Nm)^2; None where there are none."""
+    """Return the mean square error by joint over validation recordings, (Nm)^2; None where there are none."""
     if not validation:
         return None
     total = np.mean([mean_square_errors(model, measured) for measured in validation], axis=0)
@@ -93,7 +93,7 @@ def add_until_adequate(
 ) -> Additions:
     """Return what adding the effects that a diagnosis names comes to, and those that the next ones name.
 
-    Effects that a later round names are kept where they lower the error on the recordings kept aside, if there are any.
+    Effects that a later round names are kept where they lower the error on the validation recordings, if there are any.
     progress: what hears of a further diagnosis how far it has come.
     """
     out = Additions([found])
@@ -134,6 +134,6 @@ def _listed(effects: Sequence[Effect]) -> str:
 
 
 def _lower(steps: Sequence[Step]) -> bool:
-    """Return whether the last of the steps errs less than the first on what is kept aside; True where nothing is."""
+    """Return whether the last of the steps errs less than the first on the validation; True without one."""
     first, last = steps[0].unseen, steps[-1].unseen
     return first is None or last is None or sum(last.values()) < sum(first.values())

@@ -10,7 +10,7 @@ import pytest
 
 from robot_ident.errors import InputError
 from robot_ident.recording import Processing, process
-from robot_ident.recording.summary import path_notes, speed_scale
+from robot_ident.recording.summary import mean_path, path_notes, speed_scale
 from robot_ident.trajectories.fourier_series import FourierSeries
 
 
@@ -54,9 +54,8 @@ def test_a_joint_that_is_elsewhere_than_commanded_is_named(arm: Any) -> None:
 
     def told(q: Any) -> tuple[str, ...]:
         recording = arm.record(1, periods=3)
-        return path_notes(
-            replace(recording, q=q(recording.q), dq=None), lambda t: arm.series.motion(t).q, 0.1, "e.yaml"
-        )
+        _, mean = mean_path(replace(recording, q=q(recording.q), dq=None))
+        return path_notes(recording.names, mean, lambda t: arm.series.motion(t).q, 0.1, "e.yaml")
 
     assert told(lambda q: q) == () == told(lambda q: 1.01 * q + 0.002)
     (scale,) = told(lambda q: q * [1.0, 1.1, 1.0])
