@@ -84,12 +84,19 @@ def by_clock(judged: Sequence[Declared]) -> list[Declared]:
     return [replace(d, verdict="clock", hint=hint) if d in told else d for d in judged]
 
 
-def gain_of_all(judged: Sequence[Declared]) -> list[str]:
+def gain_of_all(judged: Sequence[Declared], robot: Robot) -> list[str]:
     """Return a line where weight and inertia are off the URDF's by one factor, k_g = k_i = g, on two joints or more.
 
-    Data can't say whether all efforts or all masses are off.
+    Data can't say whether all efforts or all masses are off. A current in ampere is off by its torque constant.
     """
-    told = [d for d in judged if np.isfinite(d.share) and d.explained > _LEAST and d.verdict == "consistent"]
+    in_torque = {name for j, name in enumerate(robot.joints) if not robot.in_ampere(j)}
+    told = [
+        d
+        for d in judged
+        if np.isfinite(d.share)
+        and d.explained > _LEAST
+        and (d.verdict == "consistent" or (d.verdict == "factor" and d.joint in in_torque))
+    ]
     shares = np.array([x for d in told for x in (d.gravity, d.inertia) if np.isfinite(x)])
     if len(told) < 2 or min(shares) <= 0.0:
         return []
@@ -263,4 +270,4 @@ def clock_notes(measurements: Sequence[Measurement], robot: Robot) -> list[str]:
 def scale_notes(measurements: Sequence[Measurement], robot: Robot) -> list[str]:
     """Return what time or all efforts seem to be off by, where recordings of an arm without payload tell."""
     bare = [measured for measured in measurements if measured.conditions.payload is None]
-    return [*clock_notes(measurements, robot), *(gain_of_all(judge_all(bare, robot)) if bare else [])]
+    return [*clock_notes(measurements, robot), *(gain_of_all(judge_all(bare, robot), robot) if bare else [])]
