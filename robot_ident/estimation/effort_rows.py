@@ -158,8 +158,9 @@ def out_of_step(rows: EffortRows) -> list[str]:
         total = np.mean(left, axis=0)
         if len(total) < 3 * near:
             return []
-        best = near + int(np.argmin(total[near : len(total) - near + 1]))
-        here = min(total[:near].min(), total[len(total) - near + 1 :].min())
+        steps = np.arange(len(total))
+        close = np.minimum(steps, len(total) - steps) < near
+        best, here = int(np.argmin(np.where(close, np.inf, total))), float(total[close].min())
         shift = (best if best <= len(total) // 2 else best - len(total)) * rows.spacing
         found.append((float(total[best] / here), number, here, total[best], -shift))
     ratio, number, here, there, shift = min(found, default=(1.0, 0, 0.0, 0.0, 0.0))

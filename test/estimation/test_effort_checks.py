@@ -146,6 +146,14 @@ def test_efforts_of_another_time(arm: Any, recording: Any, measured: Any) -> Non
     assert "shifted by +1 s" in told if "period" in told else "not made by the motion" in told
 
 
+def test_stamps_far_too_slow(arm: Any, recording: Any, measured: Any) -> None:
+    """Rows that stand farther apart than efforts may be late leave nothing but the rows themselves as near."""
+    slow = replace(recording, t=recording.t * 50.0)
+    assert "not of the same time" not in EffortChecks(measured(slow), arm.robot).foreign()
+    late = replace(slow, tau=np.roll(slow.tau, len(slow.t) // 3, axis=0))
+    assert "not of the same time" in EffortChecks(measured(late), arm.robot).foreign()
+
+
 def test_efforts_of_another_run(arm: Any, measured: Any) -> None:
     """Of two runs of one period chance makes some efforts follow the other motion in part: most are told, none of its
     own run is.
