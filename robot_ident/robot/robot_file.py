@@ -32,6 +32,7 @@ from robot_ident.signals.motion import Array, frozen_array
 Positive = Annotated[float, Field(gt=0)]
 NotNegative = Annotated[float, Field(ge=0)]
 Vector = tuple[float, float, float]
+Gravity = Annotated[float, Field(ge=-30.0, le=30.0)]  # m/s^2 along one axis; the Earth's is 9.81
 
 
 class AntiAliasFile(Closed):
@@ -143,7 +144,7 @@ class RobotFile(Closed):
     name: str = Field(description="name of the robot, repeated in every file made for it")
     urdf: str = Field(description="URDF file, relative to this one")
     end_effector: str | None = Field(None, description="frame of the end effector; default the last one")
-    gravity: Vector = Field((0.0, 0.0, -9.81), description="in the base frame, m/s^2")
+    gravity: tuple[Gravity, Gravity, Gravity] = Field((0.0, 0.0, -9.81), description="in the base frame, m/s^2")
     joints: dict[str, JointFile] = Field(
         {}, description="the joints that move, in the order of the chain; others are locked"
     )

@@ -25,6 +25,7 @@ from robot_ident.trajectories.fourier_series import Extremes, MotionExtremes
 SCHEMA = "robot_ident/point_to_point/1"
 LAWS = ("fastest", "smooth")
 LONGEST_PAUSE = 3600.0  # s
+_LONGEST = 86_400.0  # s; nobody lets a robot move for a day to validate a model
 _STRICT = 1.0 - 1e-9  # share of the limits that a move may use
 Positive = Annotated[float, Field(gt=0)]
 
@@ -215,8 +216,11 @@ class PointToPoint:
             np.array(file.pace),
             file.seed,
         )
-        if not np.isfinite(motion.duration):
-            raise InputError(f"{path}: it would never end; a speed, an acceleration or a pace is too small")
+        if not motion.duration < _LONGEST:
+            raise InputError(
+                f"{path}: it would take {motion.duration / 3600.0:.3g} hours; a speed, an acceleration or a pace is too"
+                " small, or the pause too long"
+            )
         return motion
 
 

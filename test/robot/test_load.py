@@ -50,6 +50,7 @@ def test_kuka_has_the_papers_limits_and_noise() -> None:
         ("urdf: kuka_ir361.urdf", "urdf: kuka.urdf", ["kuka.urdf", "no such file"]),
         ("radius: 0.7", "radius: .nan", ["radius"]),
         ("offset: 0.8", "offset: high", ["offset", "high"]),
+        ("gravity: [0, 0, -9.81]", "gravity: [0, 0, -1.0e+200]", ["gravity", "1e+200"]),
     ],
 )
 def test_a_mistake_gives_one_line_with_field_and_value(kuka: Path, old: str, new: str, words: list[str]) -> None:
