@@ -70,6 +70,7 @@ setup(
             "example-robot-data>=5",
             "hypothesis>=6.100",
             "import-linter>=2.12",
+            "mujoco>=4; python_version >= '3.11'",
             "mypy>=1.11",
             "playwright>=1.45",
             "pytest-xdist>=3.6",

@@ -13,6 +13,7 @@ MINUTES = {
     "estimation": 10,
     "diagnosis": 360,
     "foreign": 30,
+    "mujoco": 60,
     "real": 2,
     "like_real": 25,
     "measurement": 20,

@@ -2,37 +2,24 @@
 
 from __future__ import annotations
 
-import json
 from functools import cache, partial
 from typing import Any
 
 import pytest
 from foreign.run import run_case
 from table import CASES, FIRST_SEED, FOLDER, print_rates, rate_of
-from trials import trial
-
-from robot_ident.parallel import completed
-from robot_ident.testbed.trial import Outcome
-from robot_ident.testbed.trial_table import summary
+from trials import judged, trial
 
 LEAST = 1.0  # Nm rms that an effect has to leave to be counted
 
 
 @cache
 def outcomes(kind: str, cases: int) -> dict[str, Any]:
-    """Return the summary of all cases of a kind; finished ones are read from the folder."""
+    """Return the summary of all cases of a kind."""
     trial("null", cases=1)  # designs the motions where there are none yet
     files = sorted(FOLDER.glob("kuka_ir361_[1-4].yaml"))
-    journal = FOLDER / f"foreign_{kind}.jsonl"
-    lines = journal.read_text(encoding="utf-8").splitlines() if journal.exists() else []
-    done = {outcome.seed: outcome for outcome in (Outcome.of_dict(json.loads(line)) for line in lines)}
-    seeds = [seed for seed in range(FIRST_SEED, FIRST_SEED + cases) if seed not in done]
-    with journal.open("a", encoding="utf-8") as file:
-        for _, outcome in completed(partial(run_case, kind=kind, files=files), seeds):
-            done[outcome.seed] = outcome
-            file.write(json.dumps(outcome.to_dict()) + "\n")
-            file.flush()
-    data = summary([done[seed] for seed in range(FIRST_SEED, FIRST_SEED + cases)], LEAST)
+    seeds = range(FIRST_SEED, FIRST_SEED + cases)
+    data = judged(f"foreign_{kind}", partial(run_case, kind=kind, files=files), seeds, LEAST)
     print_rates(f"second simulator, {kind}", data)
     return data
 

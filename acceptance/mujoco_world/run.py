@@ -1,0 +1,88 @@
+"""One case of the MuJoCo world, judged: the one place that knows both the world and the product."""
+
+from __future__ import annotations
+
+import time
+from functools import cache
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import yaml
+from arms import JOINTS, WRIST, write_arm
+from arms_of_wheel import urdf_of
+from table import FOLDER
+
+from mujoco_world.arm import Arm, Motion, motion_of
+from mujoco_world.cases import make_case
+from robot_ident.cli.main import main
+from robot_ident.diagnosis.diagnose import diagnose
+from robot_ident.estimation.identify import estimate
+from robot_ident.model.structure import Structure
+from robot_ident.recording import Recording, process
+from robot_ident.recording.measurement import Measurement
+from robot_ident.robot import load_robot
+from robot_ident.testbed.trial import Outcome, outcome
+
+ARMS = ("ur5", "panda")
+MOTIONS = 4
+"""Three that are measured, one that no fit sees."""
+
+
+def prepare() -> None:
+    """Write the robot files and design the motions that are not there yet."""
+    for name in ARMS:
+        robot = write_arm(name, FOLDER)
+        for number in range(1, MOTIONS + 1):
+            file = _motion(name, number)
+            if not file.exists():
+                words = ["design", "--robot", robot, "--seed", number, "--starts", 1, "--time-limit", 25]
+                assert main([str(w) for w in (*words, "--accept-unchecked", "-o", file)]) == 0
+
+
+def run_case(seed: int, kind: str) -> Outcome:
+    """Hide, record, identify, diagnose, add."""
+    name = ARMS[seed % len(ARMS)]
+    arm, motions = _arm(name), _motions(name)
+    robot = load_robot(FOLDER / f"{name}.yaml")
+    case = make_case(seed, kind, arm, motions)
+    *training, unseen = (process(Recording(robot.joints, *data), robot) for data in case.recordings)
+    structure = Structure.build(robot)
+    started = time.process_time()
+    found = diagnose(training, structure)
+    seconds = time.process_time() - started
+    errors = None
+    columns = [one.effect for one in found.missing if not one.effect.measuring]
+    if columns:
+        models = [estimate(training, s) for s in (structure, Structure.build(robot, columns))]
+        before, after = (_errors(model, unseen) for model in models)
+        errors = (before, after)
+    return outcome(
+        found, robot, seed=seed, kind="pair_other_joints" if kind == "pair" else kind, hidden=case.what,
+        truth=case.truth, visible=case.visible, seconds=seconds, errors=errors,
+    )  # fmt: skip
+
+
+def _errors(model: Any, unseen: Measurement) -> np.ndarray:
+    rows = (unseen.used & ~unseen.standstill).all(axis=1)
+    return np.asarray(np.mean((unseen.torque - model.predict(unseen.motion))[rows] ** 2, axis=0))
+
+
+def _motion(name: str, number: int) -> Path:
+    return FOLDER / f"{name}_mujoco_{number}.yaml"
+
+
+@cache
+def _motions(name: str) -> list[Motion]:
+    return [motion_of(yaml.safe_load(_motion(name, k).read_text("utf-8"))) for k in range(1, MOTIONS + 1)]
+
+
+@cache
+def _arm(name: str) -> Arm:
+    """Return the arm whose drives `arms.write_arm` describes."""
+    large = np.arange(len(JOINTS[name])) < WRIST[name]
+    friction = np.where(large, 3.0, 0.8)
+    return Arm(
+        name, urdf_of(name), tuple(JOINTS[name]), friction, friction.copy(), np.full(len(large), 0.1),
+        np.where(large, 2.0, np.sqrt(0.4)), np.sqrt(1e-9),
+    )  # fmt: skip

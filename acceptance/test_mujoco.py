@@ -1,0 +1,34 @@
+"""What arms of six and seven axes hide in MuJoCo, by its own friction, gears, contacts and motors, found or not.
+
+ROBOT_IDENT_MUJOCO_CASES: cases in all (200). Finished ones are kept in build/acceptance, so that what was stopped goes
+on from them.
+"""
+
+from __future__ import annotations
+
+import os
+from functools import cache, partial
+from typing import Any
+
+import pytest
+from mujoco_world.run import prepare, run_case
+from table import FIRST_SEED, print_rates, rate_of
+from trials import judged
+
+ALL = int(os.environ.get("ROBOT_IDENT_MUJOCO_CASES", "200"))
+SHARES = {"single": 0.5, "pair": 0.15, "null": 0.15, "unknown": 0.2}
+
+
+@cache
+def outcomes(kind: str) -> dict[str, Any]:
+    prepare()
+    seeds = range(FIRST_SEED, FIRST_SEED + round(ALL * SHARES[kind]))
+    data = judged(f"mujoco_{kind}", partial(run_case, kind=kind), seeds, 0.0)
+    print_rates(f"MuJoCo, {kind}", data)
+    return data
+
+
+@pytest.mark.parametrize(("kind", "name", "least"), [("single", "named_right", 0.5)])
+def test_named_as_often_as_before(kind: str, name: str, least: float) -> None:
+    rate = rate_of(outcomes(kind), name)
+    assert rate["upper"] >= least, rate
