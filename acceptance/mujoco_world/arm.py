@@ -21,6 +21,8 @@ STEP = 5e-4
 DECIMATE = 8
 """Steps a sample: 250 Hz."""
 
+mujoco.set_mju_user_warning(lambda text: None)  # else it writes a log file; what goes astray raises in `play`
+
 RESTS = 0.02
 """Speed below which a joint may stick, rad/s."""
 

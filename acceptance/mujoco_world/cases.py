@@ -15,7 +15,16 @@ KINDS = ("single", "pair", "null", "unknown")
 LARGEST, SMALLEST = 0.5, 0.06
 """Rms that a hidden effect leaves on the joint that shows it most, in standard deviations of a sample of its effort."""
 POSSIBLE = (0.1, 10.0)
-"""Of the usual size."""
+RANGE = {
+    "joint_elasticity": (0.15, 1.5),  # 33 to 3.3 kNm/rad
+    "backlash": (0.2, 3.0),  # mrad
+    "time_delay": (0.6, 4.0),  # 3 to 20 ms
+    "presliding": (0.1, 3.0),  # 1 to 30 mrad
+    "stribeck": (0.1, 2.0),  # 5 to 100 % of the dry friction
+    "position_friction": (0.1, 2.0),  # the same, half of it over a turn
+    "torque_ripple": (0.1, 2.0),  # Nm
+}
+"""Of the usual size: what an arm may have."""
 PERIODS = 10
 
 
@@ -83,15 +92,17 @@ def _drawn(rng: np.random.Generator, arm: Arm, plans: Sequence[Plan], *, unknown
         joint = int(rng.choice(joints_of(name, arm)))
         build = (UNKNOWN if unknown else KNOWN)[name](Draw(rng, arm, joint, reach))
         target = float(np.exp(rng.uniform(np.log(SMALLEST), np.log(LARGEST))))
-        found = _sized(arm, build, plans[:2], target)
+        found = _sized(arm, build, plans[:2], target, RANGE.get(name, POSSIBLE))
         if found is not None:
             whole = name in OF_ROBOT or unknown
             return _Hidden(name if whole else f"{name}@{arm.joints[joint]}", joint, build, *found)
 
 
-def _sized(arm: Arm, build: Build, plans: Sequence[Plan], target: float) -> tuple[float, Array] | None:
+def _sized(
+    arm: Arm, build: Build, plans: Sequence[Plan], target: float, possible: tuple[float, float]
+) -> tuple[float, Array] | None:
     """Return the size at which an effect leaves about the target and what is left, None where no possible size does."""
-    size = 1.0
+    size = float(np.clip(1.0, *possible))
     for _ in range(8):
         try:
             left = left_over(arm, [play(arm, [partial(build, size=size)], plan, 1) for plan in plans])
@@ -101,6 +112,6 @@ def _sized(arm: Arm, build: Build, plans: Sequence[Plan], target: float) -> tupl
         if abs(np.log(ratio)) < 0.15:
             return size, left
         size *= float(np.clip(ratio, 0.2, 5.0))
-        if not POSSIBLE[0] < size < POSSIBLE[1]:
+        if not possible[0] < size < possible[1]:
             return None
     return None

@@ -163,8 +163,7 @@ def stribeck(d: Draw) -> Build:
 
     def build(spec: Any, size: float) -> None:
         spec.joint(d.name).frictionloss = 0.0
-        stiff = coulomb / 2e-4
-        motor(spec, d.name, lugre=[stiff, 0.02 * np.sqrt(stiff), coulomb, coulomb + size, slow])
+        motor(spec, d.name, lugre=[coulomb / 2e-5, 0.0, coulomb, coulomb * (1.0 + 0.5 * size), slow])
 
     return build
 
@@ -266,10 +265,10 @@ def position_friction(d: Draw) -> Build:
     side = np.cross(there.axis, [0.3, 0.5, 0.8])
     side /= np.linalg.norm(side)
     other = np.cross(there.axis, side)
-    turn, off, radius, squeeze = d.rng.uniform(-np.pi, np.pi), 0.002, 0.05, 0.004
+    turn, off, radius, squeeze = d.rng.uniform(-np.pi, np.pi), 0.0005, 0.05, 0.001
 
     def build(spec: Any, size: float) -> None:
-        push = 40.0 * size  # N on average, at a lever of the radius and friction .5
+        push = 0.5 * size * d.arm.coulomb[d.joint] / (0.5 * radius)  # N on average, at a friction of .5
         centre = there.anchor + off * (np.cos(turn) * side + np.sin(turn) * other)
         ball = spec.body(there.link.name)
         local = np.array(there.link.xmat).reshape(3, 3).T @ (centre - np.array(there.link.xpos))

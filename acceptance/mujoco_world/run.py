@@ -16,7 +16,7 @@ from table import FOLDER
 from mujoco_world.arm import Arm, Motion, motion_of
 from mujoco_world.cases import make_case
 from robot_ident.cli.main import main
-from robot_ident.diagnosis.diagnose import diagnose
+from robot_ident.diagnosis.diagnose import Procedure, diagnose
 from robot_ident.estimation.identify import estimate
 from robot_ident.model.structure import Structure
 from robot_ident.recording import Recording, process
@@ -40,7 +40,7 @@ def prepare() -> None:
                 assert main([str(w) for w in (*words, "--accept-unchecked", "-o", file)]) == 0
 
 
-def run_case(seed: int, kind: str) -> Outcome:
+def run_case(seed: int, kind: str, procedure: Procedure = "rules") -> Outcome:
     """Hide, record, identify, diagnose, add."""
     name = ARMS[seed % len(ARMS)]
     arm, motions = _arm(name), _motions(name)
@@ -49,7 +49,7 @@ def run_case(seed: int, kind: str) -> Outcome:
     *training, unseen = (process(Recording(robot.joints, *data), robot) for data in case.recordings)
     structure = Structure.build(robot)
     started = time.process_time()
-    found = diagnose(training, structure)
+    found = diagnose(training, structure, procedure=procedure)
     seconds = time.process_time() - started
     errors = None
     columns = [one.effect for one in found.missing if not one.effect.measuring]

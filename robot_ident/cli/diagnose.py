@@ -30,6 +30,12 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
         help="one model and its recordings, two or more for a conclusive verdict",
     )
     add_recordings(parser.add_argument_group("recordings"))
+    parser.add_argument(
+        "--procedure",
+        choices=("rules", "sets"),
+        default="rules",
+        help="rules: add one effect after the other (default); sets: search sets of effects, with probabilities",
+    )
     extension = parser.add_argument_group("model extension")
     extension.add_argument(
         "--add-until-adequate",
@@ -57,8 +63,8 @@ def run(args: argparse.Namespace) -> int:
         raise InputError("diagnose takes one model and at least one recording")
     model = inputs.models[0]
     with bar("diagnose") as tell_share:
-        found = find_missing(model, inputs.measurements, inputs.validation, tell_share)
-    added = add_until_adequate(found, inputs, bar) if args.add_until_adequate else Additions([found])
+        found = find_missing(model, inputs.measurements, inputs.validation, tell_share, procedure=args.procedure)
+    added = add_until_adequate(found, inputs, bar, args.procedure) if args.add_until_adequate else Additions([found])
     steps = added.steps
     if args.output:
         _write(steps[-1].model if added.foreseen else inputs.models[0], args)
@@ -141,7 +147,8 @@ def _print_named(suspect: Suspect, inputs: Inputs) -> None:
     """Say what an effect is, how large, and what adding it will do."""
     joint = suspect.place
     unit = inputs.models[0].robot.torque_unit(inputs.models[0].robot.joint_index(joint))
-    say(f"\n{suspect.label}: {suspect.effect.meaning}")
+    sure = "" if suspect.probability is None else f" (probability {suspect.probability:.2f})"
+    say(f"\n{suspect.label}: {suspect.effect.meaning}{sure}")
     for p in suspect.parameters:
         say(f"  {p.in_words}")
     kinds = [] if suspect.effect.trends else [("on the data", suspect.mse_before, suspect.mse_after)]

@@ -10,6 +10,7 @@ from __future__ import annotations
 
 from collections.abc import Collection, Sequence
 from dataclasses import replace
+from typing import Literal
 
 import numpy as np
 
@@ -27,6 +28,7 @@ from robot_ident.diagnosis.power import too_little, unseen_below, with_doubt
 from robot_ident.diagnosis.progress import Tell, silent
 from robot_ident.diagnosis.scan import base_gram
 from robot_ident.diagnosis.search import Search
+from robot_ident.diagnosis.selection.diagnosis_of import diagnose_by_sets
 from robot_ident.diagnosis.spectrum import whitened
 from robot_ident.diagnosis.stage import GAIN, MOSTLY, Stage
 from robot_ident.diagnosis.suspects import Ground, further, gap_suspects, suspect
@@ -45,6 +47,7 @@ STRICTER = 0.37  # more than that where what remains is seen beside the noise: a
 _SEEN = 0.25  # of the noise of the mean: what remains is seen as clearly as need be
 _SURE = 60.0  # decades of its p-value, that are as clear
 _SHADOW = 0.2  # of what another joint still lacks, that a member must explain: less may be the shadow of that
+Procedure = Literal["rules", "sets"]
 ALONE = 0.4  # of its held-out gain that any other effect may reach, where there is one recording only
 
 
@@ -55,13 +58,15 @@ def diagnose(
     tell: Tell = silent,
     *,
     as_declared: bool = False,
+    procedure: Procedure = "rules",
 ) -> Diagnosis:
     """Return what is missing from a model, judged on several periodic recordings.
 
     validation: measurements that never enter a fit; what a candidate predicts of them is evidence. Where a recording
     doesn't tell its noise, all are judged by prediction alone, and none can be called adequate. tell: hears how far it
     has come. as_declared: go on where efforts are none of these motions, or weight is that of another gravity than
-    declared; otherwise these raise InputError.
+    declared; otherwise these raise InputError. procedure: `rules` adds one effect after the other; `sets` searches sets
+    of effects and tells a probability with each, without faults of measuring but gain and filter of an effort.
     """
     refuse_copies([*measurements, *validation])
     if not as_declared:
@@ -72,6 +77,9 @@ def diagnose(
         return replace(predicted, notes=(*predicted.notes, *time_scale_notes(measurements))).seen_by(structure.robot)
     clock = "; ".join(clock_notes(measurements, structure.robot))
     notes = time_scale_notes(measurements)
+    if procedure == "sets":
+        found = diagnose_by_sets(*without_trends(measurements, structure, validation), tell)
+        return replace(found, notes=(*found.notes, *notes), clock=clock).seen_by(structure.robot)
     trending = {effect.label for effect in structure.effects if effect.trends}
     measurements, structure, validation = without_trends(measurements, structure, validation)
     evidence = plain = gather(measurements, structure)
@@ -96,10 +104,10 @@ def diagnose(
         fault = _fault_first(evidence, blind, judged.fault, validation, notes)
         return replace(of_use(with_doubt(fault, evidence), measurements), clock=clock).seen_by(structure.robot)
     unseen = Unseen.of(validation, evidence)
-    found = Search(evidence, blind if unseen is None else Stage.of(evidence, unseen)).run(tell)
+    searched = Search(evidence, blind if unseen is None else Stage.of(evidence, unseen)).run(tell)
     tell(0.8, "weighing what was found")
     notes += undecidable(evidence, blind.folds)
-    found_all = judged.low_passes.beside(_conclude(evidence, found, validation, notes, trending))
+    found_all = judged.low_passes.beside(_conclude(evidence, searched, validation, notes, trending))
     found_all = with_doubt(with_jitter(found_all, evidence), evidence)
     return replace(of_use(with_hidden_rest(found_all, plain), measurements), clock=clock).seen_by(structure.robot)
 

@@ -73,7 +73,8 @@ class Suspect:
 
     explained: share of the excess squared error on its joints that it removes on trajectories left out of the fit.
     Mean squares by joint, (Nm)^2. experiment: the command that designs the motion which tells it from the first of
-    those that it is tied with. fix: of a fault of what is measured, the line to change.
+    those that it is tied with. fix: of a fault of what is measured, the line to change. probability: that it is
+    missing, where sets of effects were compared.
     """
 
     effect: Effect
@@ -87,6 +88,7 @@ class Suspect:
     tied_with: tuple[str, ...]
     experiment: str | None
     fix: str | None = None
+    probability: float | None = None
 
     @property
     def label(self) -> str:
@@ -116,6 +118,7 @@ class Suspect:
             "rank": rank,
             "p_value": self.p_value,
             "explained": self.explained,
+            "probability": self.probability,
             "residual_mse_before": dict(self.mse_before),
             "residual_mse_after": dict(self.mse_after),
             "validation_mse_before": None if self.validation_before is None else dict(self.validation_before),
@@ -163,7 +166,8 @@ class Diagnosis:
 
     hidden_from_sensor: by joint the effects that were no candidates, since effort is measured where they don't show.
     hidden_in_path: the joints whose remainder may all be of the part of the path that noise of the positions hides.
-    clock: what the recordings say against the clock of their stamps, empty where nothing.
+    clock: what the recordings say against the clock of their stamps, empty where nothing. tied_sets: the sets of
+    effects that the recordings can't tell apart, the missing one first.
     """
 
     verdict: Verdict
@@ -175,6 +179,7 @@ class Diagnosis:
     hidden_from_sensor: Mapping[str, tuple[str, ...]] = field(default_factory=dict)
     hidden_in_path: tuple[str, ...] = ()
     clock: str = ""
+    tied_sets: tuple[tuple[str, ...], ...] = ()
 
     @property
     def in_words(self) -> str:
@@ -243,6 +248,7 @@ class Diagnosis:
                 "where": self.unexplained.where,
             },
             "clock": self.clock or None,
+            "tied_sets": [list(labels) for labels in self.tied_sets],
             "hidden_in_path": list(self.hidden_in_path),
             "hidden_from_sensor": {joint: list(names) for joint, names in self.hidden_from_sensor.items()},
             "notes": list(self.notes),

@@ -7,6 +7,7 @@ from functools import lru_cache
 from typing import Any
 
 import numpy as np
+import pinocchio as pin
 
 from robot_ident.effects.effect import Coefficient, Course, Effect, Mathematics, Signals, Torques
 from robot_ident.robot.rigid_body import RigidBody
@@ -66,11 +67,13 @@ class BaseTilt(Effect):
 _SPANNED = 1e-8  # share of a column's norm that may remain
 
 
-def spans_sine(rigid: RigidBody, joint: int) -> bool:
-    """Return whether a torque sin(q) on a joint merges with gravity on the links (no other torque along with it)."""
+def spans_sine(rigid: RigidBody, joint: int, angle: float = 0.0) -> bool:
+    """Return whether a torque sin(q - angle) on a joint merges with gravity on the links, no other torque along with
+    it.
+    """
     motion, basis = _span(rigid)
     column = np.zeros((motion.samples, rigid.n))
-    column[:, joint] = np.sin(motion.q[:, joint])
+    column[:, joint] = np.sin(motion.q[:, joint] - angle)
     c = column.ravel() / np.linalg.norm(column)
     return bool(np.linalg.norm(c - basis @ (basis.T @ c)) < _SPANNED)
 
@@ -81,6 +84,32 @@ def gravity_loads(rigid: RigidBody, joint: int) -> bool:
     still = np.zeros((5, rigid.n))
     y = rigid.regressor(Motion(motion.q[:5], still, still))
     return bool(np.abs(y[:, joint]).max() > 1e-6)
+
+
+_OFF_AXIS = 0.05  # m by which the next joint must lie off an axis for the link to have a direction
+_LEVEL = 0.3  # sine of the angle between axis and vertical from which on a link can point up
+
+
+def upright(rigid: RigidBody, joint: int) -> float | None:
+    """Return the angle of a revolute joint at which the next joint off its axis lies straight above it, the joints
+    between at zero; None where the axis is nearly vertical or no joint lies off it.
+    """
+    model = rigid.model
+    data = model.createData()
+    pin.forwardKinematics(model, data, pin.neutral(model))
+    here = data.oMi[joint + 1]
+    axis = here.rotation @ pin.computeJointJacobian(model, data, pin.neutral(model), joint + 1)[3:, joint]
+    up = -np.array(model.gravity.linear, dtype=float)
+    up /= max(float(np.linalg.norm(up)), 1e-12)
+    up -= axis * (axis @ up)
+    if np.linalg.norm(up) < _LEVEL:
+        return None
+    for further in range(joint + 2, model.njoints):
+        arm = data.oMi[further].translation - here.translation
+        arm = arm - axis * (axis @ arm)
+        if np.linalg.norm(arm) > _OFF_AXIS:
+            return float(np.arctan2(axis @ np.cross(arm, up), arm @ up))
+    return None
 
 
 @lru_cache(maxsize=8)

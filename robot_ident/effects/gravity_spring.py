@@ -5,9 +5,13 @@ from __future__ import annotations
 from collections.abc import Mapping, Sequence
 from typing import Any
 
-from robot_ident.effects.base_tilt import gravity_loads, spans_sine
+import numpy as np
+
+from robot_ident.effects.base_tilt import gravity_loads, spans_sine, upright
 from robot_ident.effects.effect import Coefficient, Effect, Inner, Mathematics, Signals
 from robot_ident.robot.robot import Robot
+
+_UPRIGHT = 0.1  # sine of the angle at q = 0 below which the link counts as upright
 
 
 class GravitySpring(Effect):
@@ -18,7 +22,8 @@ class GravitySpring(Effect):
     for k [kN/m] and -1000 L r sin(q) / d(q) for k l0 [kN]. Else rho = r / L is searched; the columns, which span the
     same, are sin(q) for r (k L - k l0) and sin(q) (1 - 1 / sqrt(1 + rho^2 - 2 rho cos q)) / rho for k l0 r^2 / L [Nm],
     what bends the law of a spring that is zero-length. Where sin(q) merges with gravity on the links (at a joint with
-    a fixed horizontal axis) the second alone is left.
+    a fixed horizontal axis) the second alone is left. Where the link is not upright at q = 0, q - `angle` stands for q,
+    the angle at which it points straight at an anchor above or below its axis.
     """
 
     name = "gravity_spring"
@@ -49,7 +54,7 @@ class GravitySpring(Effect):
     def __init__(self, robot: Robot, joint: int | None, setting: Mapping[str, float] | None = None) -> None:
         """Read the spring's geometry from the robot, where it gives one, and leave out what merges with gravity."""
         super().__init__(robot, joint, setting)
-        self.merges = spans_sine(robot.rigid, self.joint)
+        self.merges = spans_sine(robot.rigid, self.joint, self.setting.get("angle", 0.0))
         stiffness, rest = type(self).coefficients
         if self.spring is None:
             stiffness = Coefficient("net", "Nm", "N")
@@ -62,12 +67,19 @@ class GravitySpring(Effect):
         return self.robot.springs.get(self.robot.joints[self.joint])
 
     def placed_inner(self) -> tuple[Inner, ...]:
-        """Search the ratio only where the geometry isn't known."""
-        return super().placed_inner() if self.spring is None else ()
+        """Search the ratio only where the geometry isn't known, the angle where the link isn't upright at zero."""
+        if self.spring is not None:
+            return ()
+        up = None if self.whole else upright(self.robot.rigid, self.joint)
+        if up is None or abs(np.sin(up)) < _UPRIGHT:
+            return super().placed_inner()
+        other = up - np.pi if up > 0.0 else up + np.pi
+        return (*super().placed_inner(), Inner("angle", "rad", "rad", -np.pi, np.pi, (up, other), continuous=False))
 
     def full_terms(self, x: Signals, m: Mathematics) -> Sequence[dict[int, Any]]:
         """Return both columns."""
-        sine, cosine = m.sin(x.q[self.joint]), m.cos(x.q[self.joint])
+        q = x.q[self.joint] - self.setting.get("angle", 0.0)
+        sine, cosine = m.sin(q), m.cos(q)
         if self.spring is None:
             ratio = self.setting["ratio"]
             stretch = m.sqrt(1 + ratio**2 - 2 * ratio * cosine)

@@ -16,7 +16,7 @@ from typing import Any
 import numpy as np
 from pydantic import TypeAdapter
 
-from robot_ident.diagnosis.diagnose import diagnose
+from robot_ident.diagnosis.diagnose import Procedure, diagnose
 from robot_ident.diagnosis.diagnosis import Diagnosis
 from robot_ident.errors import InputError
 from robot_ident.estimation.identify import estimate
@@ -87,7 +87,7 @@ class Setting:
     """What all cases of a trial share.
 
     training: motions that are identified and diagnosed; unseen: one that no fit sees. periods of each; noise: factor on
-    the variances of the robot's noise.
+    the variances of the robot's noise. procedure: of the diagnosis.
     """
 
     robot: Robot
@@ -95,6 +95,7 @@ class Setting:
     unseen: FourierSeries
     periods: int = 16
     noise: float = 1.0
+    procedure: Procedure = "rules"
 
 
 @dataclass(frozen=True)
@@ -175,7 +176,7 @@ def run_case(case: Case, setting: Setting) -> Outcome:
     measurements = [process(recording, robot) for recording in recordings]
     structure = Structure.build(robot)
     started = time.process_time()
-    found = diagnose(measurements, structure)
+    found = diagnose(measurements, structure, procedure=setting.procedure)
     seconds = time.process_time() - started
     errors, trouble = _errors(measurements, structure, found, TrueMotion.of(plays[-1]))
     return outcome(
@@ -203,7 +204,7 @@ def _run_measuring_case(case: Case, setting: Setting) -> Outcome:
     measurements = [process(recording, robot) for recording in recordings]
     structure = Structure.build(robot)
     started = time.process_time()
-    found = diagnose(measurements, structure)
+    found = diagnose(measurements, structure, procedure=setting.procedure)
     seconds = time.process_time() - started
     visible = _visible_of_fault(fault, case, setting, structure)
     hidden = fault.text(robot)

@@ -1,0 +1,78 @@
+"""Does a selected effect keep its size all over the motion and on every joint? A cause does, its likeness doesn't.
+
+A column x is split in two: where another joint stands in one half of its range or the other, where the joint turns one
+way or the other; a column of several joints is split by joint as well. Where the parts, each with a linear parameter of
+its own, predict motion that was not fitted better than the whole, the effect changes with something it does not depend
+on: what acts there is another cause.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+from dataclasses import dataclass
+
+import numpy as np
+
+from robot_ident.diagnosis.selection.data_set import DataSet
+from robot_ident.diagnosis.selection.fitted_set import FittedSet
+from robot_ident.diagnosis.selection.hypotheses import Hypothesis
+from robot_ident.signals.motion import Mask
+
+_FREE = (-np.inf, np.inf)
+
+
+@dataclass(frozen=True)
+class Split:
+    """How an effect was split, in words, and by how much more its parts explain of motion that was not fitted.
+
+    more: fall of the squared error beyond that of the whole effect; parameters: how many more there are.
+    """
+
+    words: str
+    more: float
+    parameters: int
+
+
+def splits(given: FittedSet, h: Hypothesis) -> Iterator[Split]:
+    """Yield what each split of an effect predicts beside a set without it."""
+    data = given.data
+    whole = _held_out(given, _free(h))
+    if len(h.joints) > 1:
+        parts = [Hypothesis(h.effect, {joint: at}, (_FREE,) * len(h.ranges)) for joint, at in h.at.items()]
+        yield Split("by joint", _held_out(given, *parts) - whole, len(h.ranges) * (len(parts) - 1))
+    names = data.structure.robot.joints
+    for k in range(data.n):
+        for words, part in (
+            (f"by the position of {names[k]}", _upper_half(data, k)),
+            (f"by the direction of {names[k]}", _forward(data, k)),
+        ):
+            half = _part(data, h, part)
+            if half is not None:
+                yield Split(words, _held_out(given, _free(h), half) - whole, len(h.ranges))
+
+
+def _free(h: Hypothesis) -> Hypothesis:
+    return Hypothesis(h.effect, h.at, (_FREE,) * len(h.ranges))
+
+
+def _held_out(given: FittedSet, *new: Hypothesis) -> float:
+    return float((given.held_out_gain(*new) / given.dispersion).sum())
+
+
+def _upper_half(data: DataSet, joint: int) -> list[Mask]:
+    together = np.concatenate([t.motion.q[:, joint] for t in data.folds[: data.training]])
+    middle = float(np.median(together))
+    return [np.asarray(t.motion.q[:, joint] > middle) for t in data.folds]
+
+
+def _forward(data: DataSet, joint: int) -> list[Mask]:
+    return [np.asarray(t.motion.dq[:, joint] > 0.0) for t in data.folds]
+
+
+def _part(data: DataSet, h: Hypothesis, rows: list[Mask]) -> Hypothesis | None:
+    """Return an effect where some rows [N] of each fold's motion are, as a hypothesis of its own."""
+    columns = data.columns(h.effect, rows)
+    if not columns:
+        return None
+    at = {joint: data.pools[joint].add(some) for joint, some in columns.items() if joint in h.at}
+    return Hypothesis(h.effect, at, (_FREE,) * len(h.ranges)) if at else None

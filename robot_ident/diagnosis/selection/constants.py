@@ -1,0 +1,48 @@
+"""What the selection takes for granted: each constant with its meaning, its unit and where it comes from."""
+
+from __future__ import annotations
+
+STANDARD_ERRORS = 2.0
+"""By which the mean fall of the squared error in held-out blocks must exceed zero: 2.3 % one-sided by chance."""
+
+BLOCK = 0.5
+"""s; errors of motion farther apart are taken as independent: the correlation time of what slow formulas leave."""
+
+FAINT = 0.01
+"""Weight of a recording that is left out: parameters that only it determines follow it instead of their noise."""
+
+FORMULA_ERROR = 0.15
+"""Relative rms error of an effect's formula: what it leaves of a real cause is no second cause."""
+
+FIRST_ORDER_ERROR = {"joint_elasticity": 0.4, "backlash": 0.5}
+"""The same of formulas that hold to first order in a small displacement."""
+
+LEAST_TORQUE = 0.25 / 400.0
+"""Nm rms per Nm of a joint's range below which nothing is worth a name: the paper's arm, .25 Nm of 400 Nm."""
+
+SHARE = 0.5
+"""Of a joint's excess that the selected effects must explain for any of them to be named there."""
+
+FLEXIBLE_SHARE = 0.2
+"""Of a joint's excess by which a flexible model may predict it better before the cause counts as unknown."""
+
+FLEXIBLE_ERRORS = 3.0
+"""Standard errors by which it must do so."""
+
+NAMED = 0.8
+"""Probability from which on an effect is named; below, it is listed with its alternatives."""
+
+ALTERNATIVE = 0.05
+"""Share of the resamples from which on another set counts as an alternative."""
+
+RESAMPLES = 200
+"""Of the blocks, for the probabilities: .8 +- .03."""
+
+PAIRS = 25
+"""Pairs on one joint that get a held-out look, the best by the score test."""
+
+REFINED = 4
+"""Hypotheses whose nonlinear parameters are refined in one step, the best by held-out gain."""
+
+LARGEST_SET = 12
+"""Effects that are selected at most."""

@@ -1,0 +1,214 @@
+"""The rows of a selection: whitened torque and base columns, joint by joint and fold by fold."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass, replace
+
+import numpy as np
+from numpy.typing import NDArray
+
+from robot_ident.diagnosis.evidence import Evidence, Trajectory, fitted, gather, split, trajectory
+from robot_ident.diagnosis.selection.constants import BLOCK, FAINT, LEAST_TORQUE
+from robot_ident.diagnosis.selection.gram_pool import GramPool
+from robot_ident.diagnosis.selection.hypotheses import Hypothesis, hypotheses_of
+from robot_ident.diagnosis.selection.reversals import unresolved_rows
+from robot_ident.diagnosis.spectrum import white_lines, whitened
+from robot_ident.effects import Effect, Torques
+from robot_ident.model.structure import Structure
+from robot_ident.recording.measurement import Measurement
+from robot_ident.signals.motion import Array, Mask
+
+_PARTS = 8  # of the only recording, each of which is left out in turn
+
+
+@dataclass(frozen=True)
+class Rows:
+    """Recordings that are fitted, and recordings that only validate, as folds of whitened rows.
+
+    tested: the training recordings in units of their noise, for tests of the model as it is. evidence, validation: the
+    same with the path's lines taken as uncertain as their noise is large, for comparing sets: what does not stand above
+    the noise may still be there, since fast effects shake the joint they act on. dof [F, n]: what the squared error of
+    noise alone adds up to then.
+    """
+
+    tested: Evidence
+    evidence: Evidence
+    validation: tuple[Trajectory, ...]
+    dof: Array
+
+    @classmethod
+    def of(
+        cls, measurements: Sequence[Measurement], structure: Structure, validation: Sequence[Measurement] = ()
+    ) -> Rows:
+        """Leave out the rows around reversals, put the rest in units of its noise, split the only recording."""
+        plain = gather(measurements, structure)
+        pairs = zip(plain.trajectories, plain.torques, strict=True)
+        kept = fitted(
+            structure, tuple(_without_reversals(t, torques) for t, torques in pairs), plain.rigid, plain.memory
+        )
+        if len(measurements) == 1:
+            kept = split(kept, _PARTS)
+        tested = whitened(kept)
+        aside = [_without_reversals(t, structure.torques(t.motion, kept.values)) for t in map(trajectory, validation)]
+        before = [*tested.trajectories, *white_lines(aside, kept)]
+        doubted = [_path_as_uncertain_as_seen(t) for t in (*kept.trajectories, *aside)]
+        after = white_lines(doubted, kept)
+        training = after[: len(kept.trajectories)]
+        evidence = fitted(structure, training, kept.rigid, kept.memory)
+        dof = np.array([_left_of_noise(*pair) for pair in zip(before, after, strict=True)])
+        return cls(tested, evidence, after[len(training) :], dof)
+
+
+def _path_as_uncertain_as_seen(t: Trajectory) -> Trajectory:
+    share = t.measured.line_share
+    return t if share is None else replace(t, measured=replace(t.measured, line_share=np.ones_like(share)))
+
+
+def _left_of_noise(before: Trajectory, after: Trajectory) -> Array:
+    """Return the squared error [n] that noise makes of rows whose lines weigh less than in units of it."""
+    if after.whitening is None:
+        return after.dof
+    full = np.ones_like(after.whitening) if before.whitening is None else before.whitening
+    return np.asarray(after.dof * np.mean((after.whitening / full) ** 2, axis=0))
+
+
+def _without_reversals(t: Trajectory, torques: Torques) -> Trajectory:
+    """Return a trajectory without the rows that unresolved motion at reversals spoils."""
+    assert torques.rigid is not None
+    sigma = np.sqrt(t.measured.averaged_variance)
+    spoilt = unresolved_rows(t.measured, torques.rigid.inertia, sigma)[t.measured.rows]
+    return t.weighed_by(np.where(spoilt, 0.0, t.weight)) if spoilt.any() else t
+
+
+class DataSet:
+    """Folds of whitened rows with the columns of the base and of all hypotheses.
+
+    The first `training` folds are fitted, each of them left out in turn; the others only validate. base [n][F] of [N,
+    p], y [n][F] of [N], dof [F, n] independent rows, blocks [F] of [N]: the block of each row. base_own [F, n, p, p],
+    base_torque [F, n, p], power [F, n]: inner products. least [n]: the squared error of the least torque worth a name.
+    """
+
+    def __init__(self, rows: Rows) -> None:
+        """Take the rows apart by joint and compute the columns of all hypotheses once."""
+        evidence = rows.evidence
+        self.structure, self.n = evidence.structure, evidence.structure.robot.n
+        self.folds = [*evidence.trajectories, *rows.validation]
+        self.training = len(evidence.trajectories)
+        self.torques, phi = self._seen(evidence, rows.validation)
+        self.p = phi[0].shape[2]
+        self.base = [[np.ascontiguousarray(x[:, j]) for x in phi] for j in range(self.n)]
+        self.y = [[np.ascontiguousarray(t.y[:, j]) for t in self.folds] for j in range(self.n)]
+        self.base_own = np.array([[b.T @ b for b in of_joint] for of_joint in self.base]).swapaxes(0, 1)
+        self.base_torque = np.array(
+            [[b.T @ y for b, y in zip(*pair, strict=True)] for pair in zip(self.base, self.y, strict=True)]
+        ).swapaxes(0, 1)
+        self.power = np.array([[y @ y for y in of_joint] for of_joint in self.y]).T
+        self.dof = rows.dof
+        self.blocks = [_blocks(t) for t in self.folds]
+        self.weights = np.array([np.sum(t.weight**2, axis=0) for t in self.folds])
+        self.least = np.array([_least_torque(evidence, j) ** 2 for j in range(self.n)])
+        self.pools = [GramPool(*pair) for pair in zip(self.base, self.y, strict=True)]
+        self.hypotheses: dict[str, list[Hypothesis]] = {}
+        self._add_all(evidence)
+        self.grid = {label: len(settings) for label, settings in self.hypotheses.items()}
+
+    def _seen(self, evidence: Evidence, validation: Sequence[Trajectory]) -> tuple[list[Torques], list[Array]]:
+        """Return torques and whitened base columns of every fold."""
+        torques, phi = list(evidence.torques), list(evidence.phi)
+        for t in validation:
+            rigid = self.structure.rigid_columns(t.motion)
+            phi.append(t.weighed(self.structure.columns(t.motion, evidence.values, rigid)))
+            torques.append(self.structure.torques(t.motion, evidence.values, rigid))
+        return torques, phi
+
+    @property
+    def block_count(self) -> int:
+        """Number of blocks in all folds."""
+        return sum(int(blocks[-1]) + 1 for blocks in self.blocks)
+
+    def _add_all(self, evidence: Evidence) -> None:
+        """Add every hypothesis at every value of its nonlinear parameters, joint by joint at once."""
+        longest = max((t.motion for t in evidence.trajectories), key=lambda motion: motion.samples)
+        averaged = all(t.motion.periodic for t in evidence.trajectories)
+        made: list[tuple[Effect, dict[int, list[Array]]]] = []
+        for effect in hypotheses_of(self.structure, averaged=averaged):
+            for setting in effect.settings(longest) or [{}]:
+                at = effect.at(setting)
+                columns = self.columns(at)
+                if columns:
+                    made.append((at, columns))
+        places: list[dict[int, Array]] = [{} for _ in made]
+        for joint in range(self.n):
+            mine = [k for k, (_, columns) in enumerate(made) if joint in columns]
+            if not mine:
+                continue
+            sizes = [made[k][1][joint][0].shape[1] for k in mine]
+            together = [
+                np.concatenate([made[k][1][joint][fold] for k in mine], axis=1) for fold in range(len(self.folds))
+            ]
+            added = self.pools[joint].add(together)
+            for k, some in zip(mine, np.split(added, np.cumsum(sizes)[:-1]), strict=True):
+                places[k][joint] = some
+        for (effect, _), mine_at in zip(made, places, strict=True):
+            self.hypotheses.setdefault(effect.label, []).append(Hypothesis(effect, mine_at, effect.ranges))
+
+    def columns(self, effect: Effect, only: Sequence[Mask] | None = None) -> dict[int, list[Array]]:
+        """Return an effect's whitened columns by joint that it touches: [N, k] of every fold.
+
+        only: rows [N] of each fold's motion outside of which they are zero.
+        """
+        raw: dict[int, Array] = {}
+        for number, (t, torques) in enumerate(zip(self.folds, self.torques, strict=True)):
+            if id(t.measured) not in raw:
+                made = effect.columns(t.motion, torques)
+                raw[id(t.measured)] = made if only is None else made * only[number][:, None, None]
+        touched = np.flatnonzero(np.any([np.any(c != 0, axis=(0, 2)) for c in raw.values()], axis=0))
+        out: dict[int, list[Array]] = {int(j): [] for j in touched}
+        passed: dict[int, Array] = {}
+        for t in self.folds:
+            key = id(t.measured)
+            if key not in passed:
+                passed[key] = t.measured.passed(raw[key][:, touched])
+            white = t.in_noise(passed[key], [int(j) for j in touched])
+            for place, j in enumerate(touched):
+                out[int(j)].append(white[:, place])
+        return out
+
+    def add(self, effect: Effect) -> Hypothesis | None:
+        """Add an effect at further values of its nonlinear parameters; None where its columns are zero."""
+        columns = self.columns(effect)
+        if not columns:
+            return None
+        at = {joint: self.pools[joint].add(some) for joint, some in columns.items()}
+        made = Hypothesis(effect, at, effect.ranges)
+        self.hypotheses.setdefault(effect.label, []).append(made)
+        return made
+
+    def left_out_weights(self) -> list[tuple[Array, list[int]]]:
+        """Return weights [F] of every fit and the folds that it predicts: all but one, and all for the validation."""
+        whole = np.zeros(len(self.folds))
+        whole[: self.training] = 1.0
+        out = []
+        for fold in range(self.training):
+            weights = whole.copy()
+            weights[fold] = FAINT
+            out.append((weights, [fold]))
+        return [*out, (whole, list(range(self.training, len(self.folds))))]
+
+
+def _blocks(t: Trajectory) -> NDArray[np.intp]:
+    size = max(1, round(BLOCK / (t.measured.dt * t.measured.decimate)))
+    return np.arange(len(t.y)) // size
+
+
+def _least_torque(evidence: Evidence, joint: int) -> float:
+    """Return the torque [Nm rms] that something on a joint must make to be worth a name.
+
+    In A, where a drive's gain is unknown, the limit isn't: twice what the motions need stands for it.
+    """
+    robot = evidence.structure.robot
+    limit = float(robot.limits.torque[joint])
+    if robot.in_ampere(joint) or not np.isfinite(limit):
+        limit = 2.0 * max(float(np.abs(t.measured.torque[:, joint]).max()) for t in evidence.trajectories)
+    return LEAST_TORQUE * limit

@@ -1,0 +1,108 @@
+"""The selection of a data set as a diagnosis: verdict, named effects, what adding them does, alternatives, notes."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+
+import numpy as np
+
+from robot_ident.design.discrimination import experiment_between
+from robot_ident.diagnosis.before_after import errors, estimates, mean_squares
+from robot_ident.diagnosis.diagnosis import Diagnosis, Suspect, Verdict
+from robot_ident.diagnosis.evidence import Evidence, extended
+from robot_ident.diagnosis.lack_of_fit import lack_of_fit
+from robot_ident.diagnosis.power import unseen_below
+from robot_ident.diagnosis.progress import Tell, silent
+from robot_ident.diagnosis.scan import base_gram
+from robot_ident.diagnosis.selection.constants import ALTERNATIVE, NAMED
+from robot_ident.diagnosis.selection.hypotheses import Hypothesis
+from robot_ident.diagnosis.selection.select import Selection, select
+from robot_ident.diagnosis.unexplained import explain_by_variables
+from robot_ident.model.structure import Structure
+from robot_ident.recording.measurement import Measurement
+
+
+def diagnose_by_sets(
+    measurements: Sequence[Measurement],
+    structure: Structure,
+    validation: Sequence[Measurement] = (),
+    tell: Tell = silent,
+) -> Diagnosis:
+    """Return what is missing from a model, as the set of effects that predicts motion which was not fitted best.
+
+    The recordings tell their noise; validation recordings never enter a fit. An effect is named at a probability of .8
+    and more; below, it is listed, and the verdict is `not_decidable` where nothing else is named.
+    """
+    found = select(measurements, structure, validation, tell)
+    named = [h for h in found.selected if found.probability(h.label) >= NAMED]
+    unsure = [h for h in found.selected if h not in named]
+    evidence = found.tested
+    findings = {h.label: _finding(found, h, validation) for h in found.selected}
+    with_all = extended(evidence, [h.effect for h in named]) if named else evidence
+    fits = lack_of_fit(with_all, base_gram(with_all)) if named else found.fits
+    failing = [j for j, fit in enumerate(found.fits) if fit.fails]
+    verdict: Verdict = "missing" if named else "not_decidable" if unsure else "unexplained" if failing else "adequate"
+    worst = max((j for j, fit in enumerate(fits) if fit.fails), key=lambda j: fits[j].statistic, default=None)
+    rest = None if worst is None else explain_by_variables(with_all, worst)
+    return Diagnosis(
+        verdict,
+        tuple(findings[h.label] for h in named),
+        tuple(findings[h.label] for h in unsure),
+        {name: float(np.sqrt(fit.excess)) for name, fit in zip(structure.robot.joints, fits, strict=True)},
+        rest,
+        tuple(_notes(found, evidence, verdict)),
+        tied_sets=_alternatives(found),
+    )
+
+
+def _finding(found: Selection, h: Hypothesis, validation: Sequence[Measurement]) -> Suspect:
+    """Return a selected effect with what adding it beside the others does."""
+    from scipy.special import chdtrc
+
+    others = [x for x in found.selected if x is not h]
+    before = extended(found.tested, [x.effect for x in others]) if others else found.tested
+    after = extended(before, [h.effect])
+    given = found.search.given(others)
+    instead = sorted({label for labels in _instead_of(found, h.label) for label in labels})
+    effects = [settings[0].effect for label in instead if (settings := found.data.hypotheses.get(label))]
+    return Suspect(
+        effect=h.effect,
+        p_value=min(1.0, float(chdtrc(h.effect.size, max(given.gain(h), 0.0))) * len(found.data.hypotheses)),
+        explained=float(np.clip(found.search.share(h, others), 0.0, 1.0)),
+        mse_before=mean_squares(before),
+        mse_after=mean_squares(after),
+        validation_before=errors(before, validation) if validation else None,
+        validation_after=errors(after, validation) if validation else None,
+        parameters=estimates(after, h.effect),
+        tied_with=tuple(instead),
+        experiment=experiment_between(h.effect, effects, found.data.structure.robot),
+        probability=found.probability(h.label),
+    )
+
+
+def _instead_of(found: Selection, label: str) -> list[list[str]]:
+    """Return what other sets hold in the place of an effect."""
+    if found.election is None:
+        return []
+    mine = {h.label for h in found.selected}
+    return [
+        [other for other in labels if other not in mine]
+        for labels, share in found.election.shares.items()
+        if share >= ALTERNATIVE and label not in labels
+    ]
+
+
+def _alternatives(found: Selection) -> tuple[tuple[str, ...], ...]:
+    """Return the sets that the data can't tell from the selected one, itself first; empty where there is none."""
+    if found.election is None:
+        return ()
+    mine = tuple(sorted(h.label for h in found.selected))
+    others = [labels for labels, share in found.election.shares.items() if share >= ALTERNATIVE and labels != mine]
+    return (mine, *others) if others else ()
+
+
+def _notes(found: Selection, evidence: Evidence, verdict: Verdict) -> list[str]:
+    notes = [f"{one.label} is not named: {one.why}" for one in found.withheld]
+    if verdict == "adequate":
+        notes.append(unseen_below(evidence))
+    return list(dict.fromkeys(notes))

@@ -1,0 +1,310 @@
+"""A set of selected effects beside the base, fitted to all recordings and to all but each; what a further one gains.
+
+All of it follows from inner products by joint and fold. With base and selected effects E, a further column x leaves A =
+x'x - x'E (E'E)^-1 E'x of itself and gains r^2 / A, r = x'(y - E v) (Frisch and Waugh 1933).
+"""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+
+import numpy as np
+
+from robot_ident.diagnosis.selection.data_set import DataSet
+from robot_ident.diagnosis.selection.hypotheses import Hypothesis
+from robot_ident.signals.motion import Array
+
+_OPEN = 1e-11  # of the largest eigenvalue of the scaled normal matrix: below, the data leave a direction open
+_HELD = 1e-9  # of a column's own square: with less after projection the model holds it already
+
+
+def inverse(square: Array) -> Array:
+    """Return the pseudo-inverse of a normal matrix, its columns scaled to one first."""
+    size = np.sqrt(np.maximum(np.diag(square), 1e-300))
+    values, vectors = np.linalg.eigh(square / size[:, None] / size)
+    kept = values > _OPEN * values[-1]
+    root = vectors[:, kept] / np.sqrt(values[kept]) / size[:, None]
+    return np.asarray(root @ root.T)
+
+
+def within(square: Array, right: Array, size: Array, ranges: Sequence[tuple[float, float]]) -> Array:
+    """Return coefficients c of the least squares problem square c = right, each in its range or zero."""
+    out = np.zeros(len(right))
+    alive = [k for k in range(len(right)) if square[k, k] > _HELD * size[k]]
+    while alive:
+        some = square[np.ix_(alive, alive)]
+        scale = np.sqrt(np.diag(some))
+        solved = np.linalg.lstsq(some / scale / scale[:, None], right[alive] / scale, rcond=1e-8)[0] / scale
+        beyond = [max(ranges[k][0] - v, v - ranges[k][1], 0.0) for k, v in zip(alive, solved, strict=True)]
+        if max(beyond) <= 0.0:
+            out[alive] = solved
+            break
+        alive.pop(int(np.argmax(beyond)))
+    return out
+
+
+@dataclass(frozen=True)
+class Fit:
+    """One fit: weights [F] of the folds, the folds that it predicts, the inverse normal matrix [q, q], parameters [q],
+    and for the folds that it predicts the inner products E'(y - E v) [n, q].
+    """
+
+    weights: Array
+    predicts: list[int]
+    inverse: Array
+    values: Array
+    rest: dict[int, Array]
+
+
+@dataclass(frozen=True)
+class _InPool:
+    """A joint's pool beside one fit: E'x [q, P], (E'E)^-1 E'x [q, P], x'x [P, P], x'(y - E v) [P] of the fitted rows,
+    and of the predicted folds.
+    """
+
+    cross: Array
+    projected: Array
+    own: Array
+    right: Array
+    predicted: dict[int, Array]
+
+
+@dataclass(frozen=True)
+class Addition:
+    """One hypothesis or several beside one fit: normal matrix after projection, squares, right side, (E'E)^-1 E'x."""
+
+    square: Array
+    size: Array
+    right: Array
+    projected: Array
+
+
+class FittedSet:
+    """Base and selected effects, fitted; loss [F, n]: squared error of every fold by the fit that predicts it.
+
+    dispersion [F, n]: by which the squared errors of a joint are divided: what it lacks weighs its rows down.
+    """
+
+    def __init__(self, data: DataSet, selected: Sequence[Hypothesis], dispersion: Array) -> None:
+        """Fit all folds and all but each."""
+        self.data, self.selected, self.dispersion = data, tuple(selected), dispersion
+        ends = np.cumsum([data.p, *(len(h.ranges) for h in selected)])
+        self.spans = [np.arange(*pair) for pair in zip(ends[:-1], ends[1:], strict=True)]
+        self.q = int(ends[-1])
+        self.own, self.torque = self._inner_products()
+        self.loss = np.zeros_like(data.power)
+        self.fits = self._fits()
+        self._pools: dict[tuple[int, int], tuple[Array, list[_InPool]]] = {}
+        self._blocks: list[Array] | None = None
+
+    def _inner_products(self) -> tuple[Array, Array]:
+        """Return E'E [F, n, q, q] and E'y [F, n, q]."""
+        data, p = self.data, self.data.p
+        own = np.zeros((*data.power.shape, self.q, self.q))
+        torque = np.zeros((*data.power.shape, self.q))
+        own[:, :, :p, :p], torque[:, :, :p] = data.base_own, data.base_torque
+        for mine, span in zip(self.selected, self.spans, strict=True):
+            for j, at in mine.at.items():
+                pool = data.pools[j]
+                cross = pool.cross[:, :, at]
+                own[:, j, :p, span[0] : span[-1] + 1] = cross
+                own[:, j, span[0] : span[-1] + 1, :p] = cross.swapaxes(1, 2)
+                torque[:, j, span] = pool.torque[:, at]
+                for other, beside in zip(self.selected, self.spans, strict=True):
+                    if j in other.at:
+                        block = pool.own[:, at[:, None], other.at[j]]
+                        own[:, j, span[0] : span[-1] + 1, beside[0] : beside[-1] + 1] = block
+        return own, torque
+
+    def _fits(self) -> list[Fit]:
+        data = self.data
+        ranges = [(-np.inf, np.inf)] * data.p + [r for h in self.selected for r in h.ranges]
+        scaled = 1.0 / self.dispersion
+        own, torque = np.einsum("fjpq,fj->fpq", self.own, scaled), np.einsum("fjp,fj->fp", self.torque, scaled)
+        out = []
+        for weights, predicts in data.left_out_weights():
+            square, right = np.tensordot(weights, own, 1), weights @ torque
+            kept = np.arange(self.q)
+            while True:
+                whole = np.zeros_like(square)
+                whole[np.ix_(kept, kept)] = inverse(square[np.ix_(kept, kept)])
+                values = whole @ right
+                outside = [k for k in kept if not ranges[k][0] <= values[k] <= ranges[k][1]]
+                if not outside:
+                    break
+                kept = np.setdiff1d(kept, outside)
+            rest = {}
+            for f in predicts:
+                rest[f] = self.torque[f] - self.own[f] @ values
+                self.loss[f] = (
+                    data.power[f] - 2.0 * self.torque[f] @ values + np.einsum("q,jqr,r->j", values, self.own[f], values)
+                )
+            out.append(Fit(weights, predicts, whole, values, rest))
+        return out
+
+    @property
+    def whole(self) -> Fit:
+        """The fit to all training folds."""
+        return self.fits[-1]
+
+    def fitted_loss(self) -> Array:
+        """Return the squared error [n] of the training folds in the fit to all of them."""
+        data, v = self.data, self.whole.values
+        folds = range(data.training)
+        return np.asarray(
+            sum(data.power[f] - 2.0 * self.torque[f] @ v + np.einsum("q,jqr,r->j", v, self.own[f], v) for f in folds)
+        )
+
+    def parameters_of(self) -> Array:
+        """Return the number of parameters [n] that the fit to all training folds spends on each joint."""
+        used = self.own[: self.data.training] / self.dispersion[: self.data.training, :, None, None]
+        return np.asarray(np.einsum("pq,fjqp->j", self.whole.inverse, used))
+
+    def _pool(self, joint: int) -> tuple[Array, list[_InPool]]:
+        """Return E'x [F, q, P] of a joint's pool, and the pool beside every fit; computed again as the pool grows."""
+        data = self.data
+        pool = data.pools[joint]
+        key = (joint, pool.count)
+        if key in self._pools:
+            return self._pools[key]
+        cross = np.zeros((len(data.folds), self.q, pool.count))
+        cross[:, : data.p] = pool.cross
+        for mine, span in zip(self.selected, self.spans, strict=True):
+            if joint in mine.at:
+                cross[:, span] = pool.own[:, mine.at[joint]]
+        beside = []
+        for fit in self.fits:
+            weights = fit.weights / self.dispersion[:, joint]
+            mixed, own = np.tensordot(weights, cross, 1), np.tensordot(weights, pool.own, 1)
+            right = weights @ pool.torque - mixed.T @ fit.values
+            predicted = {f: pool.torque[f] - cross[f].T @ fit.values for f in fit.predicts}
+            beside.append(_InPool(mixed, fit.inverse @ mixed, own, right, predicted))
+        self._pools = {k: v for k, v in self._pools.items() if k[0] != joint}
+        self._pools[key] = (cross, beside)
+        return self._pools[key]
+
+    def addition(self, number: int, *new: Hypothesis) -> Addition:
+        """Return what further hypotheses are beside the fit of a number."""
+        spans = _spans(new)
+        count = sum(len(span) for span in spans)
+        square, right = np.zeros((count, count)), np.zeros(count)
+        cross, projected = np.zeros((self.q, count)), np.zeros((self.q, count))
+        for h, span in zip(new, spans, strict=True):
+            for j, at in h.at.items():
+                seen = self._pool(j)[1][number]
+                right[span] += seen.right[at]
+                cross[:, span] += seen.cross[:, at]
+                projected[:, span] += seen.projected[:, at]
+                for other, beside in zip(new, spans, strict=True):
+                    if j in other.at:
+                        square[span[:, None], beside] += seen.own[at[:, None], other.at[j]]
+        size = np.diag(square).copy()
+        return Addition(square - cross.T @ projected, size, right, projected)
+
+    def coefficients(self, number: int, *new: Hypothesis) -> tuple[Array, Addition]:
+        """Return the linear parameters of further hypotheses beside the fit of a number."""
+        made = self.addition(number, *new)
+        ranges = [r for h in new for r in h.ranges]
+        return within(made.square, made.right, made.size, ranges), made
+
+    def gain(self, *new: Hypothesis) -> float:
+        """Return the fall of the squared error of all training folds, refitted (score test)."""
+        c, made = self.coefficients(-1, *new)
+        return float(2.0 * c @ made.right - c @ made.square @ c)
+
+    def held_out_gain(self, *new: Hypothesis) -> Array:
+        """Return the fall of the squared error [F, n] of folds that were not fitted."""
+        data = self.data
+        out, spans = np.zeros_like(data.power), _spans(new)
+        for number, fit in enumerate(self.fits):
+            if not fit.predicts:
+                continue
+            c, made = self.coefficients(number, *new)
+            if not np.any(c):
+                continue
+            u = made.projected @ c
+            for f in fit.predicts:
+                fall = -2.0 * fit.rest[f] @ u - (self.own[f] @ u) @ u
+                for h, span in zip(new, spans, strict=True):
+                    for j, at in h.at.items():
+                        cross, beside = self._pool(j)
+                        fall[j] += (
+                            2.0 * beside[number].predicted[f][at] @ c[span] + 2.0 * (u @ cross[f][:, at]) @ c[span]
+                        )
+                        for other, span2 in zip(new, spans, strict=True):
+                            if j in other.at:
+                                block = data.pools[j].own[f][at[:, None], other.at[j]]
+                                fall[j] -= c[span] @ block @ c[span2]
+                out[f] = fall
+        return out
+
+    def block_losses(self, *new: Hypothesis) -> list[Array]:
+        """Return the squared error [blocks, n] of every fold's blocks, not fitted, without and with a hypothesis."""
+        if not new and self._blocks is not None:
+            return self._blocks
+        data = self.data
+        out: list[Array] = [np.zeros((0, data.n))] * len(data.folds)
+        for number, fit in enumerate(self.fits):
+            if not fit.predicts:
+                continue
+            values, spans, c = fit.values, _spans(new), np.zeros(0)
+            if new:
+                c, made = self.coefficients(number, *new)
+                values = values - made.projected @ c
+            for f in fit.predicts:
+                losses = []
+                for j in range(data.n):
+                    error = self._error(j, f, values)
+                    for h, span in zip(new, spans, strict=True):
+                        if j in h.at:
+                            error = error - data.pools[j].rows(f, h.at[j]) @ c[span]
+                    losses.append(np.asarray(np.bincount(data.blocks[f], error**2), dtype=float))
+                out[f] = np.array(losses).T
+        if not new:
+            self._blocks = out
+        return out
+
+    def _error(self, joint: int, fold: int, values: Array) -> Array:
+        """Return a joint's whitened error [N] in a fold with some parameters."""
+        data = self.data
+        error = data.y[joint][fold] - data.base[joint][fold] @ values[: data.p]
+        for h, span in zip(self.selected, self.spans, strict=True):
+            if joint in h.at:
+                error = error - data.pools[joint].rows(fold, h.at[joint]) @ values[span]
+        return np.asarray(error)
+
+    def contribution(self, mine: Hypothesis) -> Array:
+        """Return the squared torque [n] of a selected effect in the training folds, beside the base alone."""
+        data = self.data
+        c = self.whole.values[self.spans[self.selected.index(mine)]]
+        weights = np.zeros((len(data.folds), 1))
+        weights[: data.training] = 1.0
+        by_joint = weights / self.dispersion
+        square = inverse(np.einsum("fj,fjpq->pq", by_joint, data.base_own))
+        cross = sum(np.einsum("f,fpk->pk", by_joint[:, j], data.pools[j].cross[:, :, at]) for j, at in mine.at.items())
+        taken = square @ (cross @ c)
+        out = np.einsum("p,fjpq,q->j", taken, data.base_own[: data.training], taken)
+        for j, at in mine.at.items():
+            pool = data.pools[j]
+            for f in range(data.training):
+                out[j] += c @ pool.own[f][at[:, None], at] @ c - 2.0 * taken @ pool.cross[f][:, at] @ c
+        return np.asarray(out)
+
+    def single_gains(self, joint: int) -> tuple[Array, Array]:
+        """Return coefficient and right side [P] of every column of a joint's pool alone, whatever its range."""
+        seen = self._pool(joint)[1][-1]
+        own = np.diag(seen.own)
+        square = own - np.einsum("qP,qP->P", seen.cross, seen.projected)
+        free = square > _HELD * own
+        return np.where(free, seen.right / np.where(free, square, 1.0), 0.0), seen.right
+
+    def pair_matrix(self, joint: int) -> tuple[Array, Array, Array]:
+        """Return A [P, P], r [P] and x'x [P] of a joint's whole pool beside the fit to all folds."""
+        seen = self._pool(joint)[1][-1]
+        return seen.own - seen.cross.T @ seen.projected, seen.right, np.diag(seen.own)
+
+
+def _spans(new: Sequence[Hypothesis]) -> list[Array]:
+    ends = np.cumsum([0, *(len(h.ranges) for h in new)])
+    return [np.arange(*pair) for pair in zip(ends[:-1], ends[1:], strict=True)]

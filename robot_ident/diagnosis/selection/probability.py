@@ -1,0 +1,76 @@
+"""How sure a set is: the final set and its neighbours, elected anew on resamples of the blocks (RELL, Kishino 1990)."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass
+
+import numpy as np
+
+from robot_ident.diagnosis.selection.constants import RESAMPLES
+from robot_ident.diagnosis.selection.hypotheses import Hypothesis
+from robot_ident.diagnosis.selection.search import Search, Selected, names
+
+
+@dataclass(frozen=True)
+class Election:
+    """The set that wins most resamples, and the share [0, 1] of the resamples that each set wins, by its labels."""
+
+    winner: Selected
+    shares: Mapping[tuple[str, ...], float]
+    sets: Mapping[tuple[str, ...], Selected]
+
+    def probability(self, label: str) -> float:
+        """Return the share of the resamples won by sets that hold a label."""
+        return sum(share for labels, share in self.shares.items() if label in labels)
+
+
+def elect(search: Search, selected: Selected, seed: int = 0) -> Election:
+    """Resample the held-out blocks of every fold; each resample elects the set of the least objective."""
+    sets = _neighbours(search, selected)
+    data = search.data
+    labels = list(sets)
+    costs = np.array([sum(search.cost(h) for h in sets[key]) for key in labels])
+    losses = [search.given(sets[key]).block_losses() for key in labels]
+    rng = np.random.default_rng(seed)
+    objectives = np.zeros((RESAMPLES, len(labels)))
+    for f in range(len(data.folds)):
+        totals = np.array([(of_set[f] / search.dispersion[f]).sum(axis=1) for of_set in losses])
+        count = totals.shape[1]
+        if count:
+            objectives += rng.multinomial(count, np.full(count, 1.0 / count), size=RESAMPLES) @ totals.T
+    wins = np.bincount(np.argmin(objectives + costs, axis=1), minlength=len(labels)) / RESAMPLES
+    shares = {key: float(share) for key, share in zip(labels, wins, strict=True) if share > 0.0}
+    best = max(shares, key=lambda key: shares[key])
+    winner = sets[best] if shares[best] > shares.get(names(selected), 0.0) else selected
+    return Election(winner, dict(sorted(shares.items(), key=lambda pair: -pair[1])), sets)
+
+
+def _neighbours(search: Search, selected: Selected) -> dict[tuple[str, ...], Selected]:
+    """Return the set, and the sets one move away from it that may come near."""
+    out: dict[tuple[str, ...], Selected] = {names(selected): selected}
+
+    def put(new: Sequence[Hypothesis]) -> None:
+        out.setdefault(names(new), tuple(new))
+
+    for h in selected:
+        rest = tuple(x for x in selected if x is not h)
+        put(rest)
+        for _, other in search.ranked(rest)[:8]:
+            put((*rest, other))
+    for _, h in search.ranked(selected, refine=0)[:3]:
+        if search.worthwhile(h, selected):
+            put((*selected, h))
+    for joint in range(search.data.n):
+        mine = [h for h in selected if h.joints == (joint,)]
+        rest = tuple(h for h in selected if h not in mine)
+        if len(mine) >= 2:
+            for _, h in search.ranked(rest)[:4]:
+                if joint in h.at:
+                    put((*rest, h))
+        if 1 <= len(mine) <= 2:
+            for _, a, b in search.pairs(rest, joint, 6):
+                a, b = search.refined_pair(rest, a, b)
+                if len(mine) == 2 or search.both_worthwhile(rest, a, b):
+                    put((*rest, a, b))
+    return out

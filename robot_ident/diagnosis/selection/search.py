@@ -1,0 +1,374 @@
+"""The search over sets of effects: add, pair, drop, swap, merge, until nothing improves.
+
+The objective of a set S is J(S) = sum_fj L_fj / phi_fj + sum_h [2 u_h ln H + k_h ln B]: the squared error L of every
+fold f and joint j by the fit that has not seen it, over the joint's dispersion phi; H hypotheses, u causes that h
+stands for, k parameters, B blocks (risk inflation, Foster and George 1994; BIC, Schwarz 1978).
+"""
+
+from __future__ import annotations
+
+from collections.abc import Collection, Sequence
+
+import numpy as np
+
+from robot_ident.diagnosis.selection.constants import LARGEST_SET, PAIRS, REFINED, SHARE, STANDARD_ERRORS
+from robot_ident.diagnosis.selection.data_set import DataSet
+from robot_ident.diagnosis.selection.fitted_set import FittedSet
+from robot_ident.diagnosis.selection.hypotheses import Hypothesis
+from robot_ident.diagnosis.selection.refinement import Refinement
+from robot_ident.signals.motion import Array
+
+Selected = tuple[Hypothesis, ...]
+
+_KEPT = 24  # fitted sets that are remembered
+_CLEARLY = 2.0  # of J, by which another set must be better to take the place of one
+_WITHOUT_WEIGHT = 1e6  # dispersion of a joint whose rows count for nothing
+
+
+def names(selected: Sequence[Hypothesis]) -> tuple[str, ...]:
+    """Return the labels of a set, in order."""
+    return tuple(sorted(h.label for h in selected))
+
+
+class Search:
+    """Searches sets on a data set; `unknown`: joints whose rows count for nothing, since what acts there is unknown.
+
+    barred: labels that are not tried.
+    """
+
+    def __init__(self, data: DataSet) -> None:
+        """Begin with the empty set, every joint counting."""
+        self.data = data
+        self.refinement = Refinement(data)
+        self.dispersion = np.ones_like(data.power)
+        self.unknown: set[int] = set()
+        self.barred: set[str] = set()
+        self._fitted: dict[object, FittedSet] = {}
+        self._choices = 2.0 * np.log(max(2, len(data.hypotheses)))
+        self._per_parameter = np.log(max(2, data.block_count))
+        self.least = data.weights.sum(axis=0) * data.least
+
+    def given(self, selected: Sequence[Hypothesis]) -> FittedSet:
+        """Return a set, fitted with the present dispersion."""
+        key = (tuple(sorted(id(h) for h in selected)), self.dispersion.tobytes())
+        found = self._fitted.pop(key, None) or FittedSet(self.data, selected, self.dispersion)
+        while len(self._fitted) >= _KEPT:
+            self._fitted.pop(next(iter(self._fitted)))
+        self._fitted[key] = found
+        return found
+
+    def weigh_by(self, selected: Sequence[Hypothesis]) -> None:
+        """Take the dispersion phi = max(1, L / dof) that a set leaves, training folds pooled by joint."""
+        data, loss = self.data, self.given(selected).loss
+        phi = np.ones_like(loss)
+        some = slice(0, data.training)
+        phi[some] = loss[some].sum(axis=0) / np.maximum(data.dof[some].sum(axis=0), 1.0)
+        phi[data.training :] = loss[data.training :] / np.maximum(data.dof[data.training :], 1.0)
+        phi = np.maximum(phi, 1.0)
+        phi[:, sorted(self.unknown)] = _WITHOUT_WEIGHT
+        self.dispersion = phi
+
+    def cost(self, h: Hypothesis) -> float:
+        """Return what a hypothesis must gain to be worth its choice and its parameters."""
+        return float(self._choices * h.causes + self._per_parameter * h.effect.size)
+
+    def objective(self, selected: Sequence[Hypothesis]) -> float:
+        """Return J of a set."""
+        return float((self.given(selected).loss / self.dispersion).sum()) + sum(self.cost(h) for h in selected)
+
+    def formula_error(self, selected: Sequence[Hypothesis]) -> Array:
+        """Return the squared error [n] that the formulas of a set may make in all folds."""
+        given, data = self.given(selected), self.data
+        scale = len(data.folds) / data.training
+        out = np.zeros(data.n)
+        for h in given.selected:
+            out += scale * h.formula_error**2 * given.contribution(h)
+        return out
+
+    def worthwhile(self, h: Hypothesis, beside: Sequence[Hypothesis]) -> bool:
+        """Return whether a hypothesis predicts more than it costs, in blocks whose falls exceed zero by their error.
+
+        On each joint only what exceeds the error of the others' formulas and the least torque worth a name counts, and
+        on the joint where it matters most it must explain half of what they leave.
+        """
+        given = self.given(beside)
+        gain = given.held_out_gain(h)
+        cost = self.cost(h)
+        if (gain / self.dispersion).sum() <= cost:
+            return False
+        counts = self.dispersion[0] < 0.1 * _WITHOUT_WEIGHT
+        by_joint = gain.sum(axis=0) * counts
+        beyond = by_joint - np.clip(by_joint, 0.0, self.formula_error(beside))
+        beyond -= np.clip(beyond, 0.0, self.least)
+        if beyond.sum() <= cost or self.share(h, beside) < SHARE:
+            return False
+        pairs = zip(given.block_losses(), given.block_losses(h), self.dispersion, strict=True)
+        falls = np.concatenate([((before - after) / phi).sum(axis=1) for before, after, phi in pairs])
+        return bool(falls.sum() > STANDARD_ERRORS * falls.std(ddof=1) * np.sqrt(len(falls)))
+
+    def share(self, h: Hypothesis, beside: Sequence[Hypothesis]) -> float:
+        """Return the share that a hypothesis explains of what others leave beyond noise and their formulas' error, on
+        the joint where it predicts most of motion that was not fitted.
+        """
+        data, given = self.data, self.given(beside)
+        training = slice(0, data.training)
+        gain = given.held_out_gain(h)[training].sum(axis=0)
+        joint = max(h.joints, key=lambda j: float(gain[j] / self.dispersion[0, j]))
+        excess = given.loss[training, joint].sum() - data.dof[training, joint].sum()
+        excess -= self.formula_error(beside)[joint]
+        return float(gain[joint] / max(excess, 1.0))
+
+    def _open(self, h: Hypothesis, beside: Sequence[Hypothesis]) -> bool:
+        """Return whether a hypothesis may stand beside a set."""
+        dead = len(h.joints) == 1 and h.joints[0] in self.unknown
+        return not dead and h.label not in self.barred and not any(h.excludes(other) for other in beside)
+
+    def best_values(self, given: FittedSet) -> list[Hypothesis]:
+        """Return every hypothesis at the values of its grid that gain most by the score test."""
+        quick: dict[int, tuple[Array, Array]] = {}
+        out = []
+        for label, settings in self.data.hypotheses.items():
+            if label in self.barred:
+                continue
+            best, most = settings[0], -np.inf
+            for h in settings if len(settings) > 1 else ():
+                if len(h.at) == 1 and len(h.ranges) == 1:
+                    ((joint, at),) = h.at.items()
+                    if joint not in quick:
+                        quick[joint] = given.single_gains(joint)
+                    c = quick[joint][0][at[0]]
+                    gain = float(c * quick[joint][1][at[0]]) if h.ranges[0][0] <= c <= h.ranges[0][1] else 0.0
+                else:
+                    gain = given.gain(h)
+                gain -= 2.0 * h.effect.size
+                if gain > most:
+                    best, most = h, gain
+            out.append(best)
+        return out
+
+    def ranked(self, beside: Sequence[Hypothesis], refine: int = REFINED) -> list[tuple[float, Hypothesis]]:
+        """Return what every hypothesis predicts beside a set beyond its cost, best first, the best ones refined.
+
+        What gains less than its cost on the fitted data themselves gets no held-out look (score test).
+        """
+        given = self.given(beside)
+        out = []
+        for h in self.best_values(given):
+            if self._open(h, beside) and given.gain(h) >= self.cost(h):
+                out.append((self._held_out(given, h) - self.cost(h), h))
+        out.sort(key=lambda pair: -pair[0])
+        if refine and out and out[0][0] > 0.0:
+            near = [h for g, h in out[:refine] if g > 0.5 * out[0][0]]
+            sharp = {h.label: self.refinement.of(given, h) for h in near}
+            out = [
+                (g, h)
+                if sharp.get(h.label, h) is h
+                else (self._held_out(given, sharp[h.label]) - self.cost(h), sharp[h.label])
+                for g, h in out
+            ]
+            out.sort(key=lambda pair: -pair[0])
+        return out
+
+    def _held_out(self, given: FittedSet, *new: Hypothesis) -> float:
+        return float((given.held_out_gain(*new) / self.dispersion).sum())
+
+    def pairs(self, beside: Sequence[Hypothesis], joint: int, keep: int) -> list[tuple[float, Hypothesis, Hypothesis]]:
+        """Return the pairs of hypotheses on one joint that predict most beyond their costs, best first.
+
+        By the score test of two columns on the joint's projected inner products; the best get a held-out look.
+        """
+        given = self.given(beside)
+        square, right, size = given.pair_matrix(joint)
+        live = [
+            h
+            for settings in self.data.hypotheses.values()
+            for h in settings
+            if h.joints == (joint,)
+            and self._open(h, beside)
+            and all(square[k, k] > 1e-9 * size[k] for k in h.at[joint])
+        ]
+        scores = _PairScores(square, right, size, joint, live)
+        looked = []
+        for a, b in scores.best(PAIRS):
+            gain = self._held_out(given, a, b) - self.cost(a) - self.cost(b)
+            looked.append((gain, a, b))
+        return sorted(looked, key=lambda found: -found[0])[:keep]
+
+    def refined_pair(self, beside: Sequence[Hypothesis], a: Hypothesis, b: Hypothesis) -> tuple[Hypothesis, Hypothesis]:
+        """Return a pair refined in each other's light."""
+        for _ in range(2):
+            a = self.refinement.of(self.given([*beside, b]), a)
+            b = self.refinement.of(self.given([*beside, a]), b)
+        return a, b
+
+    def both_worthwhile(self, beside: Sequence[Hypothesis], a: Hypothesis, b: Hypothesis) -> bool:
+        """Return whether each of two hypotheses is worthwhile beside the other."""
+        return self.worthwhile(a, [*beside, b]) and self.worthwhile(b, [*beside, a])
+
+    def run(self) -> Selected:
+        """Return the set from which no move leads to a better one."""
+        selected: Selected = ()
+        while len(selected) < LARGEST_SET:
+            self.weigh_by(selected)
+            options = [found for found in (self._single(selected), self._pair(selected)) if found is not None]
+            if not options:
+                break
+            grown = self.settled(min(options, key=self.objective))
+            if self.objective(grown) >= self.objective(selected) - 1.0 or names(grown) == names(selected):
+                break
+            selected = grown
+        self.weigh_by(selected)
+        return selected
+
+    def _single(self, selected: Selected) -> Selected | None:
+        for gain, h in self.ranked(selected)[:6]:
+            if gain > 0.0 and self.worthwhile(h, selected):
+                return (*selected, h)
+        return None
+
+    def _pair(self, selected: Selected) -> Selected | None:
+        given, best = self.given(selected), None
+        total = data_dof(self.data)
+        for joint in range(self.data.n):
+            if joint in self.unknown or given.loss[:, joint].sum() < total[joint] + self.least[joint]:
+                continue
+            for _, a, b in self.pairs(selected, joint, 2):
+                a, b = self.refined_pair(selected, a, b)
+                if self.both_worthwhile(selected, a, b):
+                    new = (*selected, a, b)
+                    if best is None or self.objective(new) < self.objective(best):
+                        best = new
+        return best
+
+    def settled(self, selected: Selected) -> Selected:
+        """Return the set after drops, swaps, merges and other pairs, as long as one of them improves it."""
+        for _ in range(6):
+            changed = (
+                self._dropped_or_swapped(selected) or self._merged(selected) or self._of_all(selected)
+                or self._other_pair(selected)
+            )  # fmt: skip
+            if changed is None:
+                break
+            selected = changed
+        return selected
+
+    def _dropped_or_swapped(self, selected: Selected) -> Selected | None:
+        for h in selected:
+            rest = tuple(x for x in selected if x is not h)
+            if not self.worthwhile(h, rest):
+                return rest
+            again = self.refinement.of(self.given(rest), h)
+            ranked = self.ranked(rest, refine=3)
+            best = ranked[0][1] if ranked else h
+            better = self.objective([*rest, best]) < self.objective([*rest, again]) - _CLEARLY
+            if best.label != h.label and better and self.worthwhile(best, rest):
+                return (*rest, best)
+            if again is not h and self.objective([*rest, again]) < self.objective(selected) - 0.5:
+                return (*rest, again)
+        return None
+
+    def _merged(self, selected: Selected) -> Selected | None:
+        """Return the set with a joint's several effects replaced by one."""
+        for joint in range(self.data.n):
+            rest = tuple(h for h in selected if h.joints != (joint,))
+            if len(selected) - len(rest) < 2:
+                continue
+            for _, h in self.ranked(rest)[:3]:
+                better = joint in h.at and self.objective([*rest, h]) < self.objective(selected) - _CLEARLY
+                if better and self.worthwhile(h, rest):
+                    return (*rest, h)
+        return None
+
+    def _of_all(self, selected: Selected) -> Selected | None:
+        """Return the set with effects of single joints replaced by that of the whole robot which excludes them."""
+        for settings in self.data.hypotheses.values():
+            first = settings[0]
+            if not first.effect.whole or first.label in self.barred or any(h.label == first.label for h in selected):
+                continue
+            excluded = [h for h in selected if first.excludes(h)]
+            if not excluded:
+                continue
+            rest = tuple(h for h in selected if h not in excluded)
+            given = self.given(rest)
+            best = max(settings, key=given.gain)
+            whole = self.refinement.of(given, best)
+            if self.objective([*rest, whole]) < self.objective(selected) - _CLEARLY and self.worthwhile(whole, rest):
+                return (*rest, whole)
+        return None
+
+    def _other_pair(self, selected: Selected) -> Selected | None:
+        """Return the set with one or two effects of a joint replaced by another pair."""
+        for joint in range(self.data.n):
+            mine = [h for h in selected if h.joints == (joint,)]
+            if not 1 <= len(mine) <= 2:
+                continue
+            rest = tuple(h for h in selected if h not in mine)
+            for _, a, b in self.pairs(rest, joint, 3):
+                if {a.label, b.label} == {h.label for h in mine}:
+                    continue
+                a, b = self.refined_pair(rest, a, b)
+                better = self.objective([*rest, a, b]) < self.objective(selected) - _CLEARLY
+                if better and self.both_worthwhile(rest, a, b):
+                    return (*rest, a, b)
+        return None
+
+
+def data_dof(data: DataSet) -> Array:
+    """Return the independent rows [n] of all folds."""
+    return np.asarray(data.dof.sum(axis=0))
+
+
+class _PairScores:
+    """Gains of pairs on one joint by the score test, the best values of each pair of labels."""
+
+    def __init__(self, square: Array, right: Array, size: Array, joint: int, live: Collection[Hypothesis]) -> None:
+        self.square, self.right, self.size, self.joint = square, right, size, joint
+        self._best: dict[tuple[str, str], tuple[float, Hypothesis, Hypothesis]] = {}
+        one = [h for h in live if len(h.ranges) == 1]
+        self._of_single_columns(one)
+        for several in (h for h in live if len(h.ranges) > 1):
+            self._with_several(several, one)
+
+    def best(self, count: int) -> list[tuple[Hypothesis, Hypothesis]]:
+        """Return the pairs of the largest gains."""
+        found = sorted(self._best.values(), key=lambda entry: -entry[0])
+        return [(a, b) for _, a, b in found[:count]]
+
+    def _put(self, gain: float, a: Hypothesis, b: Hypothesis) -> None:
+        if not a.excludes(b):
+            key = (a.label, b.label) if a.label < b.label else (b.label, a.label)
+            if key not in self._best or gain > self._best[key][0]:
+                self._best[key] = (gain, a, b)
+
+    def _of_single_columns(self, one: Sequence[Hypothesis]) -> None:
+        if len(one) < 2:
+            return
+        at = np.array([h.at[self.joint][0] for h in one])
+        s, r = self.square[np.ix_(at, at)], self.right[at]
+        d = np.diag(s)
+        determinant = d[:, None] * d - s**2
+        apart = determinant > 1e-6 * d[:, None] * d
+        gains = r[:, None] ** 2 * d - 2.0 * r[:, None] * r * s + r**2 * d[:, None]
+        gains = np.where(apart, gains / np.where(apart, determinant, 1.0), 0.0)
+        labels, which = np.unique([h.label for h in one], return_inverse=True)
+        members = [np.flatnonzero(which == k) for k in range(len(labels))]
+        for k, mine in enumerate(members):
+            for others in members[:k]:
+                block = gains[np.ix_(mine, others)]
+                i, j = np.unravel_index(int(np.argmax(block)), block.shape)
+                self._put(float(block[i, j]), one[mine[i]], one[others[j]])
+
+    def _with_several(self, several: Hypothesis, one: Sequence[Hypothesis]) -> None:
+        if not one:
+            return
+        mine = several.at[self.joint]
+        own = self.square[np.ix_(mine, mine)]
+        onto = np.linalg.lstsq(own, self.square[mine], rcond=1e-8)[0]
+        right = self.right - onto.T @ self.right[mine]
+        gain = float(self.right[mine] @ np.linalg.lstsq(own, self.right[mine], rcond=1e-8)[0])
+        at = np.array([h.at[self.joint][0] for h in one])
+        left = np.diag(self.square)[at] - np.einsum("kP,kP->P", self.square[mine][:, at], onto[:, at])
+        open_ = left > 1e-6 * self.size[at]
+        gains = np.where(open_, right[at] ** 2 / np.where(open_, left, 1.0), 0.0)
+        for h, more in zip(one, gains, strict=True):
+            self._put(gain + float(more), several, h)

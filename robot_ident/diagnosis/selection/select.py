@@ -1,0 +1,189 @@
+"""Which set of effects is missing, and where the cause is unknown."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass, field
+
+import numpy as np
+
+from robot_ident.diagnosis.evidence import Evidence
+from robot_ident.diagnosis.lack_of_fit import LackOfFit, lack_of_fit
+from robot_ident.diagnosis.progress import Tell, silent
+from robot_ident.diagnosis.scan import base_gram
+from robot_ident.diagnosis.selection.consistency import splits
+from robot_ident.diagnosis.selection.constants import FLEXIBLE_ERRORS, FLEXIBLE_SHARE
+from robot_ident.diagnosis.selection.data_set import DataSet, Rows
+from robot_ident.diagnosis.selection.fitted_set import FittedSet
+from robot_ident.diagnosis.selection.hypotheses import Hypothesis
+from robot_ident.diagnosis.selection.impacts import add_backlash
+from robot_ident.diagnosis.selection.probability import Election, elect
+from robot_ident.diagnosis.selection.search import Search, Selected
+from robot_ident.diagnosis.selection.unknown_cause import flexible_beside, standard_errors
+from robot_ident.model.structure import Structure
+from robot_ident.recording.measurement import Measurement
+from robot_ident.signals.motion import Array
+
+
+@dataclass(frozen=True)
+class Withheld:
+    """An effect that was selected and is not named, the joint where it matters most, and why."""
+
+    label: str
+    joint: int
+    why: str
+
+
+@dataclass(frozen=True)
+class Selection:
+    """What was selected of a data set.
+
+    selected: the set; election: with its alternatives and their shares; share [n]: of each joint's excess that it
+    explains on motion that was not fitted; remainder [n]: what is left over what formulas, least torque and noise may
+    leave; fits: lack of fit of the model as it was. unknown: joints whose cause is none of the
+    catalogue. tested: the recordings in units of their noise.
+    """
+
+    selected: Selected
+    election: Election | None
+    share: Array
+    remainder: Array
+    fits: tuple[LackOfFit, ...]
+    unknown: tuple[int, ...]
+    withheld: tuple[Withheld, ...]
+    tested: Evidence = field(repr=False)
+    data: DataSet = field(repr=False)
+    search: Search = field(repr=False)
+
+    def probability(self, label: str) -> float:
+        """Return the probability of a selected effect."""
+        return 0.0 if self.election is None else self.election.probability(label)
+
+
+def select(
+    measurements: Sequence[Measurement],
+    structure: Structure,
+    validation: Sequence[Measurement] = (),
+    tell: Tell = silent,
+) -> Selection:
+    """Select what a model lacks from recordings that tell their noise; validation recordings are never fitted."""
+    rows = Rows.of(measurements, structure, validation)
+    fits = lack_of_fit(rows.tested, base_gram(rows.tested))
+    tell(0.3, "trying every effect")
+    data = DataSet(rows)
+    search = Search(data)
+    add_backlash(search.given(()))
+    withheld: list[Withheld] = []
+    while True:
+        tell(0.5, "searching for the set that predicts best")
+        selected = search.run()
+        judged = _Judged(search, selected, fits)
+        unknown, barred, why = judged.unknown()
+        withheld += why
+        if unknown <= search.unknown and barred <= search.barred:
+            break
+        search.unknown |= unknown
+        search.barred |= barred
+    refused = {one.label for one in why}
+    selected = tuple(h for h in selected if h.label not in refused)
+    tell(0.8, "weighing the alternatives")
+    election = elect(search, selected) if selected else None
+    if election is not None:
+        selected = election.winner
+    return Selection(
+        selected,
+        election,
+        judged.share,
+        judged.remainder,
+        fits,
+        tuple(sorted(search.unknown)),
+        tuple(withheld),
+        rows.tested,
+        data,
+        search,
+    )
+
+
+class _Judged:
+    """A set held against what it leaves of each joint."""
+
+    def __init__(self, search: Search, selected: Selected, fits: Sequence[LackOfFit]) -> None:
+        self.search, self.selected, self.fits = search, selected, fits
+        data = search.data
+        training = slice(0, data.training)
+        self.given = search.given(selected)
+        self.before = search.given(()).loss[training].sum(axis=0)
+        after = self.given.loss[training].sum(axis=0)
+        dof = data.dof[training].sum(axis=0)
+        self.excess = np.maximum(self.before - dof, 1.0)
+        self.share = (self.before - after) / self.excess
+        self.main = {h.label: self._main(h) for h in selected}
+        wrong = np.zeros(data.n)
+        for h in self.given.selected:
+            wrong += h.formula_error**2 * self.given.contribution(h)
+        self.least = least = data.weights[training].sum(axis=0) * data.least
+        left = self.given.fitted_loss() - dof + self.given.parameters_of()
+        self.remainder = left / (wrong + least + 2.0 * np.sqrt(2.0 * np.maximum(dof, 1.0)))
+
+    def _main(self, h: Hypothesis) -> int:
+        """Return the joint on which a selected effect matters most."""
+        rest = [x for x in self.selected if x is not h]
+        fall = ((self.search.given(rest).loss - self.given.loss) / self.search.dispersion).sum(axis=0)
+        return max(h.joints, key=lambda j: float(fall[j]))
+
+    def unknown(self) -> tuple[set[int], set[str], list[Withheld]]:
+        """Return the joints whose cause is none of the catalogue, the effects of several joints that are none of the
+        causes, and what is withheld.
+        """
+        joints: set[int] = set()
+        labels: set[str] = set()
+        why: list[Withheld] = []
+        for h in self.selected:
+            joint = self.main[h.label]
+            reason = self._remainder(h) or self._split(h) or self._flexible(joint)
+            if reason:
+                why.append(Withheld(h.label, joint, reason))
+                if len(h.joints) > 1:
+                    labels.add(h.label)
+                if len(h.joints) == 1 or h.effect.joint == joint and not h.effect.whole:
+                    joints.add(joint)
+        return joints, labels, why
+
+    def _remainder(self, h: Hypothesis) -> str:
+        """Return whether more is left on a joint that an effect touches than formulas, least torque and noise leave."""
+        data = self.search.data
+        dof = data.dof[: data.training].sum(axis=0)
+        contribution = self.given.contribution(h)
+        for j in h.joints:
+            touched = contribution[j] > self.least[j] + 2.0 * np.sqrt(2.0 * dof[j])
+            if (touched or j == self.main[h.label]) and self.remainder[j] > 1.0:
+                name = data.structure.robot.joints[j]
+                return f"the remainder of {name} is {self.remainder[j]:.2g} times what formulas and noise leave"
+        return ""
+
+    def _split(self, h: Hypothesis) -> str:
+        """Return whether an effect changes with something that it does not depend on."""
+        data = self.search.data
+        rest = self.search.given([x for x in self.selected if x is not h])
+        allowed = h.formula_error**2 * float(self.given.contribution(h).sum())
+        found = list(splits(rest, h))
+        choice = 2.0 * np.log(max(2, len(found)))
+        for split in found:
+            if split.more > allowed + choice + split.parameters * np.log(data.block_count):
+                return f"it is not the same {split.words}"
+        return ""
+
+    def _flexible(self, joint: int) -> str:
+        """Return whether a flexible model predicts a joint better than the selected effects do."""
+        if self.share[joint] >= 1.0 - FLEXIBLE_SHARE:
+            return ""
+        flexible = flexible_beside(self._without(joint), joint)
+        losses = self.given.block_losses()
+        falls = [losses[f][:, joint] - loss for f, loss in enumerate(flexible.losses)]
+        share = (self.before[joint] - flexible.total) / self.excess[joint]
+        if share - self.share[joint] > FLEXIBLE_SHARE and standard_errors(falls) > FLEXIBLE_ERRORS:
+            return f"a flexible model explains {100 * share:.0f} %, the effects {100 * self.share[joint]:.0f} %"
+        return ""
+
+    def _without(self, joint: int) -> FittedSet:
+        return self.search.given([h for h in self.selected if self.main[h.label] != joint])

@@ -1,0 +1,211 @@
+"""The search over sets of effects: what it names, how sure it is, and the algebra that it stands on."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import replace
+from typing import Any
+
+import numpy as np
+import pytest
+
+from robot_ident.diagnosis.diagnose import diagnose
+from robot_ident.diagnosis.diagnosis import Diagnosis
+from robot_ident.diagnosis.selection.consistency import splits
+from robot_ident.diagnosis.selection.data_set import DataSet, Rows
+from robot_ident.diagnosis.selection.reversals import near_reversals, resolution, unresolved_rows
+from robot_ident.diagnosis.selection.search import Search
+from robot_ident.recording.measurement import Measurement
+
+OFFSET = "torque_offset@joint_1:torque_offset=6"
+STRIBECK = "stribeck@joint_2:stribeck=20,speed=0.08"
+
+
+def by_sets(bench: Any, measurements: Sequence[Measurement], **options: Any) -> Diagnosis:
+    return diagnose(measurements, bench.structure, procedure="sets", **options)
+
+
+def labels(found: Diagnosis) -> set[str]:
+    return {one.label for one in found.missing}
+
+
+@pytest.mark.parametrize(
+    "effect",
+    [
+        OFFSET,
+        STRIBECK,
+        "end_stop@joint_2:end_stop=30,position=0.5,direction=1",
+        "load_friction@joint_3:load_friction=0.08",
+        "position_friction@joint_1:position_friction=14",
+        "presliding@joint_2:reach=0.02",
+        "time_delay@joint_3:time_delay=0.008",
+    ],
+)
+def test_one_effect_is_named_and_nothing_else(bench: Any, effect: str) -> None:
+    found = by_sets(bench, bench.measure((effect,)))
+    name = effect.partition(":")[0]
+    assert labels(found) == {name} or name in {label for one in found.missing for label in one.tied_with}
+    assert all(one.probability is not None and one.probability >= 0.8 for one in found.missing)
+
+
+def test_two_effects_of_one_joint(bench: Any) -> None:
+    pair = ("stribeck@joint_2:stribeck=20,speed=0.08", "position_friction@joint_2:position_friction=14")
+    assert labels(by_sets(bench, bench.measure(pair))) == {"stribeck@joint_2", "position_friction@joint_2"}
+
+
+@pytest.mark.parametrize("noise", [1 / 16, 1.0])
+def test_nothing_is_named_where_nothing_is_missing(bench: Any, noise: float) -> None:
+    found = by_sets(bench, bench.measure((), noise=noise))
+    assert found.verdict == "adequate" and found.missing == () and found.tied_sets == ()
+
+
+def _pulled(measured: Measurement, size: float) -> Measurement:
+    """A rope in space: what it does to a joint depends on where the others stand."""
+    q = measured.motion.q
+    force = size * np.sin(q[:, 0] + 2.0 * q[:, 1]) * np.cos(q[:, 2])
+    return replace(measured, torque=measured.torque + np.outer(force, [1.0, 0.7, 0.4]))
+
+
+def test_a_cause_outside_the_catalogue_gets_no_name(bench: Any) -> None:
+    found = by_sets(bench, [_pulled(measured, 25.0) for measured in bench.measure(())])
+    assert found.missing == () and found.verdict in ("unexplained", "not_decidable")
+
+
+def test_a_recording_that_only_validates_is_a_fold_that_no_fit_sees(bench: Any) -> None:
+    training, aside = bench.measure((STRIBECK,)), bench.measure((STRIBECK,), [3])
+    data = DataSet(Rows.of(training, bench.structure, aside))
+    assert data.training == len(training) and len(data.folds) == len(training) + 1
+    assert all(weights[-1] == 0.0 for weights, _ in data.left_out_weights())
+    (found,) = by_sets(bench, training, validation=aside).missing
+    assert found.label == "stribeck@joint_2"
+    assert found.validation_after["joint_2"] < 0.75 * found.validation_before["joint_2"]
+
+
+@pytest.fixture(scope="module")
+def search(bench: Any) -> Search:
+    return Search(DataSet(Rows.of(bench.measure((STRIBECK,)), bench.structure)))
+
+
+def _stacked(data: DataSet, chosen: Sequence[Any], fold: int) -> tuple[Any, Any]:
+    """Return base and some hypotheses as rows of all joints in a fold, and the torque."""
+    rows = []
+    for joint in range(data.n):
+        further = [
+            data.pools[joint].rows(fold, h.at[joint])
+            if joint in h.at
+            else np.zeros((len(data.y[joint][fold]), len(h.ranges)))
+            for h in chosen
+        ]
+        rows.append(np.concatenate([data.base[joint][fold], *further], axis=1))
+    return np.concatenate(rows), np.concatenate([data.y[joint][fold] for joint in range(data.n)])
+
+
+def test_gains_are_those_of_fits_done_anew(search: Search) -> None:
+    """Held-out and fitted, beside a selected effect, against least squares on all rows with the faint weight."""
+    data = search.data
+    selected = [data.hypotheses["torque_offset@joint_1"][0]]
+    new = data.hypotheses["torque_offset@joint_2"][0]
+    given = search.given(selected)
+    folds = range(data.training)
+
+    def error(chosen: Sequence[Any], left: int | None) -> float:
+        weights = [1.0 if f != left else 0.01 for f in folds]
+        parts = [_stacked(data, chosen, f) for f in folds]
+        x = np.concatenate([np.sqrt(w) * part for w, (part, _) in zip(weights, parts, strict=True)])
+        y = np.concatenate([np.sqrt(w) * part for w, (_, part) in zip(weights, parts, strict=True)])
+        size = np.maximum(np.linalg.norm(x, axis=0), 1e-300)
+        values = np.linalg.lstsq(x / size, y, rcond=1e-10)[0] / size
+        if left is None:
+            return float(np.sum((y - x @ values) ** 2))
+        rows, torque = parts[left]
+        return float(np.sum((torque - rows @ values) ** 2))
+
+    assert given.gain(new) == pytest.approx(error(selected, None) - error([*selected, new], None), rel=1e-5)
+    held_out = given.held_out_gain(new).sum(axis=1)
+    for left in folds:
+        expected = error(selected, left) - error([*selected, new], left)
+        assert held_out[left] == pytest.approx(expected, rel=1e-4, abs=1e-3)
+    before, after = given.block_losses(), given.block_losses(new)
+    falls = [b.sum() - a.sum() for b, a in zip(before, after, strict=True)]
+    np.testing.assert_allclose(falls, held_out, rtol=1e-6, atol=1e-6)
+    assert given.loss.sum() == pytest.approx(sum(block.sum() for block in before), rel=1e-9)
+
+
+def test_the_best_pair_by_the_score_test_is_the_best_of_all_pairs(search: Search) -> None:
+    given = search.given(())
+    names = ["torque_offset@joint_2", "stribeck@joint_2", "cable@joint_2", "viscous_asymmetric@joint_2"]
+    for label in list(search.data.hypotheses):
+        if label not in names:
+            search.barred.add(label)
+    found = search.pairs((), 1, 1)
+    search.barred.clear()
+    every = [
+        given.gain(a, b)
+        for k, first in enumerate(names)
+        for second in names[:k]
+        for a in search.data.hypotheses.get(first, [])
+        for b in search.data.hypotheses.get(second, [])
+        if not a.excludes(b)
+    ]
+    assert "stribeck@joint_2" in {found[0][1].label, found[0][2].label}
+    assert given.gain(*found[0][1:]) > 0.98 * max(every)
+
+
+def test_a_likeness_changes_with_what_it_does_not_depend_on(bench: Any) -> None:
+    """An offset of joint 1 that is there on one side of joint 3 alone; one that is there everywhere stays the same."""
+
+    def worst(measurements: Sequence[Measurement]) -> float:
+        data = DataSet(Rows.of(measurements, bench.structure))
+        search = Search(data)
+        offset = data.hypotheses["torque_offset@joint_1"][0]
+        gain = search.given(()).held_out_gain(offset).sum()
+        return max(split.more for split in splits(search.given(()), offset)) / gain
+
+    def one_sided(measured: Measurement) -> Measurement:
+        side = measured.motion.q[:, 2] > np.median(measured.motion.q[:, 2])
+        return replace(measured, torque=measured.torque + np.outer(20.0 * side, [1.0, 0.0, 0.0]))
+
+    assert worst(bench.measure((OFFSET,))) < 0.05
+    assert worst([one_sided(measured) for measured in bench.measure(())]) > 0.5
+
+
+def test_rows_near_reversals_are_those_that_a_dense_search_finds(bench: Any) -> None:
+    (measured,) = bench.measure((), [0])
+    near = near_reversals(measured)
+    assert measured.position_lines is not None and measured.base_frequency is not None
+    motion, period = measured.motion, 1.0 / measured.base_frequency
+    t = np.arange(motion.samples) * measured.dt
+    for joint in range(3):
+        fastest = np.flatnonzero(measured.position_lines[:, joint]).max() * measured.base_frequency
+        sign = np.sign(motion.dq[:, joint])
+        turns = t[sign != np.roll(sign, 1)]
+        apart = np.abs((t[:, None] - turns + period / 2) % period - period / 2).min(axis=1)
+        np.testing.assert_array_equal(near[:, joint], apart <= 0.5 / fastest + 1e-9)
+    inertia = np.full((motion.samples, 3, 3), 1e9)
+    assert unresolved_rows(measured, 0.0 * inertia, np.ones(3)).mean() < 0.01, "noise hides next to nothing here"
+    np.testing.assert_array_equal(unresolved_rows(measured, inertia, np.ones(3)).all(axis=1), near.any(axis=1))
+
+
+def test_a_jump_of_acceleration_that_noise_hides_is_as_large_as_its_lines_say(bench: Any) -> None:
+    """Of a sawtooth of acceleration, the line beyond the fastest known one is as large as one that noise hides."""
+    (measured,) = bench.measure((), [0])
+    within, hidden = resolution(measured)
+    base, samples = measured.base_frequency, 4096
+    for joint in range(3):
+        sawtooth = hidden[joint] * (np.arange(samples) / samples - 0.5)
+        number = round(0.5 / within[joint] / base)
+        line = 2.0 / samples * np.abs(np.fft.rfft(sawtooth)[number]) / (2.0 * np.pi * number * base) ** 2
+        noise = np.sqrt(4.0 * measured.averaged_position_variance[joint] / measured.motion.samples)
+        assert line == pytest.approx(3.0 * noise, rel=0.01)
+
+
+def test_the_command_prints_probabilities(files: Any, verb: Any) -> None:
+    import json
+
+    code, out, err = verb("diagnose", files.model, *files.bags, "--procedure", "sets", "--json")
+    assert code == 0, err
+    found = json.loads(out)
+    assert found["missing"] == [{"effect": "stribeck", "joint": "joint_2"}]
+    assert found["candidates"][0]["probability"] >= 0.8
+    code, out, _ = verb("diagnose", files.model, *files.bags, "--procedure", "sets")
+    assert code == 0 and "probability" in out
