@@ -1,7 +1,7 @@
 """What arms of six and seven axes hide in MuJoCo, by its own friction, gears, contacts and motors, found or not.
 
-ROBOT_IDENT_MUJOCO_CASES: cases in all (200). ROBOT_IDENT_PROCEDURE: of the diagnosis (rules). Finished cases are kept in
-build/acceptance, so that what was stopped goes on from them.
+ROBOT_IDENT_MUJOCO_CASES: cases in all (200). ROBOT_IDENT_PROCEDURE: of the diagnosis (rules). Finished cases are kept
+in build/acceptance, so that what was stopped goes on from them.
 """
 
 from __future__ import annotations
