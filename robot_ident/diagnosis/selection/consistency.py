@@ -25,38 +25,39 @@ _FREE = (-np.inf, np.inf)
 class Split:
     """How an effect was split, in words, and by how much more its parts explain of motion that was not fitted.
 
-    more: fall of the squared error beyond that of the whole effect; parameters: how many more there are.
+    more: fall of the squared error beyond that of the whole effect, and over its standard error in blocks; parameters:
+    how many more there are.
     """
 
     words: str
     more: float
+    errors: float
     parameters: int
 
 
 def splits(given: FittedSet, h: Hypothesis) -> Iterator[Split]:
     """Yield what each split of an effect predicts beside a set without it."""
     data = given.data
-    whole = _held_out(given, _free(h))
+    whole = given.block_losses(_free(h))
+
+    def split(words: str, parameters: int, *parts: Hypothesis) -> Split:
+        pairs = zip(whole, given.block_losses(*parts), given.dispersion, strict=True)
+        falls = np.concatenate([((before - after) / phi).sum(axis=1) for before, after, phi in pairs])
+        spread = float(falls.std(ddof=1)) * np.sqrt(len(falls))
+        return Split(words, float(falls.sum()), float(falls.sum()) / max(spread, 1e-300), parameters)
+
     if len(h.joints) > 1:
         parts = [Hypothesis(h.effect, {joint: at}, (_FREE,) * len(h.ranges)) for joint, at in h.at.items()]
-        yield Split("by joint", _held_out(given, *parts) - whole, len(h.ranges) * (len(parts) - 1))
-    names = data.structure.robot.joints
-    for k in range(data.n):
-        for words, part in (
-            (f"by the position of {names[k]}", _upper_half(data, k)),
-            (f"by the direction of {names[k]}", _forward(data, k)),
-        ):
-            half = _part(data, h, part)
+        yield split("by joint", len(h.ranges) * (len(parts) - 1), *parts)
+    for k, name in enumerate(data.structure.robot.joints):
+        for words, rows in (("position", _upper_half(data, k)), ("direction", _forward(data, k))):
+            half = _part(data, h, rows)
             if half is not None:
-                yield Split(words, _held_out(given, _free(h), half) - whole, len(h.ranges))
+                yield split(f"by the {words} of {name}", len(h.ranges), _free(h), half)
 
 
 def _free(h: Hypothesis) -> Hypothesis:
     return Hypothesis(h.effect, h.at, (_FREE,) * len(h.ranges))
-
-
-def _held_out(given: FittedSet, *new: Hypothesis) -> float:
-    return float((given.held_out_gain(*new) / given.dispersion).sum())
 
 
 def _upper_half(data: DataSet, joint: int) -> list[Mask]:

@@ -21,7 +21,10 @@ LEAST_TORQUE = 0.25 / 400.0
 """Nm rms per Nm of a joint's range below which nothing is worth a name: the paper's arm, .25 Nm of 400 Nm."""
 
 SHARE = 0.5
-"""Of a joint's excess that the selected effects must explain for any of them to be named there."""
+"""Of what the other effects leave of a joint that an effect must explain on motion that was not fitted."""
+
+REMAINDER = 2.0
+"""What may be left of a joint, in units of what formulas, the least torque and noise leave."""
 
 FLEXIBLE_SHARE = 0.2
 """Of a joint's excess by which a flexible model may predict it better before the cause counts as unknown."""

@@ -12,7 +12,7 @@ from robot_ident.diagnosis.lack_of_fit import LackOfFit, lack_of_fit
 from robot_ident.diagnosis.progress import Tell, silent
 from robot_ident.diagnosis.scan import base_gram
 from robot_ident.diagnosis.selection.consistency import splits
-from robot_ident.diagnosis.selection.constants import FLEXIBLE_ERRORS, FLEXIBLE_SHARE
+from robot_ident.diagnosis.selection.constants import FLEXIBLE_ERRORS, FLEXIBLE_SHARE, REMAINDER, STANDARD_ERRORS
 from robot_ident.diagnosis.selection.data_set import DataSet, Rows
 from robot_ident.diagnosis.selection.fitted_set import FittedSet
 from robot_ident.diagnosis.selection.hypotheses import Hypothesis
@@ -156,7 +156,7 @@ class _Judged:
         contribution = self.given.contribution(h)
         for j in h.joints:
             touched = contribution[j] > self.least[j] + 2.0 * np.sqrt(2.0 * dof[j])
-            if (touched or j == self.main[h.label]) and self.remainder[j] > 1.0:
+            if (touched or j == self.main[h.label]) and self.remainder[j] > REMAINDER:
                 name = data.structure.robot.joints[j]
                 return f"the remainder of {name} is {self.remainder[j]:.2g} times what formulas and noise leave"
         return ""
@@ -165,11 +165,12 @@ class _Judged:
         """Return whether an effect changes with something that it does not depend on."""
         data = self.search.data
         rest = self.search.given([x for x in self.selected if x is not h])
-        allowed = h.formula_error**2 * float(self.given.contribution(h).sum())
+        allowed = float(self.search.formula_error(self.selected)[list(h.joints)].sum())
         found = list(splits(rest, h))
         choice = 2.0 * np.log(max(2, len(found)))
         for split in found:
-            if split.more > allowed + choice + split.parameters * np.log(data.block_count):
+            cost = allowed + choice + split.parameters * np.log(data.block_count)
+            if split.more > cost and split.errors > STANDARD_ERRORS:
                 return f"it is not the same {split.words}"
         return ""
 
