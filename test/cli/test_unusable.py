@@ -133,12 +133,12 @@ def test_motions_that_last_for_days_are_refused(run: Run, arm: Any, model: Path,
     told = run("predict", model, tmp_path / "crawl.yaml", "-o", tmp_path / "out.csv")
     assert told.code == 2
     assert "it would take 278 hours" in told.err
-    crawl = PointToPoint("kuka_ir361", arm.robot.joints, np.eye(2, 3), np.full(3, 1.25e-5), np.ones(3))
-    crawl.write(tmp_path / "crawl.yaml")
-    told = run("predict", model, tmp_path / "crawl.yaml", "-o", tmp_path / "out.csv")
+    slow = PointToPoint("kuka_ir361", arm.robot.joints, np.eye(2, 3), np.full(3, 1.25e-5), np.ones(3))
+    slow.write(tmp_path / "slow.yaml")
+    told = run("predict", model, tmp_path / "slow.yaml", "-o", tmp_path / "out.csv")
     assert told.code == 2
     assert "a motion of 8e+04 s at 150 Hz is too long" in told.err
-    told = run("simulate", tmp_path / "crawl.yaml", "-o", tmp_path / "out")
+    told = run("simulate", tmp_path / "slow.yaml", "-o", tmp_path / "out")
     assert told.code == 2
     assert "too long to simulate" in told.err
 
