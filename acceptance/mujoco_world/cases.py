@@ -11,7 +11,6 @@ import numpy as np
 from mujoco_world.arm import DECIMATE, STEP, Arm, Array, Motion, Plan, Servo, left_over, play
 from mujoco_world.effects import KNOWN, OF_ROBOT, UNKNOWN, Build, Draw, joints_of
 
-KINDS = ("single", "pair", "null", "unknown")
 LARGEST, SMALLEST = 0.5, 0.06
 """Rms that a hidden effect leaves on the joint that shows it most, in standard deviations of a sample of its effort."""
 POSSIBLE = (0.1, 10.0)
@@ -47,7 +46,6 @@ class _Hidden:
     joint: int
     build: Build
     size: float
-    visible: Array
 
 
 def make_case(seed: int, kind: str, arm: Arm, motions: Sequence[Motion], *, periods: int = PERIODS) -> MujocoCase:
@@ -95,13 +93,11 @@ def _drawn(rng: np.random.Generator, arm: Arm, plans: Sequence[Plan], *, unknown
         found = _sized(arm, build, plans[:2], target, RANGE.get(name, POSSIBLE))
         if found is not None:
             whole = name in OF_ROBOT or unknown
-            return _Hidden(name if whole else f"{name}@{arm.joints[joint]}", joint, build, *found)
+            return _Hidden(name if whole else f"{name}@{arm.joints[joint]}", joint, build, found)
 
 
-def _sized(
-    arm: Arm, build: Build, plans: Sequence[Plan], target: float, possible: tuple[float, float]
-) -> tuple[float, Array] | None:
-    """Return the size at which an effect leaves about the target and what is left, None where no possible size does."""
+def _sized(arm: Arm, build: Build, plans: Sequence[Plan], target: float, possible: tuple[float, float]) -> float | None:
+    """Return the size at which an effect leaves about the target, None where no possible size does."""
     size = float(np.clip(1.0, *possible))
     for _ in range(8):
         try:
@@ -110,7 +106,7 @@ def _sized(
             return None
         ratio = target / max(float((left / arm.torque_noise).max()), 1e-9)
         if abs(np.log(ratio)) < 0.15:
-            return size, left
+            return size
         size *= float(np.clip(ratio, 0.2, 5.0))
         if not possible[0] < size < possible[1]:
             return None

@@ -48,6 +48,9 @@ _SEEN = 0.25  # of the noise of the mean: what remains is seen as clearly as nee
 _SURE = 60.0  # decades of its p-value, that are as clear
 _SHADOW = 0.2  # of what another joint still lacks, that a member must explain: less may be the shadow of that
 Procedure = Literal["rules", "sets"]
+_SETS_NEED_NOISE = (
+    "--procedure sets needs recordings that tell their noise (two periods or more); these were judged by prediction"
+)
 ALONE = 0.4  # of its held-out gain that any other effect may reach, where there is one recording only
 
 
@@ -74,11 +77,13 @@ def diagnose(
     refuse_silent(measurements, "; a model of the others alone: identify --joints {moving}")
     if not all(tells_noise(measured) for measured in measurements):
         predicted = of_use(diagnose_by_prediction(measurements, structure, validation, tell), measurements)
-        return replace(predicted, notes=(*predicted.notes, *time_scale_notes(measurements))).seen_by(structure.robot)
+        asked = [_SETS_NEED_NOISE] if procedure == "sets" else []
+        notes = [*asked, *predicted.notes, *time_scale_notes(measurements)]
+        return replace(predicted, notes=tuple(notes)).seen_by(structure.robot)
     clock = "; ".join(clock_notes(measurements, structure.robot))
     notes = time_scale_notes(measurements)
     if procedure == "sets":
-        found = diagnose_by_sets(*without_trends(measurements, structure, validation), tell)
+        found = of_use(diagnose_by_sets(*without_trends(measurements, structure, validation), tell), measurements)
         return replace(found, notes=(*found.notes, *notes), clock=clock).seen_by(structure.robot)
     trending = {effect.label for effect in structure.effects if effect.trends}
     measurements, structure, validation = without_trends(measurements, structure, validation)

@@ -19,15 +19,15 @@ from itertools import combinations
 import numpy as np
 
 from robot_ident.diagnosis.evidence import Evidence, weighed_once
+from robot_ident.diagnosis.selection.constants import FAINT
 from robot_ident.effects import Effect
 from robot_ident.signals.motion import Array
 
 Ranges = Sequence[tuple[float, float]]
 """The least and the largest that each coefficient can be."""
 
-_FAINT = 0.01  # weight of a trajectory that is left out
 _OPEN = 1e-11  # of the largest eigenvalue of the scaled Gram matrix: below, the data leave a direction open
-_RIDGE = 1e-9  # of a candidate's own norm: with less than this left after projection the model holds it already
+HELD = 1e-9  # of a candidate's own norm: with less than this left after projection the model holds it already
 
 
 @dataclass(frozen=True)
@@ -125,6 +125,15 @@ def gram(columns: Columns, evidence: Evidence) -> Gram:
     return Gram(base, own, torque)
 
 
+def pseudo_inverse(square: Array) -> Array:
+    """Return the pseudo-inverse of a normal matrix, its columns scaled to one first."""
+    scale = np.sqrt(np.maximum(np.diag(square), 1e-300))
+    values, vectors = np.linalg.eigh(square / scale[:, None] / scale)
+    told = values > _OPEN * values[-1]
+    root = vectors[:, told] / np.sqrt(values[told]) / scale[:, None]
+    return np.asarray(root @ root.T)
+
+
 @dataclass(frozen=True)
 class BaseFit:
     """The base fitted to some of the trajectories: weights [T] of all, inverse of its (scaled) Gram matrix and its
@@ -138,14 +147,10 @@ class BaseFit:
     @classmethod
     def of(cls, base: BaseGram, train: Sequence[int]) -> BaseFit:
         """Fit to the trajectories `train`; the others are left out."""
-        weights = np.full(len(base.power), _FAINT)
+        weights = np.full(len(base.power), FAINT)
         weights[list(train)] = 1.0
         own, torque, _ = base.weighed(weights)
-        scale = np.sqrt(np.maximum(np.diag(own), 1e-300))
-        values, vectors = np.linalg.eigh(own / scale[:, None] / scale)
-        told = values > _OPEN * values[-1]
-        root = vectors[:, told] / np.sqrt(values[told]) / scale[:, None]
-        inverse = root @ root.T
+        inverse = pseudo_inverse(own)
         return cls(weights, inverse, inverse @ torque)
 
     def loss(self, base: BaseGram, on: int) -> Array:
@@ -170,7 +175,7 @@ def add(gram_: Gram, fit: BaseFit, ranges: Ranges) -> Addition:
     cross, own, torque = gram_.weighed(fit.weights)
     projected = own - cross.T @ fit.inverse @ cross
     right = torque - cross.T @ fit.values
-    coefficients = _solve(projected, right, np.diag(own), ranges)
+    coefficients = within_ranges(projected, right, np.diag(own), ranges)
     gain = float(2.0 * coefficients @ right - coefficients @ projected @ coefficients)
     return Addition(gain, coefficients, fit.values - fit.inverse @ (cross @ coefficients))
 
@@ -182,12 +187,12 @@ def loss_with(gram_: Gram, base: BaseGram, addition: Addition, on: int) -> Array
     return np.asarray(plain + (2.0 * (v @ gram_.base[on]) - 2.0 * gram_.torque[on] + gram_.own[on] @ c) @ c)
 
 
-def _solve(projected: Array, right: Array, size: Array, ranges: Ranges) -> Array:
+def within_ranges(projected: Array, right: Array, size: Array, ranges: Ranges) -> Array:
     """Solve the small normal equations; columns that the base holds already get zero, and those that would need what
     no robot has are left out, by trying subsets.
     """
     k = len(right)
-    alive = [i for i in range(k) if projected[i, i] > _RIDGE * size[i]]
+    alive = [i for i in range(k) if projected[i, i] > HELD * size[i]]
     if k == 1:
         only = right[0] / projected[0, 0] if alive else 0.0
         return np.array([only if ranges[0][0] <= only <= ranges[0][1] else 0.0])

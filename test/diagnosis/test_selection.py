@@ -15,7 +15,9 @@ from robot_ident.diagnosis.selection.consistency import splits
 from robot_ident.diagnosis.selection.data_set import DataSet, Rows
 from robot_ident.diagnosis.selection.reversals import near_reversals, resolution, unresolved_rows
 from robot_ident.diagnosis.selection.search import Search
-from robot_ident.recording.measurement import Measurement
+from robot_ident.recording.measurement import Measurement, Processing
+from robot_ident.recording.process import process
+from robot_ident.signals.fourier import above_noise
 
 OFFSET = "torque_offset@joint_1:torque_offset=6"
 STRIBECK = "stribeck@joint_2:stribeck=20,speed=0.08"
@@ -195,8 +197,10 @@ def test_a_jump_of_acceleration_that_noise_hides_is_as_large_as_its_lines_say(be
         sawtooth = hidden[joint] * (np.arange(samples) / samples - 0.5)
         number = round(0.5 / within[joint] / base)
         line = 2.0 / samples * np.abs(np.fft.rfft(sawtooth)[number]) / (2.0 * np.pi * number * base) ** 2
-        noise = np.sqrt(4.0 * measured.averaged_position_variance[joint] / measured.motion.samples)
-        assert line == pytest.approx(3.0 * noise, rel=0.01)
+        lines = np.zeros((len(measured.position_lines), 2), dtype=complex)
+        lines[number] = 0.99 * line, 1.01 * line
+        variance = np.full(2, measured.averaged_position_variance[joint])
+        assert above_noise(lines, variance, measured.motion.samples)[number].tolist() == [False, True]
 
 
 def test_the_command_prints_probabilities(files: Any, verb: Any) -> None:
@@ -209,3 +213,9 @@ def test_the_command_prints_probabilities(files: Any, verb: Any) -> None:
     assert found["candidates"][0]["probability"] >= 0.8
     code, out, _ = verb("diagnose", files.model, *files.bags, "--procedure", "sets")
     assert code == 0 and "probability" in out
+
+
+def test_sets_asked_for_where_they_are_not_possible_say_so(bench: Any) -> None:
+    one_pass = process(bench.record((STRIBECK,), 0), bench.robot, Processing(periodic=False))
+    found = by_sets(bench, [one_pass])
+    assert "needs recordings that tell their noise" in found.notes[0]

@@ -14,7 +14,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from robot_ident.diagnosis.selection.data_set import DataSet
-from robot_ident.diagnosis.selection.fitted_set import FittedSet
+from robot_ident.diagnosis.selection.fitted_set import FittedSet, standard_errors
 from robot_ident.diagnosis.selection.hypotheses import Hypothesis
 from robot_ident.signals.motion import Mask
 
@@ -43,8 +43,7 @@ def splits(given: FittedSet, h: Hypothesis) -> Iterator[Split]:
     def split(words: str, parameters: int, *parts: Hypothesis) -> Split:
         pairs = zip(whole, given.block_losses(*parts), given.dispersion, strict=True)
         falls = np.concatenate([((before - after) / phi).sum(axis=1) for before, after, phi in pairs])
-        spread = float(falls.std(ddof=1)) * np.sqrt(len(falls))
-        return Split(words, float(falls.sum()), float(falls.sum()) / max(spread, 1e-300), parameters)
+        return Split(words, float(falls.sum()), standard_errors(falls), parameters)
 
     if len(h.joints) > 1:
         parts = [Hypothesis(h.effect, {joint: at}, (_FREE,) * len(h.ranges)) for joint, at in h.at.items()]

@@ -17,9 +17,6 @@ FORMULA_ERROR = 0.15
 FIRST_ORDER_ERROR = {"joint_elasticity": 0.4, "backlash": 0.5}
 """The same of formulas that hold to first order in a small displacement."""
 
-LEAST_TORQUE = 0.25 / 400.0
-"""Nm rms per Nm of a joint's range below which nothing is worth a name: the paper's arm, .25 Nm of 400 Nm."""
-
 SHARE = 0.5
 """Of what the other effects leave of a joint that an effect must explain on motion that was not fitted."""
 

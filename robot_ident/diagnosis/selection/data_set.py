@@ -9,11 +9,12 @@ import numpy as np
 from numpy.typing import NDArray
 
 from robot_ident.diagnosis.evidence import Evidence, Trajectory, fitted, gather, split, trajectory
-from robot_ident.diagnosis.selection.constants import BLOCK, FAINT, LEAST_TORQUE
+from robot_ident.diagnosis.selection.constants import BLOCK, FAINT
 from robot_ident.diagnosis.selection.gram_pool import GramPool
 from robot_ident.diagnosis.selection.hypotheses import Hypothesis, hypotheses_of
 from robot_ident.diagnosis.selection.reversals import unresolved_rows
 from robot_ident.diagnosis.spectrum import white_lines, whitened
+from robot_ident.diagnosis.stage import least_torque
 from robot_ident.effects import Effect, Torques
 from robot_ident.model.structure import Structure
 from robot_ident.recording.measurement import Measurement
@@ -52,8 +53,7 @@ class Rows:
         tested = whitened(kept)
         aside = [_without_reversals(t, structure.torques(t.motion, kept.values)) for t in map(trajectory, validation)]
         before = [*tested.trajectories, *white_lines(aside, kept)]
-        doubted = [_path_as_uncertain_as_seen(t) for t in (*kept.trajectories, *aside)]
-        after = white_lines(doubted, kept)
+        after = white_lines([_path_as_uncertain_as_seen(t) for t in (*kept.trajectories, *aside)], kept)
         training = after[: len(kept.trajectories)]
         evidence = fitted(structure, training, kept.rigid, kept.memory)
         dof = np.array([_left_of_noise(*pair) for pair in zip(before, after, strict=True)])
@@ -107,7 +107,7 @@ class DataSet:
         self.dof = rows.dof
         self.blocks = [_blocks(t) for t in self.folds]
         self.weights = np.array([np.sum(t.weight**2, axis=0) for t in self.folds])
-        self.least = np.array([_least_torque(evidence, j) ** 2 for j in range(self.n)])
+        self.least = np.array([least_torque(evidence, j) ** 2 for j in range(self.n)])
         self.pools = [GramPool(*pair) for pair in zip(self.base, self.y, strict=True)]
         self.hypotheses: dict[str, list[Hypothesis]] = {}
         self._add_all(evidence)
@@ -200,15 +200,3 @@ class DataSet:
 def _blocks(t: Trajectory) -> NDArray[np.intp]:
     size = max(1, round(BLOCK / (t.measured.dt * t.measured.decimate)))
     return np.arange(len(t.y)) // size
-
-
-def _least_torque(evidence: Evidence, joint: int) -> float:
-    """Return the torque [Nm rms] that something on a joint must make to be worth a name.
-
-    In A, where a drive's gain is unknown, the limit isn't: twice what the motions need stands for it.
-    """
-    robot = evidence.structure.robot
-    limit = float(robot.limits.torque[joint])
-    if robot.in_ampere(joint) or not np.isfinite(limit):
-        limit = 2.0 * max(float(np.abs(t.measured.torque[:, joint]).max()) for t in evidence.trajectories)
-    return LEAST_TORQUE * limit

@@ -11,37 +11,10 @@ from dataclasses import dataclass
 
 import numpy as np
 
+from robot_ident.diagnosis.scan import HELD, pseudo_inverse, within_ranges
 from robot_ident.diagnosis.selection.data_set import DataSet
 from robot_ident.diagnosis.selection.hypotheses import Hypothesis
 from robot_ident.signals.motion import Array
-
-_OPEN = 1e-11  # of the largest eigenvalue of the scaled normal matrix: below, the data leave a direction open
-_HELD = 1e-9  # of a column's own square: with less after projection the model holds it already
-
-
-def inverse(square: Array) -> Array:
-    """Return the pseudo-inverse of a normal matrix, its columns scaled to one first."""
-    size = np.sqrt(np.maximum(np.diag(square), 1e-300))
-    values, vectors = np.linalg.eigh(square / size[:, None] / size)
-    kept = values > _OPEN * values[-1]
-    root = vectors[:, kept] / np.sqrt(values[kept]) / size[:, None]
-    return np.asarray(root @ root.T)
-
-
-def within(square: Array, right: Array, size: Array, ranges: Sequence[tuple[float, float]]) -> Array:
-    """Return coefficients c of the least squares problem square c = right, each in its range or zero."""
-    out = np.zeros(len(right))
-    alive = [k for k in range(len(right)) if square[k, k] > _HELD * size[k]]
-    while alive:
-        some = square[np.ix_(alive, alive)]
-        scale = np.sqrt(np.diag(some))
-        solved = np.linalg.lstsq(some / scale / scale[:, None], right[alive] / scale, rcond=1e-8)[0] / scale
-        beyond = [max(ranges[k][0] - v, v - ranges[k][1], 0.0) for k, v in zip(alive, solved, strict=True)]
-        if max(beyond) <= 0.0:
-            out[alive] = solved
-            break
-        alive.pop(int(np.argmax(beyond)))
-    return out
 
 
 @dataclass(frozen=True)
@@ -128,7 +101,7 @@ class FittedSet:
             kept = np.arange(self.q)
             while True:
                 whole = np.zeros_like(square)
-                whole[np.ix_(kept, kept)] = inverse(square[np.ix_(kept, kept)])
+                whole[np.ix_(kept, kept)] = pseudo_inverse(square[np.ix_(kept, kept)])
                 values = whole @ right
                 outside = [k for k in kept if not ranges[k][0] <= values[k] <= ranges[k][1]]
                 if not outside:
@@ -206,7 +179,7 @@ class FittedSet:
         """Return the linear parameters of further hypotheses beside the fit of a number."""
         made = self.addition(number, *new)
         ranges = [r for h in new for r in h.ranges]
-        return within(made.square, made.right, made.size, ranges), made
+        return within_ranges(made.square, made.right, made.size, ranges), made
 
     def gain(self, *new: Hypothesis) -> float:
         """Return the fall of the squared error of all training folds, refitted (score test)."""
@@ -281,7 +254,7 @@ class FittedSet:
         weights = np.zeros((len(data.folds), 1))
         weights[: data.training] = 1.0
         by_joint = weights / self.dispersion
-        square = inverse(np.einsum("fj,fjpq->pq", by_joint, data.base_own))
+        square = pseudo_inverse(np.einsum("fj,fjpq->pq", by_joint, data.base_own))
         cross = sum(np.einsum("f,fpk->pk", by_joint[:, j], data.pools[j].cross[:, :, at]) for j, at in mine.at.items())
         taken = square @ (cross @ c)
         out = np.einsum("p,fjpq,q->j", taken, data.base_own[: data.training], taken)
@@ -296,13 +269,19 @@ class FittedSet:
         seen = self._pool(joint)[1][-1]
         own = np.diag(seen.own)
         square = own - np.einsum("qP,qP->P", seen.cross, seen.projected)
-        free = square > _HELD * own
+        free = square > HELD * own
         return np.where(free, seen.right / np.where(free, square, 1.0), 0.0), seen.right
 
     def pair_matrix(self, joint: int) -> tuple[Array, Array, Array]:
         """Return A [P, P], r [P] and x'x [P] of a joint's whole pool beside the fit to all folds."""
         seen = self._pool(joint)[1][-1]
         return seen.own - seen.cross.T @ seen.projected, seen.right, np.diag(seen.own)
+
+
+def standard_errors(falls: Array) -> float:
+    """Return the mean fall of the squared error in blocks [B] over its standard error."""
+    spread = float(falls.std(ddof=1)) * np.sqrt(len(falls))
+    return float(falls.sum()) / spread if spread > 0.0 else 0.0
 
 
 def _spans(new: Sequence[Hypothesis]) -> list[Array]:

@@ -11,8 +11,9 @@ from dataclasses import dataclass
 
 import numpy as np
 
+from robot_ident.diagnosis.scan import within_ranges
 from robot_ident.diagnosis.selection.data_set import DataSet
-from robot_ident.diagnosis.selection.fitted_set import FittedSet, within
+from robot_ident.diagnosis.selection.fitted_set import FittedSet
 from robot_ident.diagnosis.selection.hypotheses import Hypothesis
 from robot_ident.effects import Effect, Inner
 from robot_ident.signals.motion import Array
@@ -140,5 +141,5 @@ class _Beside:
                 own += scale * (x.T @ x)
                 right += scale * (x.T @ self.rest[j, f])
         square = own - cross.T @ given.whole.inverse @ cross
-        c = within(square, right, np.diag(own), effect.ranges)
+        c = within_ranges(square, right, np.diag(own), effect.ranges)
         return float(2.0 * c @ right - c @ square @ c)

@@ -11,9 +11,8 @@ from __future__ import annotations
 import numpy as np
 
 from robot_ident.recording.measurement import Measurement
+from robot_ident.signals.fourier import least_above_noise
 from robot_ident.signals.motion import Array, Mask
-
-_SEEN = 9.0  # (|c_k| / its noise)^2 from which on a line of the path stands above the noise
 
 
 def resolution(measured: Measurement) -> tuple[Array, Array]:
@@ -29,7 +28,7 @@ def resolution(measured: Measurement) -> tuple[Array, Array]:
         return np.zeros(n), np.zeros(n)
     number = np.maximum([int(np.flatnonzero(lines[:, j]).max(initial=1)) for j in range(n)], 1)
     fastest = number * measured.base_frequency
-    amplitude = np.sqrt(_SEEN * 4.0 * variance / measured.motion.samples)
+    amplitude = least_above_noise(len(lines), variance, measured.motion.samples)
     return 0.5 / fastest, 4.0 * np.pi**3 * amplitude * fastest**3 / measured.base_frequency
 
 

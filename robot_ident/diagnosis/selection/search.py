@@ -11,9 +11,10 @@ from collections.abc import Collection, Sequence
 
 import numpy as np
 
+from robot_ident.diagnosis.scan import HELD
 from robot_ident.diagnosis.selection.constants import LARGEST_SET, PAIRS, REFINED, SHARE, STANDARD_ERRORS
 from robot_ident.diagnosis.selection.data_set import DataSet
-from robot_ident.diagnosis.selection.fitted_set import FittedSet
+from robot_ident.diagnosis.selection.fitted_set import FittedSet, standard_errors
 from robot_ident.diagnosis.selection.hypotheses import Hypothesis
 from robot_ident.diagnosis.selection.refinement import Refinement
 from robot_ident.signals.motion import Array
@@ -104,7 +105,7 @@ class Search:
             return False
         pairs = zip(given.block_losses(), given.block_losses(h), self.dispersion, strict=True)
         falls = np.concatenate([((before - after) / phi).sum(axis=1) for before, after, phi in pairs])
-        return bool(falls.sum() > STANDARD_ERRORS * falls.std(ddof=1) * np.sqrt(len(falls)))
+        return standard_errors(falls) > STANDARD_ERRORS
 
     def share(self, h: Hypothesis, beside: Sequence[Hypothesis]) -> float:
         """Return the share that a hypothesis explains of what others leave beyond noise and their formulas' error, on
@@ -185,7 +186,7 @@ class Search:
             for h in settings
             if h.joints == (joint,)
             and self._open(h, beside)
-            and all(square[k, k] > 1e-9 * size[k] for k in h.at[joint])
+            and all(square[k, k] > HELD * size[k] for k in h.at[joint])
         ]
         scores = _PairScores(square, right, size, joint, live)
         looked = []
@@ -228,7 +229,7 @@ class Search:
 
     def _pair(self, selected: Selected) -> Selected | None:
         given, best = self.given(selected), None
-        total = data_dof(self.data)
+        total = self.data.dof.sum(axis=0)
         for joint in range(self.data.n):
             if joint in self.unknown or given.loss[:, joint].sum() < total[joint] + self.least[joint]:
                 continue
@@ -311,11 +312,6 @@ class Search:
                 if better and self.both_worthwhile(rest, a, b):
                     return (*rest, a, b)
         return None
-
-
-def data_dof(data: DataSet) -> Array:
-    """Return the independent rows [n] of all folds."""
-    return np.asarray(data.dof.sum(axis=0))
 
 
 class _PairScores:

@@ -14,23 +14,21 @@ from robot_ident.diagnosis.scan import base_gram
 from robot_ident.diagnosis.selection.consistency import splits
 from robot_ident.diagnosis.selection.constants import FLEXIBLE_ERRORS, FLEXIBLE_SHARE, REMAINDER, STANDARD_ERRORS
 from robot_ident.diagnosis.selection.data_set import DataSet, Rows
-from robot_ident.diagnosis.selection.fitted_set import FittedSet
+from robot_ident.diagnosis.selection.fitted_set import FittedSet, standard_errors
 from robot_ident.diagnosis.selection.hypotheses import Hypothesis
 from robot_ident.diagnosis.selection.impacts import add_backlash
 from robot_ident.diagnosis.selection.probability import Election, elect
 from robot_ident.diagnosis.selection.search import Search, Selected
-from robot_ident.diagnosis.selection.unknown_cause import flexible_beside, standard_errors
+from robot_ident.diagnosis.selection.unknown_cause import flexible_beside
 from robot_ident.model.structure import Structure
 from robot_ident.recording.measurement import Measurement
-from robot_ident.signals.motion import Array
 
 
 @dataclass(frozen=True)
 class Withheld:
-    """An effect that was selected and is not named, the joint where it matters most, and why."""
+    """An effect that was selected and is not named, and why."""
 
     label: str
-    joint: int
     why: str
 
 
@@ -38,18 +36,13 @@ class Withheld:
 class Selection:
     """What was selected of a data set.
 
-    selected: the set; election: with its alternatives and their shares; share [n]: of each joint's excess that it
-    explains on motion that was not fitted; remainder [n]: what is left over what formulas, least torque and noise may
-    leave; fits: lack of fit of the model as it was. unknown: joints whose cause is none of the
-    catalogue. tested: the recordings in units of their noise.
+    selected: the set; election: with its alternatives and their shares. fits: lack of fit of the model as it was.
+    tested: the recordings in units of their noise.
     """
 
     selected: Selected
     election: Election | None
-    share: Array
-    remainder: Array
     fits: tuple[LackOfFit, ...]
-    unknown: tuple[int, ...]
     withheld: tuple[Withheld, ...]
     tested: Evidence = field(repr=False)
     data: DataSet = field(repr=False)
@@ -77,38 +70,31 @@ def select(
     while True:
         tell(0.5, "searching for the set that predicts best")
         selected = search.run()
-        judged = _Judged(search, selected, fits)
-        unknown, barred, why = judged.unknown()
+        unknown, barred, why = _Judged(search, selected).unknown()
         withheld += why
         if unknown <= search.unknown and barred <= search.barred:
             break
         search.unknown |= unknown
         search.barred |= barred
-    refused = {one.label for one in why}
-    selected = tuple(h for h in selected if h.label not in refused)
+    selected = _without(selected, why)
     tell(0.8, "weighing the alternatives")
     election = elect(search, selected) if selected else None
-    if election is not None:
-        selected = election.winner
-    return Selection(
-        selected,
-        election,
-        judged.share,
-        judged.remainder,
-        fits,
-        tuple(sorted(search.unknown)),
-        tuple(withheld),
-        rows.tested,
-        data,
-        search,
-    )
+    if election is not None and election.winner != selected:
+        _, _, why = _Judged(search, election.winner).unknown()
+        selected, withheld = _without(election.winner, why), [*withheld, *why]
+    return Selection(selected, election, fits, tuple(withheld), rows.tested, data, search)
+
+
+def _without(selected: Selected, withheld: Sequence[Withheld]) -> Selected:
+    refused = {one.label for one in withheld}
+    return tuple(h for h in selected if h.label not in refused)
 
 
 class _Judged:
     """A set held against what it leaves of each joint."""
 
-    def __init__(self, search: Search, selected: Selected, fits: Sequence[LackOfFit]) -> None:
-        self.search, self.selected, self.fits = search, selected, fits
+    def __init__(self, search: Search, selected: Selected) -> None:
+        self.search, self.selected = search, selected
         data = search.data
         training = slice(0, data.training)
         self.given = search.given(selected)
@@ -118,9 +104,7 @@ class _Judged:
         self.excess = np.maximum(self.before - dof, 1.0)
         self.share = (self.before - after) / self.excess
         self.main = {h.label: self._main(h) for h in selected}
-        wrong = np.zeros(data.n)
-        for h in self.given.selected:
-            wrong += h.formula_error**2 * self.given.contribution(h)
+        wrong = search.formula_error(selected) * data.training / len(data.folds)
         self.least = least = data.weights[training].sum(axis=0) * data.least
         left = self.given.fitted_loss() - dof + self.given.parameters_of()
         self.remainder = left / (wrong + least + 2.0 * np.sqrt(2.0 * np.maximum(dof, 1.0)))
@@ -142,7 +126,7 @@ class _Judged:
             joint = self.main[h.label]
             reason = self._remainder(h) or self._split(h) or self._flexible(joint)
             if reason:
-                why.append(Withheld(h.label, joint, reason))
+                why.append(Withheld(h.label, reason))
                 if len(h.joints) > 1:
                     labels.add(h.label)
                 if len(h.joints) == 1 or h.effect.joint == joint and not h.effect.whole:
@@ -178,13 +162,13 @@ class _Judged:
         """Return whether a flexible model predicts a joint better than the selected effects do."""
         if self.share[joint] >= 1.0 - FLEXIBLE_SHARE:
             return ""
-        flexible = flexible_beside(self._without(joint), joint)
+        flexible = flexible_beside(self._of_other_joints(joint), joint)
         losses = self.given.block_losses()
         falls = [losses[f][:, joint] - loss for f, loss in enumerate(flexible.losses)]
         share = (self.before[joint] - flexible.total) / self.excess[joint]
-        if share - self.share[joint] > FLEXIBLE_SHARE and standard_errors(falls) > FLEXIBLE_ERRORS:
+        if share - self.share[joint] > FLEXIBLE_SHARE and standard_errors(np.concatenate(falls)) > FLEXIBLE_ERRORS:
             return f"a flexible model explains {100 * share:.0f} %, the effects {100 * self.share[joint]:.0f} %"
         return ""
 
-    def _without(self, joint: int) -> FittedSet:
+    def _of_other_joints(self, joint: int) -> FittedSet:
         return self.search.given([h for h in self.selected if self.main[h.label] != joint])

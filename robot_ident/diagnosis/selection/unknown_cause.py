@@ -7,7 +7,6 @@ motion that was not fitted better than the selected effects, the cause is none o
 
 from __future__ import annotations
 
-from collections.abc import Sequence
 from dataclasses import dataclass
 from itertools import combinations
 
@@ -129,10 +128,3 @@ def _shrunk(square: Array, right: Array, rest: float, dof: float, group: NDArray
         left = rest - 2.0 * mean @ r + mean @ a @ mean
         noise = max(1.0, left / max(dof - determined.sum(), 1.0))
     return np.asarray(mean / size)
-
-
-def standard_errors(falls: Sequence[Array]) -> float:
-    """Return the mean fall of squared errors in blocks over its standard error."""
-    together = np.concatenate(list(falls))
-    spread = float(together.std(ddof=1)) * np.sqrt(len(together))
-    return float(together.sum()) / spread if spread > 0.0 else 0.0
