@@ -47,12 +47,12 @@ def splits(given: FittedSet, h: Hypothesis) -> Iterator[Split]:
 
     if len(h.joints) > 1:
         parts = [Hypothesis(h.effect, {joint: at}, (_FREE,) * len(h.ranges)) for joint, at in h.at.items()]
-        yield split("by joint", len(h.ranges) * (len(parts) - 1), *parts)
+        yield split("from joint to joint", len(h.ranges) * (len(parts) - 1), *parts)
     for k, name in enumerate(data.structure.robot.joints):
         for words, rows in (("position", _upper_half(data, k)), ("direction", _forward(data, k))):
             half = _part(data, h, rows)
             if half is not None:
-                yield split(f"by the {words} of {name}", len(h.ranges), _free(h), half)
+                yield split(f"with the {words} of {name}", len(h.ranges), _free(h), half)
 
 
 def _free(h: Hypothesis) -> Hypothesis:

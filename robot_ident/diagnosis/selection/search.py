@@ -108,8 +108,8 @@ class Search:
         return standard_errors(falls) > STANDARD_ERRORS
 
     def share(self, h: Hypothesis, beside: Sequence[Hypothesis]) -> float:
-        """Return the share that a hypothesis explains of what others leave beyond noise and their formulas' error, on
-        the joint where it predicts most of motion that was not fitted.
+        """Return the share that a hypothesis explains of what others leave in excess of noise and their formulas'
+        error, on the joint where it predicts most of motion that was not fitted.
         """
         data, given = self.data, self.given(beside)
         training = slice(0, data.training)

@@ -155,7 +155,7 @@ class _Judged:
         for split in found:
             cost = allowed + choice + split.parameters * np.log(data.block_count)
             if split.more > cost and split.errors > STANDARD_ERRORS:
-                return f"it is not the same {split.words}"
+                return f"its size changes {split.words}, so that something else acts there"
         return ""
 
     def _flexible(self, joint: int) -> str:
