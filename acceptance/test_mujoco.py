@@ -32,16 +32,20 @@ def outcomes(kind: str) -> dict[str, Any]:
 
 @pytest.mark.parametrize(
     ("kind", "name", "least"),
-    [("single", "named_right", 0.75), ("single", "truth_in_tie_group", 0.75), ("pair", "pair_found_nothing_else", 0.4)],
+    [
+        ("single", "named_right", 0.88),
+        ("single", "truth_in_tie_group", 0.90),
+        ("pair", "pair_found_nothing_else", 0.73),
+    ],
 )
 def test_found_no_less_often_than_before(kind: str, name: str, least: float) -> None:
-    """The rates of the release that this world was built beside; what comes later is held to more."""
+    """Shares of the rules on 100 cases (docs/benchmarks.md); they must lie within the interval that the cases leave."""
     rate = rate_of(outcomes(kind), name)
     assert rate["upper"] >= least, rate
 
 
 @pytest.mark.parametrize(
-    ("kind", "name", "most"), [("null", "false_name_on_null", 0.05), ("unknown", "unknown_named", 0.3)]
+    ("kind", "name", "most"), [("null", "false_name_on_null", 0.0), ("unknown", "unknown_named", 0.20)]
 )
 def test_wrong_no_more_often_than_before(kind: str, name: str, most: float) -> None:
     rate = rate_of(outcomes(kind), name)

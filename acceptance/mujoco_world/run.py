@@ -17,6 +17,8 @@ from mujoco_world.arm import Arm, Motion, motion_of
 from mujoco_world.cases import make_case
 from robot_ident.cli.main import main
 from robot_ident.diagnosis.diagnose import Procedure, diagnose
+from robot_ident.diagnosis.diagnosis import Diagnosis
+from robot_ident.errors import InputError
 from robot_ident.estimation.identify import estimate
 from robot_ident.model.structure import Structure
 from robot_ident.recording import Recording, process
@@ -49,7 +51,12 @@ def run_case(seed: int, kind: str, procedure: Procedure = "rules") -> Outcome:
     *training, unseen = (process(Recording(robot.joints, *data), robot) for data in case.recordings)
     structure = Structure.build(robot)
     started = time.process_time()
-    found = diagnose(training, structure, procedure=procedure)
+    trouble = ""
+    try:
+        found = diagnose(training, structure, procedure=procedure)
+    except InputError as error:  # sound recordings that are refused: nothing is named, and the reason is kept
+        trouble, rest = str(error), dict.fromkeys(robot.joints, float(np.nan))
+        found = Diagnosis("unexplained", (), (), rest, None, (trouble,))
     seconds = time.process_time() - started
     errors = None
     columns = [one.effect for one in found.missing if not one.effect.measuring]
@@ -60,6 +67,7 @@ def run_case(seed: int, kind: str, procedure: Procedure = "rules") -> Outcome:
     return outcome(
         found, robot, seed=seed, kind="pair_other_joints" if kind == "pair" else kind, hidden=case.what,
         truth=case.truth, visible=case.visible, seconds=seconds, errors=errors,
+        trouble=trouble,
     )  # fmt: skip
 
 
