@@ -110,10 +110,10 @@ class EffortChecks:
 
     def clocks_apart(self) -> str:
         """Return which recordings' clocks run at different paces, in a sentence, loaded ones left out; or nothing."""
-        told = [m for m, _ in self._measured if m.conditions.payload is None and not m.conditions.estimated]
+        told = [x for x in self._measured if x[0].conditions.payload is None and not x[0].conditions.estimated]
         if len(told) < 2:
             return ""
-        return clocks_apart([m.source for m in told], [judge_measured(m, self._robot) for m in told])
+        return clocks_apart([rows for _, rows in told], [judge_measured(m, self._robot) for m, _ in told])
 
     def exchanged(self) -> str:
         """Return which joints' efforts follow each other's motion, in a sentence; or nothing."""

@@ -30,6 +30,8 @@ _BETTER = 0.3  # of the power left over before, that may be left over by a bette
 _TOUCHES = 0.05  # of the largest effort, to which an absolute value falls where its torque turns
 _ROUNDS = 20
 _NEAR = 0.25  # s; a delay or a drive's lag up to that is an effect of the robot, not another time
+_OF_CLOCK = 0.1  # of what inertia in common leaves beyond own ones, that the pace of a clock must explain
+_TIMELESS, _TIMED = [0, 3, 5], [1, 2, 4]  # columns of a joint
 _CLEARLY = 0.9  # of what is left over as stamped, that another shift leaves at most: a motion that repeats ties
 
 
@@ -189,13 +191,14 @@ def _left_by_shift(basis: Array, tau: Array) -> Array:
     return np.asarray(1.0 - np.sum(products**2, axis=1) / max(float(about @ about), 1e-300))
 
 
-def clocks_apart(sources: Sequence[str], judged: Sequence[Sequence[Declared]]) -> str:
+def clocks_apart(rows: Sequence[EffortRows], judged: Sequence[Sequence[Declared]]) -> str:
     """Return which two recordings' clocks run at different paces, in a sentence; or nothing.
 
-    judged: by recording and joint the shares of the URDF's weight and inertia that the efforts hold. Their ratios don't
-    know the URDF's masses.
+    rows, judged: by recording what its efforts are, and by joint the shares of the URDF's weight and inertia that they
+    hold. Their ratios don't know the URDF's masses. What changes inertia otherwise, a mass that sloshes, no pace of the
+    clock explains.
     """
-    for (first, before), (second, after) in combinations(zip(sources, judged, strict=True), 2):
+    for (first, before), (second, after) in combinations(zip(rows, judged, strict=True), 2):
         ratios = [
             Declared(
                 a.joint, a.share, a.std, "consistent", "", b.gravity / a.gravity, b.inertia / a.inertia, 0.0, least
@@ -204,13 +207,32 @@ def clocks_apart(sources: Sequence[str], judged: Sequence[Sequence[Declared]]) -
             if (least := min(a.explained, b.explained)) and a.gravity and a.inertia
         ]
         told = [one for one in by_clock(ratios) if one.verdict == "clock"]
-        if told:
-            factor = float(np.median([one.inertia for one in told]))
+        factor = float(np.median([one.inertia for one in told])) if told else 1.0
+        if told and _by_pace(first, second, factor**0.5) > _OF_CLOCK:
             pace = factor**0.5 if factor > 1.0 else factor**-0.5
-            fast, slow = (second, first) if factor > 1.0 else (first, second)
+            ordered = (second, first) if factor > 1.0 else (first, second)
+            fast, slow = (one.measured.source for one in ordered)
             return (
                 f"{fast} and {slow} contradict each other: weight is alike and inertia"
                 f" {max(factor, 1 / factor):.3g} times as large on every joint, so that the stamps of {fast} run"
                 f" {pace:.3g} times as fast as those of {slow}; record anew, or put the times right"
             )
     return ""
+
+
+def _by_pace(first: EffortRows, second: EffortRows, pace: float) -> float:
+    """Return the share that a clock's pace explains of what one inertia, damping and rotor leave of two recordings'
+    efforts beyond own ones for each, every joint's power counted alike: the second's speed goes with the pace, its
+    acceleration and inertial torque with the square. Weight, dry friction and offset know no time.
+    """
+    apart = together = paced = 0.0
+    for joint in set(first.moving) & set(second.moving):
+        (one, tau), (other, efforts) = first.of(joint), second.of(joint)
+        both = np.concatenate([tau, efforts])
+        power = max(float(np.sum((both - both.mean()) ** 2)), 1e-300)
+        own = np.block([[one[:, _TIMELESS], 0.0 * one[:, _TIMELESS]], [0.0 * other[:, _TIMELESS], other[:, _TIMELESS]]])
+        apart += (_left(one, tau) + _left(other, efforts)) / power
+        timed = (np.vstack([one[:, _TIMED], other[:, _TIMED] * scale]) for scale in (1.0, pace ** np.array([2, 1, 2])))
+        same, scaled = (_left(np.hstack([own, columns]), both) / power for columns in timed)
+        together, paced = together + same, paced + scaled
+    return (together - paced) / max(together - apart, 1e-300)

@@ -445,15 +445,18 @@ def _tip(joints: tuple[UrdfJoint, ...], wanted: set[str]) -> str:
 
 
 def find_resource(name: str, folder: Path) -> Path | None:
-    """Return the file that `package://PACKAGE/...`, `file://...` or a path relative to `folder` means, or None."""
+    """Return the file that `package://PACKAGE/...`, `file://...` or a path relative to `folder` means, or None.
+
+    A name that no file can have is None, too.
+    """
     kind, _, rest = name.partition("://")
     if not rest:
         path = folder / name
-        return path if path.is_file() else None
+        return path if os.path.isfile(path) else None
     if kind == "file":
         path = Path(unquote(urlparse(name).path))
-        return path if path.is_file() else None
-    return next((path for place in _places(folder) if (path := place / rest).is_file()), None)
+        return path if os.path.isfile(path) else None
+    return next((path for place in _places(folder) if os.path.isfile(path := place / rest)), None)
 
 
 def _places(folder: Path) -> Iterator[Path]:

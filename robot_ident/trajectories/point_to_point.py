@@ -76,7 +76,7 @@ class PointToPoint:
         if not np.any(distance > 0):
             return 0.0, 0.0
         pace = float(self.pace[move])
-        with np.errstate(divide="ignore"):
+        with np.errstate(divide="ignore", over="ignore"):
             rate = _STRICT * pace * float(np.min(self.velocity / distance))
             bend = _STRICT * pace**2 * float(np.min(self.acceleration / distance))
         if not (rate > 0.0 and bend > 0.0):  # below the least of numbers

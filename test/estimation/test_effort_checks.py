@@ -11,7 +11,9 @@ import pytest
 
 from robot_ident import diagnose, identify
 from robot_ident.errors import InputError
+from robot_ident.estimation.declaration import judge_measured
 from robot_ident.estimation.effort_checks import EffortChecks, undecided_directions
+from robot_ident.estimation.effort_rows import EffortRows, clocks_apart
 from robot_ident.recording.measurement import Processing
 from robot_ident.recording.process import process
 
@@ -190,3 +192,13 @@ def test_recordings_whose_clocks_run_at_different_paces(arm: Any, recording: Any
     heavier = replace(other, tau=1.5 * other.tau)
     rows = [process(one, arm.robot) for one in (recording, heavier)]
     assert EffortChecks(rows, arm.robot).clocks_apart() == "", "a gain multiplies weight as well"
+
+
+def test_what_changes_inertia_and_no_pace_of_the_clock_explains_is_no_clock(arm: Any, recording: Any) -> None:
+    """A mass that sloshes makes inertia seem larger in one motion than in another; the rows decide."""
+    other = arm.record(2, periods=4, lead=0.0)
+    slow = replace(other, t=other.t[0] + (other.t - other.t[0]) / 1.2, dq=None)
+    sound, paced = ([process(one, arm.robot) for one in (recording, second)] for second in (other, slow))
+    judged = [judge_measured(one, arm.robot) for one in paced]
+    assert clocks_apart([EffortRows(one, arm.robot) for one in paced], judged)
+    assert clocks_apart([EffortRows(one, arm.robot) for one in sound], judged) == ""

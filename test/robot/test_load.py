@@ -48,6 +48,7 @@ def test_kuka_has_the_papers_limits_and_noise() -> None:
         ("p1: Izz1", "p1: Izz2", ["base_parameters"]),
         ("p1: Izz1", "p1: Izz7", ["Izz7"]),
         ("urdf: kuka_ir361.urdf", "urdf: kuka.urdf", ["kuka.urdf", "no such file"]),
+        ("urdf: kuka_ir361.urdf", f"urdf: {'k' * 300}.urdf", ["kkk"]),  # longer than a file's name may be
         ("radius: 0.7", "radius: .nan", ["radius"]),
         ("offset: 0.8", "offset: high", ["offset", "high"]),
         ("gravity: [0, 0, -9.81]", "gravity: [0, 0, -1.0e+200]", ["gravity", "1e+200"]),

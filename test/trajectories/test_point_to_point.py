@@ -95,6 +95,11 @@ def test_a_file_that_is_wrong_is_refused(
         load_motion(path)
 
 
+def test_a_step_at_the_edge_of_numbers_takes_no_time(kuka: Robot) -> None:
+    points = np.array([[0.0, 0.0, 0.0], [5e-324, 0.2, 0.0]])
+    assert moves(kuka, points).duration == pytest.approx(moves(kuka, points * [0.0, 1.0, 1.0]).duration)
+
+
 def test_moves_with_pauses_and_paces(kuka: Robot) -> None:
     points = np.array([[0.0, 0.0, 0.0], [1.0, 0.2, 0.0], [1.0, 0.2, 0.0], [0.0, 0.5, 0.3]])
     full = moves(kuka, points, pause=0.5)
