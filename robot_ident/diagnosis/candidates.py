@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Hashable, Mapping, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 
@@ -11,6 +11,7 @@ from robot_ident.diagnosis.evidence import Evidence
 from robot_ident.diagnosis.scan import BaseFit, BaseGram, Columns, Gram, add, columns_of, gram, loss_with
 from robot_ident.diagnosis.unseen import Unseen
 from robot_ident.effects import Effect, candidates_of
+from robot_ident.effects.joint_elasticity import JointElasticity
 from robot_ident.signals.motion import Array
 
 _ASIDE = 0.25  # of an effect's gain where it gains most: with less, a joint has its excess from elsewhere
@@ -45,6 +46,20 @@ class Score:
         return [int(j) for j in np.flatnonzero(gains >= _ASIDE * gains.max())]
 
 
+class _AtOnce(JointElasticity):
+    """A gear that follows its load at once, far below its resonance: the one form that this search tries."""
+
+    inner = tuple(
+        replace(inner, grid=(value,), continuous=False)
+        for inner, value in zip(JointElasticity.inner, (200.0, 0.02), strict=True)
+    )
+
+    @property
+    def size(self) -> int:
+        """Number of its parameters: the compliance alone."""
+        return len(self.coefficients)
+
+
 @dataclass(frozen=True)
 class Candidate:
     """An effect with the columns of all its settings."""
@@ -58,6 +73,7 @@ def enumerate_candidates(evidence: Evidence, leave_out: Sequence[str] = ()) -> l
     present = {*evidence.structure.labels, *leave_out}
     averaged = all(t.motion.periodic for t in evidence.trajectories)  # trends have a test of their own there
     possible = [e for e in candidates_of(evidence.structure) if not (e.trends and averaged)]
+    possible = [_AtOnce(e.robot, e.joint) if type(e) is JointElasticity else e for e in possible]
     made = [candidate_of(e, evidence) for e in possible if e.label not in present]
     return [candidate for candidate in made if candidate.columns]
 

@@ -314,6 +314,10 @@ class Effect(ABC):
         names = [inner.name for inner in self.inner]
         return [dict(zip(names, values, strict=True)) for values in product(*(inner.grid for inner in self.inner))]
 
+    def contradicts_itself(self, values: Array, along: Sequence[tuple[Motion, Torques]]) -> bool:
+        """Return whether coefficients [k] at these inner parameters can't be those of one cause, on some motions."""
+        return False
+
     @property
     def ranges(self) -> tuple[tuple[float, float], ...]:
         """The least and the largest that each coefficient can be, at these inner parameters."""

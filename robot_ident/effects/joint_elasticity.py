@@ -7,24 +7,35 @@ from typing import Any
 
 import numpy as np
 
-from robot_ident.effects.effect import Coefficient, Course, Effect, Mathematics, Signals, Torques, scaled
-from robot_ident.signals.derivatives import derivatives
+from robot_ident.effects.effect import Coefficient, Course, Effect, Inner, Mathematics, Signals, Torques, scaled
 from robot_ident.signals.motion import Array, Motion
+from robot_ident.signals.oscillator import driven
+
+_LEAST = 1e-4  # of the mean inertia about the joint, below which the model's is none
+
+_RINGS = 0.4  # of the inertia about the joint that a gear lets ring at least: all of it, less what ringing blurs
 
 
 class JointElasticity(Effect):
-    """A gear of stiffness k between motor (with its encoder) and link: the link stands at q - tauL / k (Spong 1987).
+    """A gear of stiffness k and damping d between motor (with its encoder) and link: the link stands at q - e.
 
-    To first order the torque changes by -D[tau] tauL / k, D[tau] the change of the links' torque with their
-    displacement and its two derivatives along time; the coefficient is the compliance 1 / k.
+    The link is a mass on the gear, M e'' + d e' + k e = tauL along the path, M its inertia about the joint (Spong
+    1987), k = M (2 pi f)^2 and d = 2 zeta M (2 pi f) for the mean M; far below the resonance f, e = tauL / k. To first
+    order in e the torque changes by -D[tau] e, D[tau] the change of the links' torque with their displacement and its
+    two derivatives along time. The coefficient is the compliance 1 / k; the resonance is searched apart from it, as
+    motors whose inertia the model counts among the links' shift it.
     """
 
     name = "joint_elasticity"
-    equation = "-D[tau](tauL) / k"
+    equation = "-D[tau](e), M e'' + d e' + k e = tauL"
     meaning = "compliance of the gear between motor and link"
     coefficients = (Coefficient("compliance", "mrad/kNm", "um/N", positive=True),)
-    symmetry = "conservative"
-    signature = "grows with the 2nd to 4th power of frequency"
+    inner: tuple[Inner, ...] = (
+        Inner("resonance", "Hz", "Hz", 2.0, 200.0, (4.0, 6.0, 9.0, 13.0, 20.0, 30.0, 60.0), logarithmic=True),
+        Inner("damping", "1", "1", 0.005, 0.25, (0.02, 0.15), logarithmic=True),
+    )
+    symmetry = "memory"
+    signature = "grows with the 2nd to 4th power of frequency, and rings at its resonance"
     confused_with = ("time_delay", "rotor_inertia", "encoder_eccentricity")
     experiment = "excite 2.5 to 10 Hz; below 0.5 Hz it hides under 0.1 Nm"
     magnitude = "k 1e5-1e6 / 5e3-3e4 Nm/rad: 1-10 / 30-200 mrad/kNm, below 0.1 Nm under 0.5 Hz"
@@ -33,16 +44,40 @@ class JointElasticity(Effect):
     symbolic = False
 
     def full_columns(self, motion: Motion, torques: Torques | None = None) -> Array:
-        """Return -D[tau] tauL, Nm per mrad/kNm."""
+        """Return -D[tau] k e, Nm per mrad/kNm; zero where the model has no inertia about the joint."""
+        out = np.zeros((motion.samples, self.robot.n, 1))
         if torques is None or torques.rigid is None:
-            return np.zeros((motion.samples, self.robot.n, 1))
-        twist = np.zeros((3, motion.samples, self.robot.n))
-        load = torques.load[:, self.joint]
-        twist[:, :, self.joint] = (load, *derivatives(load, motion))
-        return -1e-6 * torques.rigid.displaced(Motion(*twist))[:, :, None]
+            return out
+        by_position, by_velocity, by_acceleration = self._by_displacement(motion, torques)
+        mean = float(by_acceleration[:, self.joint].mean())
+        if not mean or (inertia := by_acceleration[:, self.joint] / mean).min() <= _LEAST:
+            return out
+        w = 2.0 * np.pi * self.setting["resonance"]
+        drag = by_velocity[:, self.joint] / mean + 2.0 * self.setting["damping"] * w
+        spring = by_position[:, self.joint] / mean + w**2
+        e, de, dde = driven(motion, w**2 * torques.load[:, self.joint], inertia, drag, spring)
+        change = by_position * e[:, None] + by_velocity * de[:, None] + by_acceleration * dde[:, None]
+        return -1e-6 * change[:, :, None]
+
+    def _by_displacement(self, motion: Motion, torques: Torques) -> list[Array]:
+        """Return by how much torque [N, n] changes with this link's displacement, its velocity and acceleration."""
+        assert torques.rigid is not None
+        out = []
+        for order in range(3):
+            one = np.zeros((3, motion.samples, self.robot.n))
+            one[order, :, self.joint] = 1.0
+            out.append(torques.rigid.displaced(Motion(*one)))
+        return out
+
+    def contradicts_itself(self, values: Array, along: Sequence[tuple[Motion, Torques]]) -> bool:
+        """Return whether far less than the inertia behind the gear rings, M (2 pi f)^2 / k: a mass that swings on the
+        arm, or the base on its feet.
+        """
+        inertia = np.mean([self._by_displacement(*one)[2][:, self.joint].mean() for one in along])
+        return bool(1e-6 * values[0] * inertia * (2.0 * np.pi * self.setting["resonance"]) ** 2 < _RINGS)
 
     def smooth_terms(self, x: Signals, m: Mathematics, course: Course) -> Sequence[dict[int, Any]]:
-        """Return the same as an expression, the load's derivatives along time by the chain rule."""
+        """Return what holds far below the resonance as an expression: the load's derivatives by the chain rule."""
         load = x.load[self.joint]
         rate = course.rate(load)
         return [scaled(-1e-6, course.displaced(self.joint, (load, rate, course.rate(rate))))]

@@ -17,7 +17,7 @@ from robot_ident.model.structure import Structure
 from robot_ident.robot import Robot
 from robot_ident.signals.motion import Array
 
-LIKENESS = {"presliding": 0.8, "backlash": 0.85}
+LIKENESS = {"presliding": 0.8, "backlash": 0.85, "joint_elasticity": 0.85}
 """Correlation of a stand-in with the exact column along a usual motion; every other effect's is one."""
 
 RINGS = ("backlash",)
@@ -100,7 +100,7 @@ def test_a_design_for_effects_with_memory_and_of_the_load(kuka: Robot) -> None:
         progress=seen.append,
         cancel=lambda: len(seen) > 0,
     )
-    assert found.parameters[-2:] == ("presliding.level@joint_2", "joint_elasticity@joint_3")
+    assert found.parameters[-2:] == ("presliding.level@joint_2", "joint_elasticity.compliance@joint_3")
     assert np.all(np.isfinite(found.sigma))
     assert found.notes[0].startswith("the columns of joint_elasticity@joint_3 depend on the torque: taken from")
     target = Target.of_robot(kuka, ["presliding@joint_2", "joint_elasticity@joint_3"])

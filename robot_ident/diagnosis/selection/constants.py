@@ -17,6 +17,10 @@ FORMULA_ERROR = 0.15
 FIRST_ORDER_ERROR = {"joint_elasticity": 0.4, "backlash": 0.5}
 """The same of formulas that hold to first order in a small displacement."""
 
+SIZE_ERROR = 0.11
+"""Relative standard error, errors of a block taken together, to which the size of an effect must be known; of formulas
+that are less exact as much more."""
+
 SHARE = 0.5
 """Of what the other effects leave of a joint that an effect must explain on motion that was not fitted."""
 

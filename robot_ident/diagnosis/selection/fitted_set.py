@@ -238,6 +238,27 @@ class FittedSet:
             self._blocks = out
         return out
 
+    def size_error(self, new: Hypothesis) -> float:
+        """Return the relative standard error of a further hypothesis's size: with its torque u and what is left with it
+        e on motion that was not fitted, sqrt(sum_b (e'u)_b^2) / |sum_b (r'u)_b|, r = e + u, over blocks b within which
+        errors may depend on each other (the sandwich of Liang and Zeger 1986).
+        """
+        data, size, spread = self.data, 0.0, 0.0
+        for number, fit in enumerate(self.fits):
+            c, made = self.coefficients(number, new)
+            values = fit.values - made.projected @ c
+            for f in fit.predicts:
+                together = np.zeros(int(data.blocks[f][-1]) + 1)
+                for j in range(data.n):
+                    before, after = self._error(j, f, fit.values), self._error(j, f, values)
+                    if j in new.at:
+                        after = after - data.pools[j].rows(f, new.at[j]) @ c
+                    torque, weight = before - after, 1.0 / self.dispersion[f, j]
+                    size += weight * float(before @ torque)
+                    together += weight * np.bincount(data.blocks[f], after * torque)
+                spread += float(together @ together)
+        return float(np.sqrt(spread)) / size if size > 0.0 else np.inf
+
     def _error(self, joint: int, fold: int, values: Array) -> Array:
         """Return a joint's whitened error [N] in a fold with some parameters."""
         data = self.data

@@ -12,9 +12,16 @@ from collections.abc import Collection, Sequence
 import numpy as np
 
 from robot_ident.diagnosis.scan import HELD
-from robot_ident.diagnosis.selection.constants import LARGEST_SET, PAIRS, REFINED, SHARE, STANDARD_ERRORS
+from robot_ident.diagnosis.selection.constants import (
+    FORMULA_ERROR,
+    LARGEST_SET,
+    PAIRS,
+    REFINED,
+    SHARE,
+    SIZE_ERROR,
+)
 from robot_ident.diagnosis.selection.data_set import DataSet
-from robot_ident.diagnosis.selection.fitted_set import FittedSet, standard_errors
+from robot_ident.diagnosis.selection.fitted_set import FittedSet
 from robot_ident.diagnosis.selection.hypotheses import Hypothesis
 from robot_ident.diagnosis.selection.refinement import Refinement
 from robot_ident.signals.motion import Array
@@ -87,7 +94,7 @@ class Search:
         return out
 
     def worthwhile(self, h: Hypothesis, beside: Sequence[Hypothesis]) -> bool:
-        """Return whether a hypothesis predicts more than it costs, in blocks whose falls exceed zero by their error.
+        """Return whether a hypothesis predicts more than it costs, its size is known and makes sense.
 
         On each joint only what exceeds the error of the others' formulas and the least torque worth a name counts, and
         on the joint where it matters most it must explain half of what they leave.
@@ -103,9 +110,15 @@ class Search:
         beyond -= np.clip(beyond, 0.0, self.least)
         if beyond.sum() <= cost or self.share(h, beside) < SHARE:
             return False
-        pairs = zip(given.block_losses(), given.block_losses(h), self.dispersion, strict=True)
-        falls = np.concatenate([((before - after) / phi).sum(axis=1) for before, after, phi in pairs])
-        return standard_errors(falls) > STANDARD_ERRORS
+        if given.size_error(h) >= SIZE_ERROR * h.formula_error / FORMULA_ERROR:
+            return False
+        return self._makes_sense(h, given)
+
+    def _makes_sense(self, h: Hypothesis, given: FittedSet) -> bool:
+        """Return whether the parameters of a hypothesis beside a set can be those of one cause."""
+        training = range(self.data.training)
+        along = [(self.data.folds[f].motion, self.data.torques[f]) for f in training]
+        return not h.effect.contradicts_itself(given.coefficients(-1, h)[0], along)
 
     def share(self, h: Hypothesis, beside: Sequence[Hypothesis]) -> float:
         """Return the share that a hypothesis explains of what others leave in excess of noise and their formulas'
@@ -168,7 +181,7 @@ class Search:
                 for g, h in out
             ]
             out.sort(key=lambda pair: -pair[0])
-        return out
+        return [(g, h) for g, h in out if g <= 0.0 or self._makes_sense(h, given)]
 
     def _held_out(self, given: FittedSet, *new: Hypothesis) -> float:
         return float((given.held_out_gain(*new) / self.dispersion).sum())
