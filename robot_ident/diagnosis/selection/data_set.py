@@ -13,6 +13,7 @@ from robot_ident.diagnosis.selection.constants import BLOCK, FAINT
 from robot_ident.diagnosis.selection.gram_pool import GramPool
 from robot_ident.diagnosis.selection.hypotheses import Hypothesis, hypotheses_of
 from robot_ident.diagnosis.selection.reversals import unresolved_rows
+from robot_ident.diagnosis.selection.unseen_reactions import with_unseen_reactions
 from robot_ident.diagnosis.spectrum import white_lines, whitened
 from robot_ident.diagnosis.stage import least_torque
 from robot_ident.effects import Effect, Torques
@@ -30,13 +31,14 @@ class Rows:
     tested: the training recordings in units of their noise, for tests of the model as it is. evidence, validation: the
     same with the path's lines taken as uncertain as their noise is large, for comparing sets: what does not stand above
     the noise may still be there, since fast effects shake the joint they act on. dof [F, n]: what the squared error of
-    noise alone adds up to then.
+    noise alone adds up to then; unseen [F, n]: what reactions that no position shows may add to it.
     """
 
     tested: Evidence
     evidence: Evidence
     validation: tuple[Trajectory, ...]
     dof: Array
+    unseen: Array
 
     @classmethod
     def of(
@@ -54,10 +56,16 @@ class Rows:
         aside = [_without_reversals(t, structure.torques(t.motion, kept.values)) for t in map(trajectory, validation)]
         before = [*tested.trajectories, *white_lines(aside, kept)]
         after = white_lines([_path_as_uncertain_as_seen(t) for t in (*kept.trajectories, *aside)], kept)
+        found = [
+            with_unseen_reactions(t, white.whitening, structure.torques(t.motion, kept.values))
+            for t, white in zip(before, after, strict=True)
+        ]
+        after = tuple(t for t, _ in found)
         training = after[: len(kept.trajectories)]
         evidence = fitted(structure, training, kept.rigid, kept.memory)
+        unseen = np.array([power for _, power in found])
         dof = np.array([_left_of_noise(*pair) for pair in zip(before, after, strict=True)])
-        return cls(tested, evidence, after[len(training) :], dof)
+        return cls(tested, evidence, after[len(training) :], dof, unseen)
 
 
 def _path_as_uncertain_as_seen(t: Trajectory) -> Trajectory:
@@ -104,7 +112,7 @@ class DataSet:
             [[b.T @ y for b, y in zip(*pair, strict=True)] for pair in zip(self.base, self.y, strict=True)]
         ).swapaxes(0, 1)
         self.power = np.array([[y @ y for y in of_joint] for of_joint in self.y]).T
-        self.dof = rows.dof
+        self.dof, self.unseen = rows.dof, rows.unseen
         self.blocks = [_blocks(t) for t in self.folds]
         self.weights = np.array([np.sum(t.weight**2, axis=0) for t in self.folds])
         self.least = np.array([least_torque(evidence, j) ** 2 for j in range(self.n)])

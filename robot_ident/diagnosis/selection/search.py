@@ -85,10 +85,10 @@ class Search:
         return float((self.given(selected).loss / self.dispersion).sum()) + sum(self.cost(h) for h in selected)
 
     def formula_error(self, selected: Sequence[Hypothesis]) -> Array:
-        """Return the squared error [n] that the formulas of a set may make in all folds."""
+        """Return the squared error [n] of all folds that the formulas of a set and unseen reactions may make."""
         given, data = self.given(selected), self.data
         scale = len(data.folds) / data.training
-        out = np.zeros(data.n)
+        out = data.unseen.sum(axis=0)
         for h in given.selected:
             out += scale * h.formula_error**2 * given.contribution(h)
         return out
