@@ -8,7 +8,7 @@ on: what acts there is another cause.
 
 from __future__ import annotations
 
-from collections.abc import Iterator
+from collections.abc import Iterator, Sequence
 from dataclasses import dataclass
 
 import numpy as np
@@ -36,27 +36,32 @@ class Split:
 
 
 def splits(given: FittedSet, h: Hypothesis) -> Iterator[Split]:
-    """Yield what each split of an effect predicts beside a set without it."""
+    """Yield what each split of an effect predicts beside a set without it.
+
+    It is split where the motion is resolved; at reversals that it does not resolve the effect has a size of its own.
+    """
     data = given.data
-    whole = given.block_losses(_free(h))
+    here = _part(data, h, data.resolved)
+    if here is None:
+        return
+    beside = _part(data, h, [~resolved for resolved in data.resolved])
+    whole = [here] if beside is None else [here, beside]
+    before = given.block_losses(*whole)
 
     def split(words: str, parameters: int, *parts: Hypothesis) -> Split:
-        pairs = zip(whole, given.block_losses(*parts), given.dispersion, strict=True)
-        falls = np.concatenate([((before - after) / phi).sum(axis=1) for before, after, phi in pairs])
+        pairs = zip(before, given.block_losses(*parts), given.dispersion, strict=True)
+        falls = np.concatenate([((loss - after) / phi).sum(axis=1) for loss, after, phi in pairs])
         return Split(words, float(falls.sum()), standard_errors(falls), parameters)
 
-    if len(h.joints) > 1:
-        parts = [Hypothesis(h.effect, {joint: at}, (_FREE,) * len(h.ranges)) for joint, at in h.at.items()]
-        yield split("from joint to joint", len(h.ranges) * (len(parts) - 1), *parts)
+    if len(here.joints) > 1:
+        parts = [Hypothesis(h.effect, {joint: at}, here.ranges) for joint, at in here.at.items()]
+        yield split("from joint to joint", len(h.ranges) * (len(parts) - 1), *parts, *whole[1:])
     for k, name in enumerate(data.structure.robot.joints):
         for words, rows in (("position", _upper_half(data, k)), ("direction", _forward(data, k))):
-            half = _part(data, h, rows)
+            masks = [half[:, None] & resolved for half, resolved in zip(rows, data.resolved, strict=True)]
+            half = _part(data, h, masks)
             if half is not None:
-                yield split(f"with the {words} of {name}", len(h.ranges), _free(h), half)
-
-
-def _free(h: Hypothesis) -> Hypothesis:
-    return Hypothesis(h.effect, h.at, (_FREE,) * len(h.ranges))
+                yield split(f"with the {words} of {name}", len(h.ranges), *whole, half)
 
 
 def _upper_half(data: DataSet, joint: int) -> list[Mask]:
@@ -69,10 +74,8 @@ def _forward(data: DataSet, joint: int) -> list[Mask]:
     return [np.asarray(t.motion.dq[:, joint] > 0.0) for t in data.folds]
 
 
-def _part(data: DataSet, h: Hypothesis, rows: list[Mask]) -> Hypothesis | None:
-    """Return an effect where some rows [N] of each fold's motion are, as a hypothesis of its own."""
+def _part(data: DataSet, h: Hypothesis, rows: Sequence[Mask]) -> Hypothesis | None:
+    """Return an effect in some rows [N, n] of each fold's motion, as a hypothesis of its own with free parameters."""
     columns = data.columns(h.effect, rows)
-    if not columns:
-        return None
     at = {joint: data.pools[joint].add(some) for joint, some in columns.items() if joint in h.at}
     return Hypothesis(h.effect, at, (_FREE,) * len(h.ranges)) if at else None

@@ -44,16 +44,12 @@ class Rows:
     def of(
         cls, measurements: Sequence[Measurement], structure: Structure, validation: Sequence[Measurement] = ()
     ) -> Rows:
-        """Leave out the rows around reversals, put the rest in units of its noise, split the only recording."""
-        plain = gather(measurements, structure)
-        pairs = zip(plain.trajectories, plain.torques, strict=True)
-        kept = fitted(
-            structure, tuple(_without_reversals(t, torques) for t, torques in pairs), plain.rigid, plain.memory
-        )
+        """Put the rows in units of their noise, split the only recording."""
+        kept = gather(measurements, structure)
         if len(measurements) == 1:
             kept = split(kept, _PARTS)
         tested = whitened(kept)
-        aside = [_without_reversals(t, structure.torques(t.motion, kept.values)) for t in map(trajectory, validation)]
+        aside = [trajectory(measured) for measured in validation]
         before = [*tested.trajectories, *white_lines(aside, kept)]
         after = white_lines([_path_as_uncertain_as_seen(t) for t in (*kept.trajectories, *aside)], kept)
         found = [
@@ -81,12 +77,10 @@ def _left_of_noise(before: Trajectory, after: Trajectory) -> Array:
     return np.asarray(after.dof * np.mean((after.whitening / full) ** 2, axis=0))
 
 
-def _without_reversals(t: Trajectory, torques: Torques) -> Trajectory:
-    """Return a trajectory without the rows that unresolved motion at reversals spoils."""
+def _resolved(t: Trajectory, torques: Torques) -> Mask:
+    """Return the samples [N, n] that no unresolved motion at reversals spoils."""
     assert torques.rigid is not None
-    sigma = np.sqrt(t.measured.averaged_variance)
-    spoilt = unresolved_rows(t.measured, torques.rigid.inertia, sigma)[t.measured.rows]
-    return t.weighed_by(np.where(spoilt, 0.0, t.weight)) if spoilt.any() else t
+    return ~unresolved_rows(t.measured, torques.rigid.inertia, np.sqrt(t.measured.averaged_variance))
 
 
 class DataSet:
@@ -114,6 +108,7 @@ class DataSet:
         self.power = np.array([[y @ y for y in of_joint] for of_joint in self.y]).T
         self.dof, self.unseen = rows.dof, rows.unseen
         self.blocks = [_blocks(t) for t in self.folds]
+        self.resolved = [_resolved(*pair) for pair in zip(self.folds, self.torques, strict=True)]
         self.weights = np.array([np.sum(t.weight**2, axis=0) for t in self.folds])
         self.least = np.array([least_torque(evidence, j) ** 2 for j in range(self.n)])
         self.pools = [GramPool(*pair) for pair in zip(self.base, self.y, strict=True)]
@@ -129,6 +124,11 @@ class DataSet:
             phi.append(t.weighed(self.structure.columns(t.motion, evidence.values, rigid)))
             torques.append(self.structure.torques(t.motion, evidence.values, rigid))
         return torques, phi
+
+    def kept(self, fold: int, joint: int) -> Mask:
+        """Return the rows [N] of a joint that count and that no unresolved motion at reversals spoils."""
+        t = self.folds[fold]
+        return np.asarray((t.weight[:, joint] > 0.0) & self.resolved[fold][t.measured.rows, joint])
 
     @property
     def block_count(self) -> int:
@@ -164,13 +164,13 @@ class DataSet:
     def columns(self, effect: Effect, only: Sequence[Mask] | None = None) -> dict[int, list[Array]]:
         """Return an effect's whitened columns by joint that it touches: [N, k] of every fold.
 
-        only: rows [N] of each fold's motion outside of which they are zero.
+        only: rows [N, n] of each fold's motion outside of which they are zero.
         """
         raw: dict[int, Array] = {}
         for number, (t, torques) in enumerate(zip(self.folds, self.torques, strict=True)):
             if id(t.measured) not in raw:
                 made = effect.columns(t.motion, torques)
-                raw[id(t.measured)] = made if only is None else made * only[number][:, None, None]
+                raw[id(t.measured)] = made if only is None else made * only[number][:, :, None]
         touched = np.flatnonzero(np.any([np.any(c != 0, axis=(0, 2)) for c in raw.values()], axis=0))
         out: dict[int, list[Array]] = {int(j): [] for j in touched}
         passed: dict[int, Array] = {}

@@ -9,6 +9,7 @@ import numpy as np
 from robot_ident.design.discrimination import experiment_between
 from robot_ident.diagnosis.before_after import errors, estimates, mean_squares
 from robot_ident.diagnosis.diagnosis import Diagnosis, Suspect, Verdict
+from robot_ident.diagnosis.drift import UNSEEN_IN_MEANS, drift_suspect, drift_tests
 from robot_ident.diagnosis.evidence import Evidence, extended
 from robot_ident.diagnosis.lack_of_fit import lack_of_fit
 from robot_ident.diagnosis.power import unseen_below
@@ -40,17 +41,20 @@ def diagnose_by_sets(
     findings = {h.label: _finding(found, h, validation) for h in found.selected}
     with_all = extended(evidence, [h.effect for h in named]) if named else evidence
     fits = lack_of_fit(with_all, base_gram(with_all)) if named else found.fits
+    drifts = [drift_suspect(with_all, j, test, validation) for j, test in enumerate(drift_tests(evidence)) if test.told]
     failing = [j for j, fit in enumerate(found.fits) if fit.fails]
-    verdict: Verdict = "missing" if named else "not_decidable" if unsure else "unexplained" if failing else "adequate"
+    verdict: Verdict = (
+        "missing" if named or drifts else "not_decidable" if unsure else "unexplained" if failing else "adequate"
+    )
     worst = max((j for j, fit in enumerate(fits) if fit.fails), key=lambda j: fits[j].statistic, default=None)
     rest = None if worst is None else explain_by_variables(with_all, worst)
     return Diagnosis(
         verdict,
-        tuple(findings[h.label] for h in named),
+        (*(findings[h.label] for h in named), *drifts),
         tuple(findings[h.label] for h in unsure),
         {name: float(np.sqrt(fit.excess)) for name, fit in zip(structure.robot.joints, fits, strict=True)},
         rest,
-        tuple(_notes(found, evidence, verdict)),
+        (*_notes(found, evidence, verdict), *(f"{one.label}: {UNSEEN_IN_MEANS}" for one in drifts)),
         tied_sets=_alternatives(found),
     )
 

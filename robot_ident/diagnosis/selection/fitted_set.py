@@ -13,7 +13,7 @@ import numpy as np
 
 from robot_ident.diagnosis.scan import HELD, pseudo_inverse, within_ranges
 from robot_ident.diagnosis.selection.data_set import DataSet
-from robot_ident.diagnosis.selection.hypotheses import Hypothesis
+from robot_ident.diagnosis.selection.hypotheses import TIMING, Hypothesis
 from robot_ident.signals.motion import Array
 
 
@@ -121,13 +121,18 @@ class FittedSet:
         """The fit to all training folds."""
         return self.fits[-1]
 
-    def fitted_loss(self) -> Array:
-        """Return the squared error [n] of the training folds in the fit to all of them."""
-        data, v = self.data, self.whole.values
-        folds = range(data.training)
-        return np.asarray(
-            sum(data.power[f] - 2.0 * self.torque[f] @ v + np.einsum("q,jqr,r->j", v, self.own[f], v) for f in folds)
-        )
+    def excess(self) -> Array:
+        """Return by how much the squared error [n] exceeds noise in the fit to all training folds, in the rows that no
+        unresolved motion at reversals spoils.
+        """
+        data, out, spent = self.data, np.zeros(self.data.n), self.parameters_of()
+        used = np.array([np.sum(t.weight > 0.0, axis=0) for t in data.folds[: data.training]])
+        for f, j in np.ndindex(used.shape):
+            kept = data.kept(f, j)
+            error, count = self._error(j, f, self.whole.values)[kept], kept.sum()
+            out[j] += float(error @ error) - data.dof[f, j] * count / max(used[f, j], 1)
+            out[j] += spent[j] * count / max(used[:, j].sum(), 1)
+        return out
 
     def parameters_of(self) -> Array:
         """Return the number of parameters [n] that the fit to all training folds spends on each joint."""
@@ -241,7 +246,8 @@ class FittedSet:
     def size_error(self, new: Hypothesis) -> float:
         """Return the relative standard error of a further hypothesis's size: with its torque u and what is left with it
         e on motion that was not fitted, sqrt(sum_b (e'u)_b^2) / |sum_b (r'u)_b|, r = e + u, over blocks b within which
-        errors may depend on each other (the sandwich of Liang and Zeger 1986).
+        errors may depend on each other (the sandwich of Liang and Zeger 1986). How late an effort is, is judged where
+        the motion is resolved: at reversals that it does not resolve, a kink looks late.
         """
         data, size, spread = self.data, 0.0, 0.0
         for number, fit in enumerate(self.fits):
@@ -254,6 +260,7 @@ class FittedSet:
                     if j in new.at:
                         after = after - data.pools[j].rows(f, new.at[j]) @ c
                     torque, weight = before - after, 1.0 / self.dispersion[f, j]
+                    torque = np.where(data.kept(f, j), torque, 0.0) if new.effect.name in TIMING else torque
                     size += weight * float(before @ torque)
                     together += weight * np.bincount(data.blocks[f], after * torque)
                 spread += float(together @ together)

@@ -14,7 +14,8 @@ from robot_ident.effects.wrist_coupling import WristCoupling
 from robot_ident.model.structure import Structure
 from robot_ident.signals.motion import Array
 
-_TIMING = frozenset({"time_delay", "effort_filter"})  # forms of one cause: how late an effort is
+TIMING = frozenset({"time_delay", "effort_filter"})
+"""Forms of one cause: how late an effort is."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -52,7 +53,7 @@ class Hypothesis:
         """Return whether both are forms of one cause at one place, of which at most one can be."""
         if self.label == other.label:
             return True
-        both_late = self.effect.name in _TIMING and other.effect.name in _TIMING
+        both_late = self.effect.name in TIMING and other.effect.name in TIMING
         same_effect = self.effect.name == other.effect.name and (self.effect.whole or other.effect.whole)
         return (both_late or same_effect) and bool(set(self.at) & set(other.at))
 

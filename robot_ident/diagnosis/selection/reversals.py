@@ -3,7 +3,7 @@
 A joint that turns back sticks and starts again within milliseconds: its acceleration jumps. Lines of that kink fall
 with the third power of frequency, so that those beyond the last line above the noise are missing from the measured
 path, whose acceleration is wrong within half a period of that line. A small error of that time looks like a delay.
-Where it moves a torque by more than its noise, the rows say nothing of any effect and are left out.
+Where it moves a torque by more than its noise, rows say nothing of how late an effort is or of what else is left.
 """
 
 from __future__ import annotations

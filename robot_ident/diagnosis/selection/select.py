@@ -106,8 +106,7 @@ class _Judged:
         self.main = {h.label: self._main(h) for h in selected}
         wrong = search.formula_error(selected) * data.training / len(data.folds)
         self.least = least = data.weights[training].sum(axis=0) * data.least
-        left = self.given.fitted_loss() - dof + self.given.parameters_of()
-        self.remainder = left / (wrong + least + 2.0 * np.sqrt(2.0 * np.maximum(dof, 1.0)))
+        self.remainder = self.given.excess() / (wrong + least + 2.0 * np.sqrt(2.0 * np.maximum(dof, 1.0)))
 
     def _main(self, h: Hypothesis) -> int:
         """Return the joint on which a selected effect matters most."""
