@@ -11,10 +11,12 @@ import pytest
 
 from robot_ident.diagnosis.diagnose import diagnose
 from robot_ident.diagnosis.diagnosis import Diagnosis
+from robot_ident.diagnosis.evidence import gather
 from robot_ident.diagnosis.selection.consistency import splits
 from robot_ident.diagnosis.selection.data_set import DataSet, Rows
 from robot_ident.diagnosis.selection.reversals import near_reversals, resolution, unresolved_rows
 from robot_ident.diagnosis.selection.search import Search
+from robot_ident.diagnosis.selection.unseen_reactions import with_unseen_reactions
 from robot_ident.recording.measurement import Measurement, Processing
 from robot_ident.recording.process import process
 from robot_ident.signals.fourier import above_noise
@@ -59,6 +61,12 @@ def test_two_effects_of_one_joint(bench: Any) -> None:
 def test_nothing_is_named_where_nothing_is_missing(bench: Any, noise: float) -> None:
     found = by_sets(bench, bench.measure((), noise=noise))
     assert found.verdict == "adequate" and found.missing == () and found.tied_sets == ()
+
+
+def test_friction_that_drifts_over_the_periods_is_named_beside_what_their_mean_shows(bench: Any) -> None:
+    drift = "temperature_drift@joint_3:temperature_drift=30,time_constant=80"
+    found = by_sets(bench, bench.measure((OFFSET, drift)))
+    assert labels(found) == {"torque_offset@joint_1", "temperature_drift@joint_3"}
 
 
 def _pulled(measured: Measurement, size: float) -> Measurement:
@@ -133,6 +141,27 @@ def test_gains_are_those_of_fits_done_anew(search: Search) -> None:
     assert given.loss.sum() == pytest.approx(sum(block.sum() for block in before), rel=1e-9)
 
 
+def test_the_error_of_a_size_is_that_of_its_blocks(search: Search) -> None:
+    """Held-out torque of an effect against what is left with it, every half second for itself, fitted anew."""
+    data = search.data
+    new = max(data.hypotheses["stribeck@joint_2"], key=search.given([]).gain)
+    folds = range(data.training)
+
+    def values(chosen: Sequence[Any], left: int) -> Any:
+        parts = [(np.sqrt(0.01 if f == left else 1.0), *_stacked(data, chosen, f)) for f in folds]
+        x, y = (np.concatenate([w * part[k] for w, *part in parts]) for k in (0, 1))
+        size = np.maximum(np.linalg.norm(x, axis=0), 1e-300)
+        return np.linalg.lstsq(x / size, y, rcond=1e-10)[0] / size
+
+    size, spread = 0.0, 0.0
+    for left in folds:
+        (x0, y), (x1, _) = _stacked(data, [], left), _stacked(data, [new], left)
+        before, after = y - x0 @ values([], left), y - x1 @ values([new], left)
+        size += before @ (before - after)
+        spread += np.sum(np.bincount(np.tile(data.blocks[left], data.n), after * (before - after)) ** 2)
+    assert search.given([]).size_error(new) == pytest.approx(np.sqrt(spread) / size, rel=1e-4)
+
+
 def test_the_best_pair_by_the_score_test_is_the_best_of_all_pairs(search: Search) -> None:
     given = search.given(())
     names = ["torque_offset@joint_2", "stribeck@joint_2", "cable@joint_2", "viscous_asymmetric@joint_2"]
@@ -201,6 +230,34 @@ def test_a_jump_of_acceleration_that_noise_hides_is_as_large_as_its_lines_say(be
         lines[number] = 0.99 * line, 1.01 * line
         variance = np.full(2, measured.averaged_position_variance[joint])
         assert above_noise(lines, variance, measured.motion.samples)[number].tolist() == [False, True]
+
+
+@pytest.mark.parametrize("hides", [1e24, 0.0])
+def test_a_joint_that_is_not_seen_gives_way_to_those_that_shake_it(bench: Any, hides: float) -> None:
+    """Without a drive its torque would be none: what noise lets it hide of that, lines of the torque may lack."""
+    (measured,) = bench.measure((), [0])
+    share = np.ones_like(measured.line_share)
+    share[:, 2] = 0.0
+    free = replace(measured, line_share=share, averaged_position_variance=hides * measured.averaged_position_variance)
+    evidence = gather([free], bench.structure)
+    ((t,), (torques,)) = evidence.trajectories, evidence.torques
+    seen, lost = with_unseen_reactions(t, None, torques)
+    inertia, ddq = torques.rigid.inertia, measured.motion.ddq
+    asked = inertia[:, 2, 0] * ddq[:, 0] + inertia[:, 2, 1] * ddq[:, 1]
+    given = asked / inertia[:, 2, 2]
+    missing = inertia[:, :, 2] * (given - given.mean())[:, None]  # noise hides no lasting acceleration
+    if not hides:
+        assert lost.max() < 1e-9
+        return
+    power = np.abs(np.fft.rfft(missing, axis=0)) ** 2 / (len(asked) * measured.averaged_variance)
+    strong = power > 10.0 * np.median(power, axis=0)
+    wide = np.array([np.convolve(column, np.full(5, 0.2), mode="same") for column in power.T]).T
+    found = seen.whitening**-2.0 - 1.0
+    np.testing.assert_allclose(found[5:-5][strong[5:-5]], wide[5:-5][strong[5:-5]], rtol=1e-6, atol=1e-10)
+    assert lost.min() > 0.0
+    every = replace(free, line_share=np.ones_like(share))
+    (known,) = gather([every], bench.structure).trajectories
+    assert not with_unseen_reactions(known, None, torques)[1].any()
 
 
 def test_the_command_prints_probabilities(files: Any, verb: Any) -> None:

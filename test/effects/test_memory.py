@@ -12,6 +12,7 @@ from robot_ident.effects.hysteresis import ELEMENTS, dahl, maxwell_slip, stretch
 from robot_ident.robot import load_robot
 from robot_ident.signals.derivatives import delayed, derivatives
 from robot_ident.signals.motion import Array, Motion
+from robot_ident.signals.oscillator import driven
 from robot_ident.trajectories.fourier_series import FourierSeries
 
 SERIES = FourierSeries(0.1, np.array([0.1, 0.0, 0.2]), *0.25 * np.random.default_rng(3).normal(size=(2, 3, 5)))
@@ -144,3 +145,39 @@ def test_drift_of_an_average_is_the_mean_of_its_periods() -> None:
     np.testing.assert_allclose(effect.columns(replace(motion, began=began)), np.mean(single, axis=0), atol=1e-12)
     t = 13.0 + np.arange(1500) * (motion.dt or 0.0)
     np.testing.assert_allclose(single[1][:, 0, 0], motion.dq[:, 0] * np.exp(-t / 25.0))
+
+
+@pytest.mark.parametrize(("frequency", "damping"), [(0.7, 0.002), (2.0, 0.2), (9.0, 0.02)])
+def test_a_driven_mass_moves_as_its_frequency_response_says(frequency: float, damping: float) -> None:
+    """Settled over a period, however little damped: X = F / (k - m w^2 + i d w)."""
+    motion, m, w = one_period(6000), 1.7, 2.0 * np.pi * frequency
+    one = np.ones(motion.samples)
+    k, d = m * w**2, 2.0 * damping * m * w
+    force = motion.ddq[:, 0] + 3.0
+    found = driven(motion, force, m * one, d * one, k * one)
+    at = 2.0 * np.pi * np.fft.rfftfreq(motion.samples, motion.dt)
+    line = np.fft.rfft(force) / (k - m * at**2 + 1j * d * at)
+    for order, x in enumerate(found):
+        true = np.fft.irfft(line * (1j * at) ** order, motion.samples)
+        assert np.abs(x - true).max() < 2e-3 * np.abs(true).max()
+
+
+def test_a_mass_that_changes_settles_to_the_same_motion_after_many_periods() -> None:
+    motion = one_period(2000)
+    periods = 12
+    inertia = 2.0 + np.sin(motion.q[:, 1])
+    stiffness = 2.0 * (2.0 * np.pi * 3.0) ** 2 + 20.0 * np.cos(motion.q[:, 0])
+    parts = (motion.ddq[:, 2], inertia, np.full(2000, 2.0), stiffness)
+    settled = driven(motion, *parts)
+    long = Motion(*(np.tile(x, (periods, 1)) for x in (motion.q, motion.dq, motion.ddq)), dt=motion.dt)
+    slowly = driven(long, *(np.tile(x, periods) for x in parts))
+    for once, many in zip(settled, slowly, strict=True):
+        np.testing.assert_allclose(many[-1500:-500], once[500:1500], atol=1e-5 * np.abs(once).max())
+
+
+def test_a_mass_at_rest_stays_where_its_force_holds_it() -> None:
+    motion = one_period(500)
+    once, one = replace(motion, periodic=False), np.ones(500)
+    x, dx, ddx = driven(once, 6.0 * one, 2.0 * one, 0.1 * one, 30.0 * one)
+    np.testing.assert_allclose(x, 0.2, rtol=1e-9)
+    assert max(np.abs(dx).max(), np.abs(ddx).max()) < 1e-6

@@ -46,7 +46,8 @@ def with_unseen_reactions(t: Trajectory, whitening: Array | None, torques: Torqu
         asked = np.einsum("Nuk,Nk->Nu", inertia[:, still[:, None], known], np.fft.irfft(band, samples, axis=0))
         given = np.linalg.solve(inertia[:, still[:, None], still], asked[:, :, None])[:, :, 0]
         moved = np.fft.rfft(given, axis=0)
-        moved *= np.minimum(1.0, hidden[:, still] / np.maximum(np.abs(moved), 1e-300))
+        size = np.abs(moved)
+        moved *= np.minimum(size, hidden[:, still]) / np.maximum(size, 1e-300)
         missing = np.einsum("Nju,Nu->Nj", inertia[:, :, still], np.fft.irfft(moved, samples, axis=0))
         power += np.abs(np.fft.rfft(missing, axis=0)) ** 2
     if not power.any():
