@@ -18,6 +18,7 @@ from robot_ident.effects import Torques
 from robot_ident.signals.fourier import least_above_noise
 from robot_ident.signals.motion import Array
 
+_STIFF = 1e-9  # of the largest inertia, which every joint has: one of which the model knows none stays where it is
 _BAND, _NEAR = 25, 5  # lines over which the share of a path that is known, and the power of a torque, are averaged
 
 
@@ -44,7 +45,8 @@ def with_unseen_reactions(t: Trajectory, whitening: Array | None, torques: Torqu
             continue
         band = np.where((unseen == pattern).all(axis=1)[:, None], lines[:, known], 0.0)
         asked = np.einsum("Nuk,Nk->Nu", inertia[:, still[:, None], known], np.fft.irfft(band, samples, axis=0))
-        given = np.linalg.solve(inertia[:, still[:, None], still], asked[:, :, None])[:, :, 0]
+        own = inertia[:, still[:, None], still] + max(_STIFF * np.abs(inertia).max(), 1e-300) * np.eye(len(still))
+        given = np.linalg.solve(own, asked[:, :, None])[:, :, 0]
         moved = np.fft.rfft(given, axis=0)
         size = np.abs(moved)
         moved *= np.minimum(size, hidden[:, still]) / np.maximum(size, 1e-300)
