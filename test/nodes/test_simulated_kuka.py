@@ -44,15 +44,20 @@ def test_a_robot_that_stood_still_is_not_late_ever_after(
     assert until(lambda: len(commands) > stopped + 420)
     robot.send(signal.SIGCONT)
     robot.says("s behind")
-    settled = commands[-1][0] + 4.0
-    assert until(lambda: min(states[-1][0], commands[-1][0]) > settled + 1.0), robot.text
-    assert "stopping" not in publisher.text and publisher.end()[0] == 0 and robot.end()[0] == 0
+    freed = len(states)
 
-    t, q = (np.array(part) for part in zip(*[row for row in states if settled < row[0] < settled + 1.0], strict=True))
-    sent, goal = (np.array(part) for part in zip(*commands, strict=True))
-    asked = np.column_stack([np.interp(t - DELAY - PERIOD, sent, column) for column in goal.T])
-    assert np.ptp(asked, axis=0).max() > 0.3, "it moves"
-    assert np.abs(q - asked).max() < 0.02
+    def follows() -> bool:
+        """Return whether the last second of its states is the motion that was sent DELAY earlier."""
+        rows = [row for row in states[freed:] if row[0] > states[-1][0] - 1.0]
+        if len(rows) < 100:
+            return False
+        t, q = (np.array(part) for part in zip(*rows, strict=True))
+        sent, goal = (np.array(part) for part in zip(*commands, strict=True))
+        asked = np.column_stack([np.interp(t - DELAY - PERIOD, sent, column) for column in goal.T])
+        return bool(np.ptp(q, axis=0).max() > 0.3 and np.abs(q - asked).max() < 0.02)
+
+    assert until(follows), robot.text  # a loaded machine may delay commands now and then, but not for good
+    assert "stopping" not in publisher.text and publisher.end()[0] == 0 and robot.end()[0] == 0
 
 
 def test_commands_that_came_before_a_reset_go_with_it(
