@@ -12,8 +12,11 @@ CASES = int(os.environ.get("ROBOT_IDENT_TRIAL_CASES", "300"))
 FOLDER = Path(os.environ.get("ROBOT_IDENT_ACCEPTANCE", "build/acceptance"))
 """Where motions and finished cases are kept: what was stopped goes on from there."""
 
-FIRST_SEED = 11000
+FIRST_SEED = int(os.environ.get("ROBOT_IDENT_FIRST_SEED", "11000"))
 """No development has used seeds from here on."""
+
+PROCEDURE: Any = os.environ.get("ROBOT_IDENT_PROCEDURE", "rules")
+"""Of the diagnosis: rules or sets."""
 
 
 def print_rates(title: str, data: dict[str, Any]) -> None:

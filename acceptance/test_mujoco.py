@@ -12,11 +12,10 @@ from typing import Any
 
 import pytest
 from mujoco_world.run import prepare, run_case
-from table import FIRST_SEED, print_rates, rate_of
+from table import FIRST_SEED, PROCEDURE, print_rates, rate_of
 from trials import judged
 
 ALL = int(os.environ.get("ROBOT_IDENT_MUJOCO_CASES", "200"))
-PROCEDURE = os.environ.get("ROBOT_IDENT_PROCEDURE", "rules")
 SHARES = {"single": 0.5, "pair": 0.15, "null": 0.15, "unknown": 0.2}
 
 

@@ -50,7 +50,7 @@ class _Hidden:
 
 def make_case(seed: int, kind: str, arm: Arm, motions: Sequence[Motion], *, periods: int = PERIODS) -> MujocoCase:
     """Return a case of a kind; the last motion is unseen by any fit: one steady period, without noise."""
-    rng = np.random.default_rng([seed, 6021])
+    rng = np.random.default_rng([seed, *kind.encode()])
     servo = Servo.draw(rng)
     plans = [Plan.of(arm, servo, motion) for motion in motions]
     count = {"single": 1, "pair": 2, "unknown": 1, "null": 0}[kind]

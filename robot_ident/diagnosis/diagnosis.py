@@ -196,9 +196,18 @@ class Diagnosis:
         if self.verdict == "missing":
             return "missing: " + ", ".join(_or_tied(suspect) for suspect in self.missing)
         if self.verdict == "not_decidable":
-            return "not decidable from these recordings"
+            return f"not decidable from these recordings{self._either}"
         where = f"; {self.unexplained.joint}: {self.unexplained.where}" if self.unexplained else ""
         return f"unexplained: none of the known effects accounts for the error{where}"
+
+    @property
+    def _either(self) -> str:
+        """The sets that recordings can't tell apart: `: either a or b and c`; empty where there are none."""
+        if not self.tied_sets:
+            return ""
+        sets = [" and ".join(labels) or "nothing" for labels in self.tied_sets[: _TIED_NAMED + 1]]
+        more = f", or {len(self.tied_sets) - len(sets)} more sets" if len(self.tied_sets) > len(sets) else ""
+        return f": either {', or '.join(sets)}{more}"
 
     def seen_by(self, robot: Robot) -> Diagnosis:
         """Return the same with what the robot's sensors can't show, and a line that says so."""

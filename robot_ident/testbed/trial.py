@@ -10,7 +10,7 @@ from __future__ import annotations
 
 import time
 from collections.abc import Mapping, Sequence
-from dataclasses import asdict, dataclass
+from dataclasses import asdict, dataclass, field
 from typing import Any
 
 import numpy as np
@@ -114,7 +114,8 @@ class Outcome:
     visible [Nm rms]: what a model without it leaves, by joint. named: members of `missing`; tied: their tie groups.
     error_before, error_after: mean square error along an unseen motion as it truly was, by joint [(Nm)^2], before and
     after what was named was added; None where nothing was. scale [Nm]: what the joints' errors are compared in, their
-    noise. seconds: processor time of the diagnosis. trouble: the message where `add` was refused.
+    noise. seconds: processor time of the diagnosis. trouble: the message where `add` was refused. tied_sets: the sets
+    that could not be told apart; probability: of every name told, where there is one.
     """
 
     seed: int
@@ -133,6 +134,8 @@ class Outcome:
     error_after: Mapping[str, float] | None
     scale: Mapping[str, float]
     seconds: float
+    tied_sets: tuple[tuple[str, ...], ...] = ()
+    probability: Mapping[str, float] = field(default_factory=dict)
     trouble: str = ""
 
     def to_dict(self) -> dict[str, Any]:
@@ -280,5 +283,7 @@ def outcome(  # noqa: PLR0913
         error_after=after,
         scale=by_joint(torque_scale(robot)),
         seconds=seconds,
+        tied_sets=found.tied_sets,
+        probability={s.label: s.probability for s in (*found.missing, *found.others) if s.probability is not None},
         trouble=trouble,
     )

@@ -64,7 +64,9 @@ def named_right(o: Outcome) -> bool:
 
 
 def in_tie_group(o: Outcome) -> bool:
-    """Return whether all that is hidden was named, or tied with what was."""
+    """Return whether all that is hidden was named, or tied with what was, or is one of the sets that are tied."""
+    if any(set(labels) == set(o.truth) for labels in o.tied_sets):
+        return True
     said = {*o.named, *(label for group in o.tied for label in group)}
     return bool(o.named) and set(o.truth) <= said
 

@@ -15,7 +15,7 @@ import numpy as np
 from robot_ident.diagnosis.before_after import mean_squares
 from robot_ident.diagnosis.candidates import Folds, Score
 from robot_ident.diagnosis.diagnosis import Suspect
-from robot_ident.diagnosis.evidence import Evidence, gather
+from robot_ident.diagnosis.evidence import Evidence, extended, gather
 from robot_ident.diagnosis.lack_of_fit import lack_of_fit
 from robot_ident.diagnosis.measuring.axes import wrong_axes
 from robot_ident.diagnosis.measuring.filtered import NAME, exact, filters
@@ -25,6 +25,7 @@ from robot_ident.diagnosis.measuring.gain import gains, single_gains, undecidabl
 from robot_ident.diagnosis.measuring.lookalikes import LowPasses, equals, holds
 from robot_ident.diagnosis.refine import sharpened
 from robot_ident.diagnosis.scan import base_gram
+from robot_ident.effects import Effect
 from robot_ident.recording.measurement import Measurement
 
 GAIN = 40.0  # chi-square units that a fault must gain
@@ -78,6 +79,49 @@ def measuring_fault(
     else:
         named, ties = best.held_out - _best_effect(best, scores, evidence, folds) >= _lead(best), []
     return replace(none, fault=_fault(best, found, ties, evidence, excess, validation)) if named else none
+
+
+def exact_fault(effect: Effect, evidence: Evidence) -> Finding | None:
+    """Return the gain or the low pass of an effort as a fault at its exact values; None of any other effect.
+
+    evidence: on the model with all other effects, whose parameters are fitted again.
+    """
+    base = base_gram(evidence)
+    if effect.name == NAME:
+        found = [exact(one, evidence, base) for one in filters(evidence, base) if one.label == effect.label]
+    else:
+        found = [one for one in gains(evidence, base) if one.label == effect.label]
+    return found[0] if found else None
+
+
+def fault_beyond(
+    evidence: Evidence, selected: Sequence[Effect], validation: Sequence[Measurement] = ()
+) -> Fault | None:
+    """Return the fault of measuring that no column makes up and that explains clearly more than a selected set does.
+
+    A load or a gain in one recording alone, a link of another length, a joint that counts the other way round, two that
+    stand under each other's name. evidence: on the model as it was given. The fall of the squared error of trajectories
+    left out is compared; of all data where one recording alone has the fault.
+    """
+    base = base_gram(evidence)
+    given = Folds.of(base)
+    found = [*link_lengths(evidence, given), *payloads(evidence, base)]
+    found += [*single_gains(evidence, base), *wrong_axes(evidence, base)]
+    if not found:
+        return None
+    found.sort(key=lambda f: -f.held_out)
+    best, after = found[0], base_gram(extended(evidence, selected)) if selected else base
+    everything = range(len(base.power))
+    held_out = float(given.loss.sum())
+    if best.single is None:
+        instead = held_out - float(Folds.of(after).loss.sum())
+    else:
+        instead = fitted_loss(base, everything) - fitted_loss(after, everything)
+    excess = held_out - sum(float(t.dof.sum()) for t in evidence.trajectories)
+    enough = best.held_out >= max(GAIN / 2, MOSTLY * _excess(best, evidence, excess)) and best.gain >= GAIN
+    if not enough or best.held_out - instead < _lead(best):
+        return None
+    return _fault(best, found, (), evidence, excess, validation)
 
 
 def _sharpened(found: Sequence[Finding], evidence: Evidence, folds: Folds) -> list[Finding]:
@@ -137,7 +181,7 @@ def _fault(
     own = _excess(best, evidence, excess)
     near = [f.label for f in found[1:] if best.held_out - f.held_out < _lead(best) and f.label != best.label]
     alone = f" in recording {best.single} alone" if best.single is not None else ""
-    before_seen, after_seen = _validated(best, evidence, after, validation)
+    before_seen, after_seen = validated(best, evidence, after, validation)
     suspect = Suspect(
         effect=best.effect,
         p_value=min(1.0, float(chdtrc(best.more, best.gain)) * len(found)),
@@ -159,7 +203,7 @@ def _fault(
     )
 
 
-def _validated(
+def validated(
     best: Finding, evidence: Evidence, after: Evidence, validation: Sequence[Measurement]
 ) -> tuple[dict[str, float] | None, dict[str, float] | None]:
     """Return the mean squares of recordings that no fit has seen, before and after; None where nobody knows whether

@@ -12,7 +12,10 @@ from robot_ident.diagnosis.diagnosis import Diagnosis, Suspect, Verdict
 from robot_ident.diagnosis.drift import UNSEEN_IN_MEANS, drift_suspect, drift_tests
 from robot_ident.diagnosis.evidence import Evidence, extended
 from robot_ident.diagnosis.lack_of_fit import lack_of_fit
-from robot_ident.diagnosis.power import unseen_below
+from robot_ident.diagnosis.measuring.finding import with_columns
+from robot_ident.diagnosis.measuring.first import exact_fault, fault_beyond, validated
+from robot_ident.diagnosis.measuring.jitter import with_jitter
+from robot_ident.diagnosis.power import unseen_below, with_doubt
 from robot_ident.diagnosis.progress import Tell, silent
 from robot_ident.diagnosis.scan import base_gram
 from robot_ident.diagnosis.selection.constants import ALTERNATIVE, NAMED
@@ -38,6 +41,11 @@ def diagnose_by_sets(
     named = [h for h in found.selected if found.probability(h.label) >= NAMED]
     unsure = [h for h in found.selected if h not in named]
     evidence = found.tested
+    fault = fault_beyond(evidence, [h.effect for h in found.selected], validation) if _something_left(found) else None
+    if fault is not None:
+        others = tuple(_finding(found, h, validation) for h in found.selected)
+        only = Diagnosis("missing", (fault.suspect,), others, fault.remaining, None, (fault.note,))
+        return with_doubt(with_jitter(only, evidence), evidence)
     findings = {h.label: _finding(found, h, validation) for h in found.selected}
     with_all = extended(evidence, [h.effect for h in named]) if named else evidence
     fits = lack_of_fit(with_all, base_gram(with_all)) if named else found.fits
@@ -48,7 +56,7 @@ def diagnose_by_sets(
     )
     worst = max((j for j, fit in enumerate(fits) if fit.fails), key=lambda j: fits[j].statistic, default=None)
     rest = None if worst is None else explain_by_variables(with_all, worst)
-    return Diagnosis(
+    whole = Diagnosis(
         verdict,
         (*(findings[h.label] for h in named), *drifts),
         tuple(findings[h.label] for h in unsure),
@@ -57,6 +65,15 @@ def diagnose_by_sets(
         (*_notes(found, evidence, verdict), *(f"{one.label}: {UNSEEN_IN_MEANS}" for one in drifts)),
         tied_sets=_alternatives(found),
     )
+    return with_doubt(with_jitter(whole, evidence), evidence)
+
+
+def _something_left(found: Selection) -> bool:
+    """Return whether a model misfits, and no set explains it down to what formulas and noise leave."""
+    if not any(fit.fails for fit in found.fits):
+        return False
+    after = extended(found.tested, [h.effect for h in found.selected]) if found.selected else found.tested
+    return bool(found.withheld) or any(fit.fails for fit in lack_of_fit(after, base_gram(after)))
 
 
 def _finding(found: Selection, h: Hypothesis, validation: Sequence[Measurement]) -> Suspect:
@@ -65,7 +82,12 @@ def _finding(found: Selection, h: Hypothesis, validation: Sequence[Measurement])
 
     others = [x for x in found.selected if x is not h]
     before = extended(found.tested, [x.effect for x in others]) if others else found.tested
-    after = extended(before, [h.effect])
+    fault = exact_fault(h.effect, before) if h.effect.measuring else None
+    after = extended(before, [h.effect]) if fault is None else with_columns(before, fault.columns)
+    if fault is not None:
+        seen_before, seen_after = validated(fault, before, after, validation)
+    else:
+        seen_before, seen_after = (errors(x, validation) if validation else None for x in (before, after))
     given = found.search.given(others)
     instead = sorted({label for labels in _instead_of(found, h.label) for label in labels})
     effects = [settings[0].effect for label in instead if (settings := found.data.hypotheses.get(label))]
@@ -75,9 +97,10 @@ def _finding(found: Selection, h: Hypothesis, validation: Sequence[Measurement])
         explained=float(np.clip(found.search.share(h, others), 0.0, 1.0)),
         mse_before=mean_squares(before),
         mse_after=mean_squares(after),
-        validation_before=errors(before, validation) if validation else None,
-        validation_after=errors(after, validation) if validation else None,
-        parameters=estimates(after, h.effect),
+        validation_before=seen_before,
+        validation_after=seen_after,
+        parameters=estimates(after, h.effect) if fault is None else fault.parameters,
+        fix=None if fault is None else fault.fix,
         tied_with=tuple(instead),
         experiment=experiment_between(h.effect, effects, found.data.structure.robot),
         probability=found.probability(h.label),

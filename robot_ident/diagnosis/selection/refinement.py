@@ -20,6 +20,7 @@ from robot_ident.signals.motion import Array
 
 _FINE = 0.05  # of a step of the grid: how near the best value is looked for
 _ONE, _SEVERAL = 12, 35  # evaluations of one parameter, of several
+_NEARLY = 0.8  # of what the best kind of an effect gains on the grid
 _BETTER = 0.5  # chi-square units that a refined value must gain
 
 
@@ -60,14 +61,28 @@ class Refinement:
         self._found: dict[object, Hypothesis] = {}
 
     def of(self, given: FittedSet, mine: Hypothesis) -> Hypothesis:
-        """Return a hypothesis at the best values near its own, beside a set; itself where none gains more."""
-        axes = self._axes(mine)
-        if not axes:
+        """Return a hypothesis at the best values near its own, beside a set; itself where none gains more.
+
+        Other kinds of the same effect that gain nearly as much on the grid are refined as well.
+        """
+        if not self._axes(mine):
             return mine
         key = (id(mine), tuple(sorted(id(h) for h in given.selected)), given.dispersion.tobytes())
         if key not in self._found:
-            self._found[key] = self._refined(given, mine, axes)
+            kinds = [mine, *self._other_kinds(given, mine)]
+            self._found[key] = max((self._refined(given, h, self._axes(h)) for h in kinds), key=given.gain)
         return self._found[key]
+
+    def _other_kinds(self, given: FittedSet, mine: Hypothesis) -> list[Hypothesis]:
+        """Return the best value on the grid of every other kind of an effect that gains nearly as much."""
+        names = [inner.name for inner in mine.effect.inner if not inner.continuous]
+        best: dict[tuple[float, ...], Hypothesis] = {}
+        for h in self.data.hypotheses[mine.label][: self.data.grid.get(mine.label, 0)] if names else ():
+            kind = tuple(h.effect.setting[name] for name in names)
+            if kind not in best or given.gain(h) > given.gain(best[kind]):
+                best[kind] = h
+        best.pop(tuple(mine.effect.setting[name] for name in names), None)
+        return [h for h in best.values() if given.gain(h) > _NEARLY * given.gain(mine)]
 
     def _axes(self, mine: Hypothesis) -> list[_Axis]:
         effect = mine.effect
