@@ -82,39 +82,51 @@ def diagnose(
         return replace(predicted, notes=tuple(notes)).seen_by(structure.robot)
     clock = "; ".join(clock_notes(measurements, structure.robot))
     notes = time_scale_notes(measurements)
-    if procedure == "sets":
-        found = of_use(diagnose_by_sets(*without_trends(measurements, structure, validation), tell), measurements)
-        return replace(found, notes=(*found.notes, *notes), clock=clock).seen_by(structure.robot)
     trending = {effect.label for effect in structure.effects if effect.trends}
     measurements, structure, validation = without_trends(measurements, structure, validation)
-    evidence = plain = gather(measurements, structure)
-    if len(evidence.trajectories) > 1:
-        evidence = whitened(evidence)
-        if of_one_motion(measurements):
-            notes.append(
-                "all recordings are of one motion: what is left out of one is seen in another, which tells causes from"
-                " proxies less well; record another motion"
-            )
-    else:  # lines belong to a whole period: of its parts, the rows are weighed
-        evidence = split(evidence)
-        notes.append(
-            "one trajectory only: judged by parts of its own motion, which tells causes from proxies less well;"
-            " record another motion"
-        )
+    plain = gather(measurements, structure)
+    notes += _told_less_well(measurements)
+    if procedure == "sets":
+        found = diagnose_by_sets(measurements, structure, validation, tell)
+        found = replace(found, notes=(*found.notes, *notes))
+    else:
+        found = _by_rules(plain, validation, trending, notes, tell)
+    return replace(of_use(with_hidden_rest(found, plain), measurements), clock=clock).seen_by(structure.robot)
+
+
+def _told_less_well(measurements: Sequence[Measurement]) -> list[str]:
+    """Return why recordings tell causes from proxies less well than others would."""
+    if len(measurements) == 1:
+        of = "one trajectory only: judged by parts of its own motion"
+    elif of_one_motion(measurements):
+        of = "all recordings are of one motion: what is left out of one is seen in another"
+    else:
+        return []
+    return [f"{of}, which tells causes from proxies less well; record another motion"]
+
+
+def _by_rules(
+    plain: Evidence,
+    validation: Sequence[Measurement],
+    trending: Collection[str],
+    notes: Sequence[str],
+    tell: Tell,
+) -> Diagnosis:
+    """Return what is missing, one effect added after the other; plain: evidence that is not whitened."""
+    # lines belong to a whole period: of its parts, the rows are weighed
+    evidence = whitened(plain) if len(plain.trajectories) > 1 else split(plain)
     tell(0.05, "trying every effect")
     blind = Stage.of(evidence)
     tell(0.3, "looking for faults of what is measured")
     judged = measuring_fault(evidence, blind.folds, blind.scores, validation)
     if judged.fault is not None:
-        fault = _fault_first(evidence, blind, judged.fault, validation, notes)
-        return replace(of_use(with_doubt(fault, evidence), measurements), clock=clock).seen_by(structure.robot)
+        return with_doubt(_fault_first(evidence, blind, judged.fault, validation, notes), evidence)
     unseen = Unseen.of(validation, evidence)
     searched = Search(evidence, blind if unseen is None else Stage.of(evidence, unseen)).run(tell)
     tell(0.8, "weighing what was found")
-    notes += undecidable(evidence, blind.folds)
+    notes = [*notes, *undecidable(evidence, blind.folds)]
     found_all = judged.low_passes.beside(_conclude(evidence, searched, validation, notes, trending))
-    found_all = with_doubt(with_jitter(found_all, evidence), evidence)
-    return replace(of_use(with_hidden_rest(found_all, plain), measurements), clock=clock).seen_by(structure.robot)
+    return with_doubt(with_jitter(found_all, evidence), evidence)
 
 
 def _fault_first(

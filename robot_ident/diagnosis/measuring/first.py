@@ -33,6 +33,7 @@ MOSTLY = 0.5  # of the excess that it must explain
 LEAD = 0.05  # of its own gain by which it must beat the best effect
 REST = 0.002  # of the excess that a low pass may leave
 NOISE = 0.5  # of the squared error of the noise, that it may leave where that is more
+CORRECT = " is a fault of what is measured: correct it, identify anew and diagnose again"
 _Z = 2.0  # standard deviations of a difference of two gains that are no lead
 
 
@@ -97,19 +98,18 @@ def exact_fault(effect: Effect, evidence: Evidence) -> Finding | None:
 def fault_beyond(
     evidence: Evidence, selected: Sequence[Effect], validation: Sequence[Measurement] = ()
 ) -> Fault | None:
-    """Return the fault of measuring that no column makes up and that explains clearly more than a selected set does.
+    """Return the fault of measuring that explains clearly more than a selected set does; None where none does.
 
-    A load or a gain in one recording alone, a link of another length, a joint that counts the other way round, two that
-    stand under each other's name. evidence: on the model as it was given. The fall of the squared error of trajectories
-    left out is compared; of all data where one recording alone has the fault.
+    evidence: on the model as it was given. The fall of the squared error of trajectories left out is compared; of all
+    data where one recording alone has the fault.
     """
     base = base_gram(evidence)
     given = Folds.of(base)
-    found = [*link_lengths(evidence, given), *payloads(evidence, base)]
-    found += [*single_gains(evidence, base), *wrong_axes(evidence, base)]
+    found = [*gains(evidence, base), *filters(evidence, base), *link_lengths(evidence, given)]
+    found += [*payloads(evidence, base), *single_gains(evidence, base), *wrong_axes(evidence, base)]
     if not found:
         return None
-    found.sort(key=lambda f: -f.held_out)
+    found = _sharpened(sorted(found, key=lambda f: -f.held_out), evidence, given)
     best, after = found[0], base_gram(extended(evidence, selected)) if selected else base
     everything = range(len(base.power))
     held_out = float(given.loss.sum())
@@ -198,8 +198,7 @@ def _fault(
     return Fault(
         suspect,
         {name: float(np.sqrt(fit.excess)) for name, fit in zip(names, rest, strict=True)},
-        f"{best.label}{alone} is a fault of what is measured: correct it, identify anew and diagnose again; until then"
-        " no effect is named, since what it leaves looks like many",
+        f"{best.label}{alone}{CORRECT}; until then no effect is named, since what it leaves looks like many",
     )
 
 

@@ -14,7 +14,7 @@ import numpy as np
 from robot_ident.diagnosis.candidates import Folds, Score
 from robot_ident.diagnosis.diagnosis import Diagnosis, Suspect
 from robot_ident.diagnosis.evidence import Evidence
-from robot_ident.diagnosis.measuring.filtered import NAME, exact
+from robot_ident.diagnosis.measuring.filtered import NAME, exact, filters
 from robot_ident.diagnosis.measuring.finding import Finding, folds
 from robot_ident.diagnosis.refine import refined, sharpened
 from robot_ident.diagnosis.scan import BaseFit, base_gram
@@ -44,7 +44,7 @@ class LowPasses:
         """Return a diagnosis whose suspects say where a low pass in their place predicts as well, and what to change
         where the measuring is at fault.
         """
-        return replace(diagnosis, missing=tuple(self._beside(_with_line(suspect)) for suspect in diagnosis.missing))
+        return replace(diagnosis, missing=tuple(self._beside(with_line(suspect)) for suspect in diagnosis.missing))
 
     def _beside(self, suspect: Suspect) -> Suspect:
         mine = next((s for s in self.scores if s.label == suspect.label), None)
@@ -56,13 +56,33 @@ class LowPasses:
         lead = block_losses_of(low_pass, self.evidence) - block_losses(score, self.evidence, self.folds)
         if float(lead.sum()) > 0.0 and not alike(lead, score.held_out):
             return suspect
-        experiment = suspect.experiment or low_pass.effect.experiment
-        fix = f"{given.fix} (if it is {low_pass.label})"
-        fix = fix if suspect.fix is None else f"{suspect.fix}, or {fix}"
-        return replace(suspect, tied_with=(*suspect.tied_with, low_pass.label), experiment=experiment, fix=fix)
+        return _tied(suspect, low_pass)
 
 
-def _with_line(suspect: Suspect) -> Suspect:
+def with_low_pass(suspect: Suspect, before: Evidence, after: Evidence) -> Suspect:
+    """Return a suspect that says where a low pass in its place predicts as well; before, after: without and with it."""
+    if suspect.effect.name not in (*LIKE, _SMOOTHED):
+        return suspect
+    base = base_gram(before)
+    given = next((f for f in filters(before, base) if f.effect.place == suspect.effect.place), None)
+    if given is None:
+        return suspect
+    low_pass = exact(given, before, base)
+    lead = block_losses_of(low_pass, before) - _block_losses(after, after.phi)
+    held_out = float(Folds.of(base).loss.sum() - Folds.of(base_gram(after)).loss.sum())
+    return suspect if float(lead.sum()) > 0.0 and not alike(lead, held_out) else _tied(suspect, low_pass)
+
+
+def _tied(suspect: Suspect, low_pass: Finding) -> Suspect:
+    if low_pass.label in suspect.tied_with:
+        return suspect
+    experiment = suspect.experiment or low_pass.effect.experiment
+    fix = f"{low_pass.fix} (if it is {low_pass.label})"
+    fix = fix if suspect.fix is None else f"{suspect.fix}, or {fix}"
+    return replace(suspect, tied_with=(*suspect.tied_with, low_pass.label), experiment=experiment, fix=fix)
+
+
+def with_line(suspect: Suspect) -> Suspect:
     """Return a delay with the line that takes it out of what is measured, any other suspect as it is."""
     effect = suspect.effect
     if effect.name != _DELAY:
@@ -102,8 +122,11 @@ def equals(low_pass: Finding, scores: Sequence[Score], evidence: Evidence, given
 
 def block_losses_of(found: Finding, evidence: Evidence) -> Array:
     """Return the squared error in blocks of time of every trajectory left out, with a fault at its exact values."""
-    phi = found.columns(evidence)
-    base, losses = base_gram(replace(evidence, phi=phi)), []
+    return _block_losses(evidence, found.columns(evidence))
+
+
+def _block_losses(evidence: Evidence, phi: Sequence[Array]) -> Array:
+    base, losses = base_gram(replace(evidence, phi=tuple(phi))), []
     for left, train in folds(len(phi)):
         trajectory = evidence.trajectories[left]
         losses += in_blocks(trajectory.y - phi[left] @ BaseFit.of(base, train).values, trajectory)

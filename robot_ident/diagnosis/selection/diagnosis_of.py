@@ -8,13 +8,15 @@ import numpy as np
 
 from robot_ident.design.discrimination import experiment_between
 from robot_ident.diagnosis.before_after import errors, estimates, mean_squares
+from robot_ident.diagnosis.candidates import Folds
 from robot_ident.diagnosis.diagnosis import Diagnosis, Suspect, Verdict
 from robot_ident.diagnosis.drift import UNSEEN_IN_MEANS, drift_suspect, drift_tests
 from robot_ident.diagnosis.evidence import Evidence, extended
 from robot_ident.diagnosis.lack_of_fit import lack_of_fit
 from robot_ident.diagnosis.measuring.finding import with_columns
-from robot_ident.diagnosis.measuring.first import exact_fault, fault_beyond, validated
+from robot_ident.diagnosis.measuring.first import CORRECT, exact_fault, fault_beyond, undecidable, validated
 from robot_ident.diagnosis.measuring.jitter import with_jitter
+from robot_ident.diagnosis.measuring.lookalikes import with_line, with_low_pass
 from robot_ident.diagnosis.power import unseen_below, with_doubt
 from robot_ident.diagnosis.progress import Tell, silent
 from robot_ident.diagnosis.scan import base_gram
@@ -22,6 +24,7 @@ from robot_ident.diagnosis.selection.constants import ALTERNATIVE, NAMED
 from robot_ident.diagnosis.selection.hypotheses import Hypothesis
 from robot_ident.diagnosis.selection.select import Selection, select
 from robot_ident.diagnosis.unexplained import explain_by_variables
+from robot_ident.diagnosis.weighed_by_residual import tells_noise
 from robot_ident.model.structure import Structure
 from robot_ident.recording.measurement import Measurement
 
@@ -37,7 +40,7 @@ def diagnose_by_sets(
     The recordings tell their noise; validation recordings never enter a fit. An effect is named at a probability of .8
     and more; below, it is listed, and the verdict is `not_decidable` where nothing else is named.
     """
-    found = select(measurements, structure, validation, tell)
+    found = select(measurements, structure, [one for one in validation if tells_noise(one)], tell)
     named = [h for h in found.selected if found.probability(h.label) >= NAMED]
     unsure = [h for h in found.selected if h not in named]
     evidence = found.tested
@@ -91,7 +94,7 @@ def _finding(found: Selection, h: Hypothesis, validation: Sequence[Measurement])
     given = found.search.given(others)
     instead = sorted({label for labels in _instead_of(found, h.label) for label in labels})
     effects = [settings[0].effect for label in instead if (settings := found.data.hypotheses.get(label))]
-    return Suspect(
+    suspect = Suspect(
         effect=h.effect,
         p_value=min(1.0, float(chdtrc(h.effect.size, max(given.gain(h), 0.0))) * len(found.data.hypotheses)),
         explained=float(np.clip(found.search.share(h, others), 0.0, 1.0)),
@@ -105,6 +108,7 @@ def _finding(found: Selection, h: Hypothesis, validation: Sequence[Measurement])
         experiment=experiment_between(h.effect, effects, found.data.structure.robot),
         probability=found.probability(h.label),
     )
+    return with_low_pass(with_line(suspect), before, after)
 
 
 def _instead_of(found: Selection, label: str) -> list[list[str]]:
@@ -130,6 +134,8 @@ def _alternatives(found: Selection) -> tuple[tuple[str, ...], ...]:
 
 def _notes(found: Selection, evidence: Evidence, verdict: Verdict) -> list[str]:
     notes = [f"{one.label} is not named: {one.why}" for one in found.withheld]
+    notes += [f"{h.label}{CORRECT}" for h in found.selected if h.effect.measuring]
+    notes += undecidable(evidence, Folds.of(base_gram(evidence)))
     if verdict == "adequate":
         notes.append(unseen_below(evidence))
     return list(dict.fromkeys(notes))
