@@ -20,7 +20,7 @@ from robot_ident.diagnosis.measuring.lookalikes import with_line, with_low_pass
 from robot_ident.diagnosis.power import unseen_below, with_doubt
 from robot_ident.diagnosis.progress import Tell, silent
 from robot_ident.diagnosis.scan import base_gram
-from robot_ident.diagnosis.selection.constants import ALTERNATIVE, NAMED
+from robot_ident.diagnosis.selection.constants import ALTERNATIVE, FORMULA_ERROR, NAMED, SIZE_ERROR
 from robot_ident.diagnosis.selection.hypotheses import Hypothesis
 from robot_ident.diagnosis.selection.select import Selection, select
 from robot_ident.diagnosis.unexplained import explain_by_variables
@@ -49,20 +49,20 @@ def diagnose_by_sets(
         others = tuple(_finding(found, h, validation) for h in found.selected)
         only = Diagnosis("missing", (fault.suspect,), others, fault.remaining, None, (fault.note,))
         return with_doubt(with_jitter(only, evidence), evidence)
-    findings = {h.label: _finding(found, h, validation) for h in found.selected}
+    findings = {h.label: _finding(found, h, validation) for h in (*found.selected, *found.vague)}
     with_all = extended(evidence, [h.effect for h in named]) if named else evidence
     fits = lack_of_fit(with_all, base_gram(with_all)) if named else found.fits
     drifts = [drift_suspect(with_all, j, test, validation) for j, test in enumerate(drift_tests(evidence)) if test.told]
     failing = [j for j, fit in enumerate(found.fits) if fit.fails]
-    verdict: Verdict = (
-        "missing" if named or drifts else "not_decidable" if unsure else "unexplained" if failing else "adequate"
-    )
+    verdict: Verdict = "missing" if named or drifts else "unexplained" if failing else "adequate"
+    if not named and not drifts and (unsure or found.vague):
+        verdict = "not_decidable"
     worst = max((j for j, fit in enumerate(fits) if fit.fails), key=lambda j: fits[j].statistic, default=None)
     rest = None if worst is None else explain_by_variables(with_all, worst)
     whole = Diagnosis(
         verdict,
         (*(findings[h.label] for h in named), *drifts),
-        tuple(findings[h.label] for h in unsure),
+        tuple(findings[h.label] for h in (*unsure, *found.vague)),
         {name: float(np.sqrt(fit.excess)) for name, fit in zip(structure.robot.joints, fits, strict=True)},
         rest,
         (*_notes(found, evidence, verdict), *(f"{one.label}: {UNSEEN_IN_MEANS}" for one in drifts)),
@@ -106,7 +106,7 @@ def _finding(found: Selection, h: Hypothesis, validation: Sequence[Measurement])
         fix=None if fault is None else fault.fix,
         tied_with=tuple(instead),
         experiment=experiment_between(h.effect, effects, found.data.structure.robot),
-        probability=found.probability(h.label),
+        probability=None if h in found.vague else found.probability(h.label),
     )
     return with_low_pass(with_line(suspect), before, after)
 
@@ -134,6 +134,12 @@ def _alternatives(found: Selection) -> tuple[tuple[str, ...], ...]:
 
 def _notes(found: Selection, evidence: Evidence, verdict: Verdict) -> list[str]:
     notes = [f"{one.label} is not named: {one.why}" for one in found.withheld]
+    given = found.search.given(found.selected)
+    notes += [
+        f"{h.label} may be missing: its size is known to {100 * given.size_error(h):.0f} %, and no name is given beyond"
+        f" {100 * SIZE_ERROR * h.formula_error / FORMULA_ERROR:.0f} %; record more periods or another motion"
+        for h in found.vague
+    ]
     notes += [f"{h.label}{CORRECT}" for h in found.selected if h.effect.measuring]
     notes += undecidable(evidence, Folds.of(base_gram(evidence)))
     if verdict == "adequate":

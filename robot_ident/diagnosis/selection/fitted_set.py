@@ -266,6 +266,10 @@ class FittedSet:
                 spread += float(together @ together)
         return float(np.sqrt(spread)) / size if size > 0.0 else np.inf
 
+    def residual(self, joint: int, fold: int) -> Array:
+        """Return what the fit to all training folds leaves of a joint in a fold, whitened [N]."""
+        return self._error(joint, fold, self.whole.values)
+
     def _error(self, joint: int, fold: int, values: Array) -> Array:
         """Return a joint's whitened error [N] in a fold with some parameters."""
         data = self.data

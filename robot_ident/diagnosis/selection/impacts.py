@@ -1,29 +1,44 @@
 """Backlash as a hypothesis: dear to compute, so that it is tried where a joint's excess is fast.
 
 The link behind a clearance crosses it as the load reverses and meets the other flank: an impact of a few milliseconds
-that rings above 5 Hz. Where less of a joint's excess lies there, no clearance made it.
+that rings above 5 Hz. Where less of a joint's excess lies there, no clearance made it; nor where less lies there of
+what the effect leaves that explains most of the joint.
 """
 
 from __future__ import annotations
 
+from collections.abc import Iterable
+
 import numpy as np
 
 from robot_ident.diagnosis.selection.fitted_set import FittedSet
+from robot_ident.diagnosis.selection.search import Search
 from robot_ident.effects.backlash import Backlash
 
 _FAST = 5.0  # Hz
 _SHARE = 0.35  # of a joint's excess above that from which on a clearance is tried
 
 
-def fast_joints(given: FittedSet) -> list[int]:
-    """Return the joints of which so much of the excess lies above 5 Hz."""
-    data, v = given.data, given.whole.values[: given.data.p]
+def add_backlash(search: Search) -> None:
+    """Add backlash to the hypotheses at joints whose excess is fast, or what the best effect leaves of it."""
+    given = search.given(())
+    _add(given, range(search.data.n))
+    best = search.best_values(given)
+    for joint in range(search.data.n):
+        mine = max((h for h in best if joint in h.at), key=given.gain, default=None)
+        if mine is not None:
+            _add(search.given((mine,)), [joint])
+
+
+def _fast_joints(given: FittedSet, joints: Iterable[int]) -> list[int]:
+    """Return those of some joints of which so much of the excess lies above 5 Hz."""
+    data = given.data
     out = []
-    for joint in range(data.n):
+    for joint in joints:
         excess = fast = 0.0
         for f in range(data.training):
             t = data.folds[f]
-            error = data.y[joint][f] - data.base[joint][f] @ v
+            error = given.residual(joint, f)
             power = 2.0 * np.abs(np.fft.rfft(error)) ** 2 / len(error)
             rate = np.fft.rfftfreq(len(error), t.measured.dt * t.measured.decimate)
             above = rate > _FAST
@@ -34,12 +49,13 @@ def fast_joints(given: FittedSet) -> list[int]:
     return out
 
 
-def add_backlash(given: FittedSet) -> None:
-    """Add backlash to the hypotheses at joints with a fast excess, further values where a first look gains."""
+def _add(given: FittedSet, joints: Iterable[int]) -> None:
+    """Add backlash at those of some joints whose excess is fast, further values where a first look gains."""
     data, robot = given.data, given.data.structure.robot
-    for joint in fast_joints(given):
+    for joint in _fast_joints(given, joints):
         effect = Backlash(robot, joint)
-        if Backlash.available(robot, joint) or effect.unseen or effect.label in data.structure.labels:
+        known = effect.label in data.structure.labels or effect.label in data.hypotheses
+        if Backlash.available(robot, joint) or effect.unseen or known:
             continue
         settings = effect.settings()
         first = settings[0]

@@ -94,7 +94,15 @@ class Search:
         return out
 
     def worthwhile(self, h: Hypothesis, beside: Sequence[Hypothesis]) -> bool:
-        """Return whether a hypothesis predicts more than it costs, its size is known and makes sense.
+        """Return whether a hypothesis predicts more than it costs, its size is known and makes sense."""
+        return self.size_known(h, beside) and self.predicts(h, beside)
+
+    def size_known(self, h: Hypothesis, beside: Sequence[Hypothesis]) -> bool:
+        """Return whether the size of a hypothesis is known as well as is asked of its formula."""
+        return self.given(beside).size_error(h) < SIZE_ERROR * h.formula_error / FORMULA_ERROR
+
+    def predicts(self, h: Hypothesis, beside: Sequence[Hypothesis]) -> bool:
+        """Return whether a hypothesis predicts more than it costs and makes sense.
 
         On each joint only what exceeds the error of the others' formulas and the least torque worth a name counts, and
         on the joint where it matters most it must explain half of what they leave.
@@ -109,8 +117,6 @@ class Search:
         beyond = by_joint - np.clip(by_joint, 0.0, self.formula_error(beside))
         beyond -= np.clip(beyond, 0.0, self.least)
         if beyond.sum() <= cost or self.share(h, beside) < SHARE:
-            return False
-        if given.size_error(h) >= SIZE_ERROR * h.formula_error / FORMULA_ERROR:
             return False
         return self._makes_sense(h, given)
 

@@ -36,11 +36,13 @@ class Withheld:
 class Selection:
     """What was selected of a data set.
 
-    selected: the set; election: with its alternatives and their shares. fits: lack of fit of the model as it was.
+    selected: the set; vague: what would be in it, were its size known better. election: with its alternatives and their
+    shares. fits: lack of fit of the model as it was.
     tested: the recordings in units of their noise.
     """
 
     selected: Selected
+    vague: Selected
     election: Election | None
     fits: tuple[LackOfFit, ...]
     withheld: tuple[Withheld, ...]
@@ -65,7 +67,7 @@ def select(
     tell(0.3, "trying every effect")
     data = DataSet(rows)
     search = Search(data)
-    add_backlash(search.given(()))
+    add_backlash(search)
     withheld: list[Withheld] = []
     while True:
         tell(0.5, "searching for the set that predicts best")
@@ -82,7 +84,20 @@ def select(
     if election is not None and election.winner != selected:
         _, _, why = _Judged(search, election.winner).unknown()
         selected, withheld = _without(election.winner, why), [*withheld, *why]
-    return Selection(selected, election, fits, tuple(withheld), rows.tested, data, search)
+    return Selection(selected, _vague(search, selected), election, fits, tuple(withheld), rows.tested, data, search)
+
+
+def _vague(search: Search, selected: Selected) -> Selected:
+    """Return by joint the best effect that predicts what a set leaves, and whose size is not known well enough."""
+    out: dict[int, Hypothesis] = {}
+    for gain, h in search.ranked(selected):
+        judged = _Judged(search, (*selected, h))
+        joint = judged.main[h.label]
+        if gain <= 0.0 or joint in out or search.size_known(h, selected) or not search.predicts(h, selected):
+            continue
+        if all(why.label != h.label for why in judged.unknown()[2]):
+            out[joint] = h
+    return tuple(out.values())
 
 
 def _without(selected: Selected, withheld: Sequence[Withheld]) -> Selected:
