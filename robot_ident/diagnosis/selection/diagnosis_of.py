@@ -118,7 +118,7 @@ def _instead_of(found: Selection, label: str) -> list[list[str]]:
     mine = {h.label for h in found.selected}
     return [
         [other for other in labels if other not in mine]
-        for labels, share in found.election.shares.items()
+        for labels, share in found.election.alternatives.items()
         if share >= ALTERNATIVE and label not in labels
     ]
 
@@ -128,7 +128,9 @@ def _alternatives(found: Selection) -> tuple[tuple[str, ...], ...]:
     if found.election is None:
         return ()
     mine = tuple(sorted(h.label for h in found.selected))
-    others = [labels for labels, share in found.election.shares.items() if share >= ALTERNATIVE and labels != mine]
+    others = [
+        labels for labels, share in found.election.alternatives.items() if share >= ALTERNATIVE and labels != mine
+    ]
     return (mine, *others) if others else ()
 
 

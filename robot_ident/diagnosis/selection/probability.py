@@ -14,11 +14,15 @@ from robot_ident.diagnosis.selection.search import Search, Selected, names
 
 @dataclass(frozen=True)
 class Election:
-    """The set that wins most resamples, and the share [0, 1] of the resamples that each set wins, by its labels."""
+    """The set that wins most resamples, and the share [0, 1] of the resamples that each set wins, by its labels.
+
+    shares: what a set of several effects on a joint wins counts for one of fewer that predicts as well but for what its
+    formulas may err; alternatives: every set's own share.
+    """
 
     winner: Selected
     shares: Mapping[tuple[str, ...], float]
-    sets: Mapping[tuple[str, ...], Selected]
+    alternatives: Mapping[tuple[str, ...], float]
 
     def probability(self, label: str) -> float:
         """Return the share of the resamples won by sets that hold a label."""
@@ -40,10 +44,30 @@ def elect(search: Search, selected: Selected, seed: int = 0) -> Election:
         if count:
             objectives += rng.multinomial(count, np.full(count, 1.0 / count), size=RESAMPLES) @ totals.T
     wins = np.bincount(np.argmin(objectives + costs, axis=1), minlength=len(labels)) / RESAMPLES
-    shares = {key: float(share) for key, share in zip(labels, wins, strict=True) if share > 0.0}
+    own = {key: float(share) for key, share in zip(labels, wins, strict=True) if share > 0.0}
+    own = dict(sorted(own.items(), key=lambda pair: -pair[1]))
+    shares: dict[tuple[str, ...], float] = {}
+    for key, share in own.items():
+        simplest = _simplest(search, sets, key)
+        shares[simplest] = shares.get(simplest, 0.0) + share
     best = max(shares, key=lambda key: shares[key])
     winner = sets[best] if shares[best] > shares.get(names(selected), 0.0) else selected
-    return Election(winner, dict(sorted(shares.items(), key=lambda pair: -pair[1])), sets)
+    return Election(winner, shares, own)
+
+
+def _simplest(search: Search, sets: Mapping[tuple[str, ...], Selected], key: tuple[str, ...]) -> tuple[str, ...]:
+    """Return the best set with fewer effects on one joint, all others alike, that predicts it as well as a set does."""
+    of_set = sets[key]
+    out = {}
+    for other, fewer in sets.items():
+        differ = [h for h in (*of_set, *fewer) if h.label not in other or h.label not in key]
+        joints = {h.joints for h in differ}
+        if fewer and len(fewer) < len(of_set) and len(joints) == 1 and len(next(iter(joints))) == 1:
+            (joint,) = next(iter(joints))
+            mine = [h for h in fewer if joint in h.at]
+            if mine and search.as_good(fewer, of_set, joint):
+                out[other] = search.objective(fewer)
+    return min(out, key=lambda other: out[other], default=key)
 
 
 def _neighbours(search: Search, selected: Selected) -> dict[tuple[str, ...], Selected]:

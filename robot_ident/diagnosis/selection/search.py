@@ -93,6 +93,11 @@ class Search:
             out += scale * h.formula_error**2 * given.contribution(h)
         return out
 
+    def as_good(self, fewer: Sequence[Hypothesis], more: Sequence[Hypothesis], joint: int) -> bool:
+        """Return whether fewer effects on a joint predict it as well as more do, but for what their formulas err."""
+        falls = self.given(fewer).loss[:, joint].sum() - self.given(more).loss[:, joint].sum()
+        return float(falls) <= float(self.formula_error(fewer)[joint])
+
     def worthwhile(self, h: Hypothesis, beside: Sequence[Hypothesis]) -> bool:
         """Return whether a hypothesis predicts more than it costs, its size is known and makes sense."""
         return self.size_known(h, beside) and self.predicts(h, beside)
@@ -288,14 +293,13 @@ class Search:
         return None
 
     def _merged(self, selected: Selected) -> Selected | None:
-        """Return the set with a joint's several effects replaced by one."""
+        """Return the set with a joint's several effects replaced by one that predicts as well (`as_good`)."""
         for joint in range(self.data.n):
             rest = tuple(h for h in selected if h.joints != (joint,))
             if len(selected) - len(rest) < 2:
                 continue
             for _, h in self.ranked(rest)[:3]:
-                better = joint in h.at and self.objective([*rest, h]) < self.objective(selected) - _CLEARLY
-                if better and self.worthwhile(h, rest):
+                if joint in h.at and self.as_good([*rest, h], selected, joint) and self.worthwhile(h, rest):
                     return (*rest, h)
         return None
 
@@ -328,6 +332,7 @@ class Search:
                     continue
                 a, b = self.refined_pair(rest, a, b)
                 better = self.objective([*rest, a, b]) < self.objective(selected) - _CLEARLY
+                better = better and not (len(mine) == 1 and self.as_good(selected, [*rest, a, b], joint))
                 if better and self.both_worthwhile(rest, a, b):
                     return (*rest, a, b)
         return None

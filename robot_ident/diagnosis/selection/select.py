@@ -19,7 +19,7 @@ from robot_ident.diagnosis.selection.hypotheses import Hypothesis
 from robot_ident.diagnosis.selection.impacts import add_backlash
 from robot_ident.diagnosis.selection.probability import Election, elect
 from robot_ident.diagnosis.selection.search import Search, Selected
-from robot_ident.diagnosis.selection.unknown_cause import flexible_beside
+from robot_ident.diagnosis.selection.unknown_cause import curve_of, flexible_beside
 from robot_ident.model.structure import Structure
 from robot_ident.recording.measurement import Measurement
 
@@ -145,7 +145,30 @@ class _Judged:
                     labels.add(h.label)
                 if len(h.joints) == 1 or h.effect.joint == joint and not h.effect.whole:
                     joints.add(joint)
+        for joint in range(self.search.data.n):
+            group = [h for h in self.selected if h.effect.over_position and h.effect.joint == joint]
+            if len(group) > 1 and joint not in joints:
+                kept, reason = self._one_curve(group, joint)
+                why += [Withheld(h.label, reason) for h in group if reason and h is not kept]
+                labels |= {h.label for h in group if reason and kept is not None and h is not kept}
+                joints |= {joint} if reason and kept is None else set()
         return joints, labels, why
+
+    def _one_curve(self, group: Sequence[Hypothesis], joint: int) -> tuple[Hypothesis | None, str]:
+        """Return why several effects over one joint's position are no several causes: any curve over it predicts as
+        well as they do; and the one that alone leaves no more than formulas and noise do.
+        """
+        rest = [h for h in self.selected if h not in group]
+        curve = flexible_beside(self.search.given(rest), joint, curve_of)
+        losses = self.given.block_losses()
+        leads = [loss - losses[f][:, joint] for f, loss in enumerate(curve.losses)]
+        if standard_errors(np.concatenate(leads)) > STANDARD_ERRORS:
+            return None, ""
+        alone = {h: _Judged(self.search, (*rest, h)) for h in group}
+        enough = [h for h, judged in alone.items() if judged.remainder[joint] <= REMAINDER]
+        best = min(enough, key=lambda h: float(alone[h].given.loss[:, joint].sum()), default=None)
+        name = self.search.data.structure.robot.joints[joint]
+        return best, f"{' and '.join(h.label for h in group)} together predict no better than one curve over {name}"
 
     def _remainder(self, h: Hypothesis) -> str:
         """Return whether more is left on a joint that an effect touches than formulas, least torque and noise leave."""

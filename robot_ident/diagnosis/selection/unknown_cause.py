@@ -7,6 +7,7 @@ motion that was not fitted better than the selected effects, the cause is none o
 
 from __future__ import annotations
 
+from collections.abc import Callable
 from dataclasses import dataclass
 from itertools import combinations
 
@@ -17,6 +18,8 @@ from robot_ident.diagnosis.selection.fitted_set import FittedSet
 from robot_ident.effects import Torques
 from robot_ident.effects.hysteresis import dahl
 from robot_ident.signals.motion import Array, Motion
+
+Groups = Callable[[Motion, Torques, int, Array, Array], list[Array]]
 
 _SPEEDS = (0.02, 0.05, 0.1, 0.2, 0.5)  # rad/s at which friction may bend
 _REACHES = (0.001, 0.003, 0.01, 0.03)  # rad in which friction may build up
@@ -31,8 +34,7 @@ def groups_of(motion: Motion, torques: Torques, joint: int, low: Array, high: Ar
     load = torques.load[:, joint]
 
     def bumps(count: int) -> Array:
-        at = np.linspace(low[joint], high[joint], count)
-        return np.asarray(np.exp(-(((q[:, joint, None] - at) / (at[1] - at[0])) ** 2)))
+        return _bumps(q[:, joint], low[joint], high[joint], count)
 
     def waves(a: int, b: int) -> Array:
         of = [[f(times * q[:, k]) for f in (np.sin, np.cos) for times in _WAVES] for k in (a, b)]
@@ -49,6 +51,16 @@ def groups_of(motion: Motion, torques: Torques, joint: int, low: Array, high: Ar
     return [*out, *(waves(a, b) for a, b in combinations(sorted({joint, *near}), 2))]
 
 
+def curve_of(motion: Motion, torques: Torques, joint: int, low: Array, high: Array) -> list[Array]:
+    """Return the same groups of a curve over the joint's own position alone."""
+    return [_bumps(motion.q[:, joint], low[joint], high[joint], count) for count in (16, 60)]
+
+
+def _bumps(q: Array, low: float, high: float, count: int) -> Array:
+    at = np.linspace(low, high, count)
+    return np.asarray(np.exp(-(((q[:, None] - at) / (at[1] - at[0])) ** 2)))
+
+
 @dataclass(frozen=True)
 class Flexible:
     """Squared errors of a joint's blocks by fold, predicted with the flexible model."""
@@ -61,8 +73,8 @@ class Flexible:
         return float(sum(loss.sum() for loss in self.losses))
 
 
-def flexible_beside(given: FittedSet, joint: int) -> Flexible:
-    """Return what base, some effects of other joints and a flexible model of a joint predict of its training folds."""
+def flexible_beside(given: FittedSet, joint: int, groups: Groups = groups_of) -> Flexible:
+    """Return what base, some effects and a flexible model of a joint predict of its training folds."""
     data = given.data
     folds = range(data.training)
     low = np.min([t.motion.q.min(axis=0) for t in data.folds], axis=0)
@@ -70,9 +82,9 @@ def flexible_beside(given: FittedSet, joint: int) -> Flexible:
     columns, sizes = [], [0]
     for f in folds:
         t = data.folds[f]
-        groups = groups_of(t.motion, data.torques[f], joint, low, high)
-        sizes = [group.shape[1] for group in groups]
-        raw = np.concatenate(groups, axis=1)[:, None]
+        made = groups(t.motion, data.torques[f], joint, low, high)
+        sizes = [group.shape[1] for group in made]
+        raw = np.concatenate(made, axis=1)[:, None]
         columns.append(t.in_noise(t.measured.passed(raw), [joint])[:, 0])
     group = np.repeat(np.arange(len(sizes)), sizes)
     rows = [_rows(given, joint, f) for f in folds]
