@@ -81,6 +81,34 @@ def test_a_cause_outside_the_catalogue_gets_no_name(bench: Any) -> None:
     assert found.missing == () and found.verdict in ("unexplained", "not_decidable")
 
 
+def test_a_curve_over_a_position_is_no_two_causes(bench: Any) -> None:
+    """A bump looks like a cable and an end stop; a cable is one cause, and may be a spring and an offset."""
+    found = by_sets(bench, bench.measure(("unknown_bump@joint_2:bump=25,position=0.1,width=0.3",)))
+    assert not found.missing and found.verdict == "unexplained"
+    found = by_sets(bench, bench.measure(("cable@joint_3:cable=11,relaxed=0.33",)))
+    assert labels(found) == {"cable@joint_3"}
+    assert not found.tied_sets or ("gravity_spring@joint_3", "torque_offset@joint_3") in found.tied_sets
+
+
+def test_an_effect_whose_size_is_vague_is_listed(bench: Any) -> None:
+    """Half a sample early: it shows in one sample before each reversal."""
+    found = by_sets(bench, bench.measure(("time_delay@joint_3:time_delay=-0.003",)))
+    assert found.verdict == "not_decidable" and not found.missing
+    assert [(one.label, one.probability) for one in found.others] == [("time_delay@joint_3", None)]
+    assert any(note.startswith("time_delay@joint_3 may be missing: its size is known to ") for note in found.notes)
+
+
+def test_what_is_slow_beside_a_clearance_hides_it_from_nobody(bench: Any) -> None:
+    both = ("backlash@joint_1", "torque_offset@joint_1:torque_offset=3")
+    found = by_sets(bench, bench.measure(both, noise=1.0))
+    assert labels(found) == {"backlash@joint_1", "torque_offset@joint_1"}
+
+
+def test_sets_that_can_not_be_told_apart_are_said(bench: Any) -> None:
+    found = replace(by_sets(bench, bench.measure(())), verdict="not_decidable", tied_sets=(("a", "b"), ("c",)))
+    assert found.in_words == "not decidable from these recordings: either a and b, or c"
+
+
 def test_a_recording_that_only_validates_is_a_fold_that_no_fit_sees(bench: Any) -> None:
     training, aside = bench.measure((STRIBECK,)), bench.measure((STRIBECK,), [3])
     data = DataSet(Rows.of(training, bench.structure, aside))
