@@ -104,6 +104,14 @@ def test_what_is_slow_beside_a_clearance_hides_it_from_nobody(bench: Any) -> Non
     assert labels(found) == {"backlash@joint_1", "torque_offset@joint_1"}
 
 
+def test_a_filter_is_told_from_a_delay_where_reversals_are_resolved(bench: Any, sticking: list[Measurement]) -> None:
+    """Joints that stick round the steps of dry friction, as a filter would."""
+    for measured, tells in ((bench.measure(()), True), (sticking, False)):
+        data = DataSet(Rows.of(measured, bench.structure))
+        assert [data.tells_filter(place) for place in (None, *bench.robot.joints)] == 4 * [tells]
+        assert tells == any(label.startswith("effort_filter") for label in data.hypotheses)
+
+
 def test_sets_that_can_not_be_told_apart_are_said(bench: Any) -> None:
     found = replace(by_sets(bench, bench.measure(())), verdict="not_decidable", tied_sets=(("a", "b"), ("c",)))
     assert found.in_words == "not decidable from these recordings: either a and b, or c"

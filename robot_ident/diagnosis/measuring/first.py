@@ -7,7 +7,7 @@ of the error on trajectories left out, and clearly more than the best effect of 
 
 from __future__ import annotations
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, replace
 
 import numpy as np
@@ -96,16 +96,22 @@ def exact_fault(effect: Effect, evidence: Evidence) -> Finding | None:
 
 
 def fault_beyond(
-    evidence: Evidence, selected: Sequence[Effect], validation: Sequence[Measurement] = ()
+    evidence: Evidence,
+    selected: Sequence[Effect],
+    validation: Sequence[Measurement],
+    tells_filter: Callable[[str | None], bool],
 ) -> Fault | None:
     """Return the fault of measuring that explains clearly more than a selected set does; None where none does.
 
-    evidence: on the model as it was given. The fall of the squared error of trajectories left out is compared; of all
-    data where one recording alone has the fault.
+    evidence: on the model as it was given; tells_filter: whether it tells a filter at a place from a delay. The fall of
+    the squared error of trajectories left out is compared; of all data where one recording alone has the fault.
     """
     base = base_gram(evidence)
     given = Folds.of(base)
-    found = [*gains(evidence, base), *filters(evidence, base), *link_lengths(evidence, given)]
+    found = [*gains(evidence, base), *link_lengths(evidence, given)]
+    names = evidence.structure.robot.joints
+    if any(tells_filter(name) for name in names):
+        found += [one for one in filters(evidence, base) if tells_filter(one.effect.place)]
     found += [*payloads(evidence, base), *single_gains(evidence, base), *wrong_axes(evidence, base)]
     if not found:
         return None

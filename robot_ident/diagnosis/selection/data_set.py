@@ -17,6 +17,7 @@ from robot_ident.diagnosis.selection.unseen_reactions import with_unseen_reactio
 from robot_ident.diagnosis.spectrum import white_lines, whitened
 from robot_ident.diagnosis.stage import least_torque
 from robot_ident.effects import Effect, Torques
+from robot_ident.effects.effort_filter import EffortFilter
 from robot_ident.model.structure import Structure
 from robot_ident.recording.measurement import Measurement
 from robot_ident.signals.motion import Array, Mask
@@ -130,6 +131,24 @@ class DataSet:
         t = self.folds[fold]
         return np.asarray((t.weight[:, joint] > 0.0) & self.resolved[fold][t.measured.rows, joint])
 
+    def turns_resolved(self, joint: int) -> bool:
+        """Return whether most of a joint's reversals are resolved, and tell a filter of effort from a delay.
+
+        A filter rounds the steps of dry friction, a delay keeps them; a joint that sticks rounds them, too.
+        """
+        turns = resolved = 0
+        for t, rows in zip(self.folds, self.resolved, strict=True):
+            sign = np.sign(t.motion.dq[:, joint])
+            at = np.flatnonzero(sign[1:] != sign[:-1])
+            turns += len(at)
+            resolved += int(np.sum(rows[at, joint] & rows[at + 1, joint]))
+        return 2 * resolved >= turns
+
+    def tells_filter(self, place: str | None) -> bool:
+        """Return whether the reversals of a joint (None: of all) tell a filter from a delay."""
+        names = self.structure.robot.joints
+        return all(self.turns_resolved(j) for j in range(self.n) if place in (None, names[j]))
+
     @property
     def block_count(self) -> int:
         """Number of blocks in all folds."""
@@ -141,6 +160,8 @@ class DataSet:
         averaged = all(t.motion.periodic for t in evidence.trajectories)
         made: list[tuple[Effect, dict[int, list[Array]]]] = []
         for effect in hypotheses_of(self.structure, averaged=averaged):
+            if isinstance(effect, EffortFilter) and not self.tells_filter(effect.place):
+                continue
             for setting in effect.settings(longest) or [{}]:
                 at = effect.at(setting)
                 columns = self.columns(at)

@@ -44,7 +44,9 @@ def diagnose_by_sets(
     named = [h for h in found.selected if found.probability(h.label) >= NAMED]
     unsure = [h for h in found.selected if h not in named]
     evidence = found.tested
-    fault = fault_beyond(evidence, [h.effect for h in found.selected], validation) if _something_left(found) else None
+    fault = None
+    if _something_left(found):
+        fault = fault_beyond(evidence, [h.effect for h in found.selected], validation, found.data.tells_filter)
     if fault is not None:
         others = tuple(_finding(found, h, validation) for h in found.selected)
         only = Diagnosis("missing", (fault.suspect,), others, fault.remaining, None, (fault.note,))
