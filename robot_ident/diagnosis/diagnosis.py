@@ -4,7 +4,7 @@ recordings can't tell apart have in common.
 
 from __future__ import annotations
 
-from collections.abc import Collection, Mapping
+from collections.abc import Collection, Mapping, Sequence
 from dataclasses import dataclass, field, replace
 from typing import Any, Literal
 
@@ -151,6 +151,13 @@ class Unexplained:
         return self.where == EVERYWHERE
 
 
+def either(sets: Sequence[Sequence[str]]) -> str:
+    """Return sets of effects in words, the first three of them: `either a or b and c`."""
+    told = [" and ".join(labels) or "nothing" for labels in sets[: _TIED_NAMED + 1]]
+    more = f", or {len(sets) - len(told)} more sets" if len(sets) > len(told) else ""
+    return f"either {', or '.join(told)}{more}"
+
+
 def _or_tied(suspect: Suspect) -> str:
     """Return an effect and, in brackets, those that recordings can't tell from it, two of them by name."""
     tied = suspect.tied_with
@@ -196,18 +203,9 @@ class Diagnosis:
         if self.verdict == "missing":
             return "missing: " + ", ".join(_or_tied(suspect) for suspect in self.missing)
         if self.verdict == "not_decidable":
-            return f"not decidable from these recordings{self._either}"
+            return "not decidable from these recordings" + (f": {either(self.tied_sets)}" if self.tied_sets else "")
         where = f"; {self.unexplained.joint}: {self.unexplained.where}" if self.unexplained else ""
         return f"unexplained: none of the known effects accounts for the error{where}"
-
-    @property
-    def _either(self) -> str:
-        """The sets that recordings can't tell apart: `: either a or b and c`; empty where there are none."""
-        if not self.tied_sets:
-            return ""
-        sets = [" and ".join(labels) or "nothing" for labels in self.tied_sets[: _TIED_NAMED + 1]]
-        more = f", or {len(self.tied_sets) - len(sets)} more sets" if len(self.tied_sets) > len(sets) else ""
-        return f": either {', or '.join(sets)}{more}"
 
     def seen_by(self, robot: Robot) -> Diagnosis:
         """Return the same with what the robot's sensors can't show, and a line that says so."""

@@ -6,8 +6,10 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
+from scipy import signal
 
 from robot_ident.effects import Torques, make_effect
+from robot_ident.effects.effort_filter import EffortFilter
 from robot_ident.effects.hysteresis import ELEMENTS, dahl, maxwell_slip, stretches
 from robot_ident.robot import load_robot
 from robot_ident.signals.derivatives import delayed, derivatives
@@ -123,6 +125,22 @@ def test_time_delay_is_found_in_milliseconds(delay: float) -> None:
     exact = 1000.0 * delay * effect.columns(motion, smooth)[:, :, 0]
     expected = 100.0 * (measured.dq - motion.dq) + 20.0 * (measured.ddq - motion.ddq)
     np.testing.assert_allclose(exact, expected, atol=2e-2)
+
+
+@pytest.mark.parametrize("order", [1, 2])
+def test_an_effort_filter_is_the_butterworth_filter_that_is_as_late(order: int) -> None:
+    """Its column is (F[tau] - tau) / T in Nm per ms; by scipy, line by line, below a tenth of the sample rate."""
+    motion, robot, late = one_period(), load_robot(), 0.014
+    tau = 100.0 * motion.dq + 20.0 * motion.ddq + 15.0 * np.sign(motion.dq)
+    effect = EffortFilter(robot, None).at({"T": late, "order": float(order)})
+    corner = {1: 1.0, 2: np.sqrt(2.0)}[order] / late  # rad/s at which |F| = 1 / sqrt(2)
+    frequency = np.fft.rfftfreq(len(tau), motion.dt)
+    slow = frequency < 15.0
+    _, response = signal.freqs(*signal.butter(order, corner, analog=True), worN=2.0 * np.pi * frequency[slow])
+    expected = np.fft.rfft(tau, axis=0)[slow] * (response[:, None] - 1.0) / (1000.0 * late)
+    found = np.fft.rfft(effect.columns(motion, Torques(tau, tau))[:, :, 0], axis=0)[slow]
+    assert np.abs(found - expected).max() < 0.02 * np.abs(expected).max()
+    assert np.linalg.norm(found - expected) < 0.02 * np.linalg.norm(expected)
 
 
 def test_drift_shows_in_a_long_recording_alone() -> None:

@@ -63,11 +63,9 @@ def measuring_fault(
     """
     base = folds.base
     passes = filters(evidence, base)
-    found = [*gains(evidence, base), *passes, *link_lengths(evidence, folds)]
-    found += [*payloads(evidence, base), *single_gains(evidence, base), *wrong_axes(evidence, base)]
+    found = _best_first(evidence, folds, passes)
     none = Judged(None, LowPasses(tuple(passes), evidence, folds, scores))
     excess = float(folds.loss.sum()) - sum(float(t.dof.sum()) for t in evidence.trajectories)
-    found.sort(key=lambda f: -f.held_out)
     if not found or found[0].gain < GAIN or found[0].held_out < MOSTLY * _excess(found[0], evidence, excess):
         return none
     found = _sharpened(found, evidence, folds)
@@ -108,14 +106,11 @@ def fault_beyond(
     """
     base = base_gram(evidence)
     given = Folds.of(base)
-    found = [*gains(evidence, base), *link_lengths(evidence, given)]
-    names = evidence.structure.robot.joints
-    if any(tells_filter(name) for name in names):
-        found += [one for one in filters(evidence, base) if tells_filter(one.effect.place)]
-    found += [*payloads(evidence, base), *single_gains(evidence, base), *wrong_axes(evidence, base)]
+    passes = filters(evidence, base) if any(map(tells_filter, evidence.structure.robot.joints)) else []
+    found = _best_first(evidence, given, [one for one in passes if tells_filter(one.effect.place)])
     if not found:
         return None
-    found = _sharpened(sorted(found, key=lambda f: -f.held_out), evidence, given)
+    found = _sharpened(found, evidence, given)
     best, after = found[0], base_gram(extended(evidence, selected)) if selected else base
     everything = range(len(base.power))
     held_out = float(given.loss.sum())
@@ -128,6 +123,14 @@ def fault_beyond(
     if not enough or best.held_out - instead < _lead(best):
         return None
     return _fault(best, found, (), evidence, excess, validation)
+
+
+def _best_first(evidence: Evidence, given: Folds, passes: Sequence[Finding]) -> list[Finding]:
+    """Return some low passes and all other faults, those first that gain most on trajectories left out."""
+    base = given.base
+    found = [*gains(evidence, base), *passes, *link_lengths(evidence, given), *payloads(evidence, base)]
+    found += [*single_gains(evidence, base), *wrong_axes(evidence, base)]
+    return sorted(found, key=lambda f: -f.held_out)
 
 
 def _sharpened(found: Sequence[Finding], evidence: Evidence, folds: Folds) -> list[Finding]:

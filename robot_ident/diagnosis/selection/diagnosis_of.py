@@ -9,10 +9,10 @@ import numpy as np
 from robot_ident.design.discrimination import experiment_between
 from robot_ident.diagnosis.before_after import errors, estimates, mean_squares
 from robot_ident.diagnosis.candidates import Folds
-from robot_ident.diagnosis.diagnosis import Diagnosis, Suspect, Verdict
+from robot_ident.diagnosis.diagnosis import Diagnosis, Suspect, Verdict, either
 from robot_ident.diagnosis.drift import UNSEEN_IN_MEANS, drift_suspect, drift_tests
 from robot_ident.diagnosis.evidence import Evidence, extended
-from robot_ident.diagnosis.lack_of_fit import lack_of_fit
+from robot_ident.diagnosis.lack_of_fit import LackOfFit, lack_of_fit
 from robot_ident.diagnosis.measuring.finding import with_columns
 from robot_ident.diagnosis.measuring.first import CORRECT, exact_fault, fault_beyond, undecidable, validated
 from robot_ident.diagnosis.measuring.jitter import with_jitter
@@ -44,18 +44,18 @@ def diagnose_by_sets(
     named = [h for h in found.selected if found.probability(h.label) >= NAMED]
     unsure = [h for h in found.selected if h not in named]
     evidence = found.tested
+    with_all, fits = _fitted(found, named)
+    failing = any(fit.fails for fit in found.fits)
+    left = any(fit.fails for fit in (_fitted(found, found.selected)[1] if unsure else fits))
     fault = None
-    if _something_left(found):
+    if failing and (found.withheld or left):
         fault = fault_beyond(evidence, [h.effect for h in found.selected], validation, found.data.tells_filter)
     if fault is not None:
         others = tuple(_finding(found, h, validation) for h in found.selected)
         only = Diagnosis("missing", (fault.suspect,), others, fault.remaining, None, (fault.note,))
         return with_doubt(with_jitter(only, evidence), evidence)
     findings = {h.label: _finding(found, h, validation) for h in (*found.selected, *found.vague)}
-    with_all = extended(evidence, [h.effect for h in named]) if named else evidence
-    fits = lack_of_fit(with_all, base_gram(with_all)) if named else found.fits
     drifts = [drift_suspect(with_all, j, test, validation) for j, test in enumerate(drift_tests(evidence)) if test.told]
-    failing = [j for j, fit in enumerate(found.fits) if fit.fails]
     verdict: Verdict = "missing" if named or drifts else "unexplained" if failing else "adequate"
     if not named and not drifts and (unsure or found.vague):
         verdict = "not_decidable"
@@ -73,12 +73,12 @@ def diagnose_by_sets(
     return with_doubt(with_jitter(whole, evidence), evidence)
 
 
-def _something_left(found: Selection) -> bool:
-    """Return whether a model misfits, and no set explains it down to what formulas and noise leave."""
-    if not any(fit.fails for fit in found.fits):
-        return False
-    after = extended(found.tested, [h.effect for h in found.selected]) if found.selected else found.tested
-    return bool(found.withheld) or any(fit.fails for fit in lack_of_fit(after, base_gram(after)))
+def _fitted(found: Selection, some: Sequence[Hypothesis]) -> tuple[Evidence, Sequence[LackOfFit]]:
+    """Return the recordings on the model with some effects, and its lack of fit."""
+    if not some:
+        return found.tested, found.fits
+    evidence = extended(found.tested, [h.effect for h in some])
+    return evidence, lack_of_fit(evidence, base_gram(evidence))
 
 
 def _finding(found: Selection, h: Hypothesis, validation: Sequence[Measurement]) -> Suspect:
@@ -138,6 +138,9 @@ def _alternatives(found: Selection) -> tuple[tuple[str, ...], ...]:
 
 def _notes(found: Selection, evidence: Evidence, verdict: Verdict) -> list[str]:
     notes = [f"{one.label} is not named: {one.why}" for one in found.withheld]
+    tied = _alternatives(found)
+    if verdict == "missing" and tied:
+        notes.append(f"these recordings do not tell the sets apart: {either(tied)}")
     given = found.search.given(found.selected)
     notes += [
         f"{h.label} may be missing: its size is known to {100 * given.size_error(h):.0f} %, and no name is given beyond"

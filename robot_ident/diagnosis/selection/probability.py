@@ -60,13 +60,12 @@ def _simplest(search: Search, sets: Mapping[tuple[str, ...], Selected], key: tup
     of_set = sets[key]
     out = {}
     for other, fewer in sets.items():
-        differ = [h for h in (*of_set, *fewer) if h.label not in other or h.label not in key]
-        joints = {h.joints for h in differ}
-        if fewer and len(fewer) < len(of_set) and len(joints) == 1 and len(next(iter(joints))) == 1:
-            (joint,) = next(iter(joints))
-            mine = [h for h in fewer if joint in h.at]
-            if mine and search.as_good(fewer, of_set, joint):
-                out[other] = search.objective(fewer)
+        places = {h.joints for h in (*of_set, *fewer) if h.label not in other or h.label not in key}
+        if len(fewer) >= len(of_set) or len(places) != 1:
+            continue
+        joint, *more = places.pop()
+        if not more and any(joint in h.at for h in fewer) and search.as_good(fewer, of_set, joint):
+            out[other] = search.objective(fewer)
     return min(out, key=lambda other: out[other], default=key)
 
 

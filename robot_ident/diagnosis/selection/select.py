@@ -37,8 +37,7 @@ class Selection:
     """What was selected of a data set.
 
     selected: the set; vague: what would be in it, were its size known better. election: with its alternatives and their
-    shares. fits: lack of fit of the model as it was.
-    tested: the recordings in units of their noise.
+    shares. fits: lack of fit of the model as it was. tested: the recordings in units of their noise.
     """
 
     selected: Selected
@@ -91,12 +90,11 @@ def _vague(search: Search, selected: Selected) -> Selected:
     """Return by joint the best effect that predicts what a set leaves, and whose size is not known well enough."""
     out: dict[int, Hypothesis] = {}
     for gain, h in search.ranked(selected):
-        judged = _Judged(search, (*selected, h))
-        joint = judged.main[h.label]
-        if gain <= 0.0 or joint in out or search.size_known(h, selected) or not search.predicts(h, selected):
+        if gain <= 0.0 or not search.predicts(h, selected) or search.size_known(h, selected):
             continue
-        if all(why.label != h.label for why in judged.unknown()[2]):
-            out[joint] = h
+        judged = _Judged(search, (*selected, h))
+        if not judged.why_not(h):
+            out.setdefault(judged.main[h.label], h)
     return tuple(out.values())
 
 
@@ -138,7 +136,7 @@ class _Judged:
         why: list[Withheld] = []
         for h in self.selected:
             joint = self.main[h.label]
-            reason = self._remainder(h) or self._split(h) or self._flexible(joint)
+            reason = self.why_not(h)
             if reason:
                 why.append(Withheld(h.label, reason))
                 if len(h.joints) > 1:
@@ -149,10 +147,17 @@ class _Judged:
             group = [h for h in self.selected if h.effect.over_position and h.effect.joint == joint]
             if len(group) > 1 and joint not in joints:
                 kept, reason = self._one_curve(group, joint)
-                why += [Withheld(h.label, reason) for h in group if reason and h is not kept]
-                labels |= {h.label for h in group if reason and kept is not None and h is not kept}
-                joints |= {joint} if reason and kept is None else set()
+                nameless = [h.label for h in group if reason and h is not kept]
+                why += [Withheld(label, reason) for label in nameless]
+                if kept is not None:
+                    labels.update(nameless)
+                elif nameless:
+                    joints.add(joint)
         return joints, labels, why
+
+    def why_not(self, h: Hypothesis) -> str:
+        """Return why an effect is not named, were it alone on its joint; empty where nothing speaks against it."""
+        return self._remainder(h) or self._split(h) or self._flexible(self.main[h.label])
 
     def _one_curve(self, group: Sequence[Hypothesis], joint: int) -> tuple[Hypothesis | None, str]:
         """Return why several effects over one joint's position are no several causes: any curve over it predicts as
