@@ -23,7 +23,7 @@ from robot_ident.diagnosis.progress import Tell, after, silent
 from robot_ident.diagnosis.refine import refined
 from robot_ident.diagnosis.ties import tied
 from robot_ident.diagnosis.unexplained import explain_by_variables
-from robot_ident.diagnosis.weighed_by_residual import tells_noise, weighed_by_residual
+from robot_ident.diagnosis.weighed_by_residual import weighed_by_residual
 from robot_ident.model.structure import Structure
 from robot_ident.recording.measurement import Measurement
 
@@ -64,8 +64,7 @@ def diagnose_by_prediction(
         stage = first.under(members)
     tell(0.8, "weighing what was found")
     members, against = possible(_needed(first, members), whole)
-    notes = [*_notes(measurements), *against]
-    return with_doubt(_conclude(whole, first, members, validation, notes), whole)
+    return with_doubt(_conclude(whole, first, members, validation, against), whole)
 
 
 def _choose(
@@ -190,17 +189,3 @@ def _suspect(
         tied_with=tuple(rival.label for rival in rivals),
         experiment=experiment_between(found.effect, [rival.effect for rival in rivals], whole.structure.robot),
     )
-
-
-def _notes(measurements: Sequence[Measurement]) -> tuple[str, ...]:
-    silent = ", ".join(measured.source for measured in measurements if not tells_noise(measured))
-    notes = [
-        f"{silent}: without periods the noise is unknown: nothing can be called adequate, what remains includes the"
-        " noise, and effects are judged by the error on data left out; record 8 or more periods of a motion for a floor"
-    ]
-    if len(measurements) < 2:
-        notes.append(
-            "one recording only: judged by parts of its own motion, which tells causes from proxies less well;"
-            " record another motion"
-        )
-    return tuple(notes)

@@ -12,7 +12,7 @@ from robot_ident.diagnosis.scan import BaseFit, BaseGram, Columns, Gram, add, co
 from robot_ident.diagnosis.unseen import Unseen
 from robot_ident.effects import Effect, candidates_of
 from robot_ident.effects.joint_elasticity import JointElasticity
-from robot_ident.signals.motion import Array
+from robot_ident.signals.motion import Array, joined
 
 _ASIDE = 0.25  # of an effect's gain where it gains most: with less, a joint has its excess from elsewhere
 
@@ -82,8 +82,8 @@ def candidate_of(
     effect: Effect, evidence: Evidence, settings: Sequence[Mapping[str, float]] | None = None
 ) -> Candidate:
     """Return an effect with the columns of those of its settings (all, unless told) that the motions show."""
-    longest = max((t.motion for t in evidence.trajectories), key=lambda motion: motion.samples)
-    settings = effect.settings(longest) or [{}] if settings is None else settings
+    reached = joined([measured.motion for measured in evidence.recordings])
+    settings = effect.settings(reached) or [{}] if settings is None else settings
     columns = [remembered(effect.at(setting), evidence, evidence.torques) for setting in settings]
     return Candidate(effect.label, tuple(c for c in columns if c.joints))
 

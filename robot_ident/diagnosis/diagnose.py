@@ -48,9 +48,6 @@ _SEEN = 0.25  # of the noise of the mean: what remains is seen as clearly as nee
 _SURE = 60.0  # decades of its p-value, that are as clear
 _SHADOW = 0.2  # of what another joint still lacks, that a member must explain: less may be the shadow of that
 Procedure = Literal["rules", "sets"]
-_SETS_NEED_NOISE = (
-    "--procedure sets needs recordings that tell their noise (two periods or more); these were judged by prediction"
-)
 ALONE = 0.4  # of its held-out gain that any other effect may reach, where there is one recording only
 
 
@@ -76,9 +73,9 @@ def diagnose(
         refuse_foreign([*measurements, *validation], structure.robot)
     refuse_silent(measurements, "; a model of the others alone: identify --joints {moving}")
     if not all(tells_noise(measured) for measured in measurements):
-        predicted = of_use(diagnose_by_prediction(measurements, structure, validation, tell), measurements)
-        asked = [_SETS_NEED_NOISE] if procedure == "sets" else []
-        notes = [*asked, *predicted.notes, *time_scale_notes(measurements)]
+        by = diagnose_by_sets if procedure == "sets" else diagnose_by_prediction
+        predicted = of_use(by(measurements, structure, validation, tell), measurements)
+        notes = [*_unknown_noise(measurements), *predicted.notes, *time_scale_notes(measurements)]
         return replace(predicted, notes=tuple(notes)).seen_by(structure.robot)
     clock = "; ".join(clock_notes(measurements, structure.robot))
     notes = time_scale_notes(measurements)
@@ -92,6 +89,21 @@ def diagnose(
     else:
         found = _by_rules(plain, validation, trending, notes, tell)
     return replace(of_use(with_hidden_rest(found, plain), measurements), clock=clock).seen_by(structure.robot)
+
+
+def _unknown_noise(measurements: Sequence[Measurement]) -> list[str]:
+    """Return which recordings do not tell their noise, and what follows from it."""
+    silent = ", ".join(measured.source for measured in measurements if not tells_noise(measured))
+    notes = [
+        f"{silent}: without periods the noise is unknown: nothing can be called adequate, what remains includes the"
+        " noise, and effects are judged by the error on data left out; record 8 or more periods of a motion for a floor"
+    ]
+    if len(measurements) < 2:
+        notes.append(
+            "one recording only: judged by parts of its own motion, which tells causes from proxies less well;"
+            " record another motion"
+        )
+    return notes
 
 
 def _told_less_well(measurements: Sequence[Measurement]) -> list[str]:

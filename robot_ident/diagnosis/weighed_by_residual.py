@@ -25,25 +25,37 @@ def tells_noise(measured: Measurement) -> bool:
 
 def weighed_by_residual(measurements: Sequence[Measurement], structure: Structure) -> Evidence:
     """Return the evidence with every joint in units of the rms residual that the model leaves on it."""
-    plain = []
-    for measured in measurements:
-        kept = _thinned(measured)
-        weight = kept.used[kept.rows].astype(float)
-        dof = weight.sum(axis=0) * kept.independent
-        plain.append(Trajectory(kept, kept.motion, weight, kept.passed(kept.torque) * weight, dof))
+    plain = [_plain(measured) for measured in measurements]
     rigid = tuple(structure.rigid_columns(t.motion) for t in plain)
     evidence = fitted(structure, tuple(plain), rigid)
     for _ in range(2):  # the weights of the joints and the fit settle together
         squared = np.sum([np.sum((r * (t.weight > 0)) ** 2, axis=0) for r, t in _newton(evidence)], axis=0)
         rows = np.sum([np.sum(t.weight > 0, axis=0) for t in plain], axis=0)
         sigma = np.sqrt(np.maximum(squared / np.maximum(rows, 1), 1e-300))
-        scaled = [
-            replace(t, weight=w, y=t.measured.passed(t.measured.torque) * w)
-            for t in plain
-            for w in ((t.weight > 0) * np.sqrt(t.measured.independent) / sigma,)
-        ]
-        evidence = fitted(structure, tuple(scaled), rigid, evidence.memory)
+        evidence = fitted(structure, tuple(_scaled(t, sigma) for t in plain), rigid, evidence.memory)
     return evidence
+
+
+def weighed_alike(measured: Measurement, evidence: Evidence) -> Trajectory:
+    """Return a further recording in the units of an evidence whose joints are weighed by their residual."""
+    first = evidence.trajectories[0]
+    sigma = np.sqrt(first.measured.independent) / np.maximum(first.weight.max(axis=0), 1e-300)
+    return _scaled(_plain(measured), sigma)
+
+
+def _plain(measured: Measurement) -> Trajectory:
+    """Return a recording in Nm, with weights of 1."""
+    kept = _thinned(measured)
+    weight = kept.used[kept.rows].astype(float)
+    return Trajectory(
+        kept, kept.motion, weight, kept.passed(kept.torque) * weight, weight.sum(axis=0) * kept.independent
+    )
+
+
+def _scaled(t: Trajectory, sigma: Array) -> Trajectory:
+    """Return a recording in units of the rms residual sigma [n] of each joint."""
+    weight = (t.weight > 0) * np.sqrt(t.measured.independent) / sigma
+    return replace(t, weight=weight, y=t.measured.passed(t.measured.torque) * weight)
 
 
 def _newton(evidence: Evidence) -> list[tuple[Array, Trajectory]]:

@@ -22,7 +22,7 @@ from robot_ident.estimation.projection import Projection
 from robot_ident.estimation.torque_scales import with_scales
 from robot_ident.model.structure import Structure
 from robot_ident.recording.measurement import Measurement
-from robot_ident.signals.motion import Array
+from robot_ident.signals.motion import Array, joined
 
 _MOST_STEPS = 25  # of the search for inner parameters: five of them at once take about 15
 
@@ -79,9 +79,9 @@ def _refuse_hidden(measurements: Sequence[Measurement], structure: Structure) ->
 
 def _scan(problem: Problem, structure: Structure) -> Structure:
     """Choose the inner parameters of one effect after another from their grids, the others held."""
-    longest = max((measured.motion for measured in problem.measurements), key=lambda motion: motion.samples)
+    reached = joined([measured.motion for measured in problem.measurements])
     for index, effect in enumerate(structure.effects):
-        settings = [effect.setting, *effect.settings(longest)] if _searched(effect) else []
+        settings = [effect.setting, *effect.settings(reached)] if _searched(effect) else []
         if len(settings) < 2:
             continue
         trials = [_replaced(structure, index, setting) for setting in settings]

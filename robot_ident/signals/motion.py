@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from dataclasses import dataclass
 from typing import Any
 
@@ -71,3 +72,12 @@ class Motion:
         other.
         """
         return Motion(self.q[rows], self.dq[rows], self.ddq[rows], gravity=self.gravity)
+
+
+def joined(motions: Sequence[Motion]) -> Motion:
+    """Return the instants of several motions as one, in which they do not all follow each other: what they reach."""
+    first = motions[0]
+    if len(motions) == 1:
+        return first
+    q, dq, ddq = (np.concatenate([getattr(motion, name) for motion in motions]) for name in ("q", "dq", "ddq"))
+    return Motion(q, dq, ddq, gravity=first.gravity)

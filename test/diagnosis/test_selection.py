@@ -310,7 +310,36 @@ def test_the_command_prints_probabilities(files: Any, verb: Any) -> None:
     assert code == 0 and "probability" in out
 
 
-def test_sets_asked_for_where_they_are_not_possible_say_so(bench: Any) -> None:
-    one_pass = process(bench.record((STRIBECK,), 0), bench.robot, Processing(periodic=False))
-    found = by_sets(bench, [one_pass])
-    assert "needs recordings that tell their noise" in found.notes[0]
+def one_pass(bench: Any, effects: Sequence[str], motions: Sequence[int]) -> list[Measurement]:
+    """Recordings that do not tell their noise."""
+    processing = Processing(periodic=False, low_pass=10.0)
+    return [process(bench.record(effects, k), bench.robot, processing) for k in motions]
+
+
+def test_recordings_that_do_not_tell_their_noise_are_searched_alike(bench: Any) -> None:
+    pair = ("torque_offset@joint_1:torque_offset=20", STRIBECK)
+    training, unseen = one_pass(bench, pair, (0, 1, 2)), one_pass(bench, pair, (3,))
+    found = by_sets(bench, training, validation=unseen)
+    assert labels(found) == {"torque_offset@joint_1", "stribeck@joint_2"}
+    for one in found.missing:
+        assert one.probability is not None and one.probability >= 0.8
+        assert one.validation_before is not None and one.validation_after is not None
+        assert sum(one.validation_after.values()) < sum(one.validation_before.values())
+
+
+def test_without_a_noise_floor_nothing_is_called_adequate(bench: Any) -> None:
+    found = by_sets(bench, one_pass(bench, (), (0, 1, 2)))
+    assert found.verdict in ("not_decidable", "unexplained") and found.missing == ()
+    assert "the noise is unknown" in found.notes[0]
+
+
+def test_an_end_stop_that_the_first_motion_does_not_reach(bench: Any) -> None:
+    measured, start = bench.measure((), (2, 1, 0)), 0.95
+    reached = [float(one.motion.q[:, 0].max()) for one in measured]
+    assert reached[0] < start - 0.2 and min(reached[1:]) > start + 0.1
+    pressed = []
+    for one in measured:
+        torque = np.zeros_like(one.torque)
+        torque[:, 0] = 600.0 * np.maximum(0.0, one.motion.q[:, 0] - start)
+        pressed.append(replace(one, torque=one.torque + torque))
+    assert labels(by_sets(bench, pressed)) == {"end_stop@joint_1"}

@@ -25,6 +25,10 @@ that are less exact as much more."""
 SHARE = 0.5
 """Of what the other effects leave of a joint that an effect must explain on motion that was not fitted."""
 
+SHARE_OF_ALL = 0.2
+"""The same where noise is not known, so that it counts as left: names of less were not found again in other recordings
+of real arms."""
+
 REMAINDER = 2.0
 """What may be left of a joint, in units of what formulas, the least torque and noise leave."""
 

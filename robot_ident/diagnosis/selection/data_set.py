@@ -16,11 +16,12 @@ from robot_ident.diagnosis.selection.reversals import unresolved_rows
 from robot_ident.diagnosis.selection.unseen_reactions import with_unseen_reactions
 from robot_ident.diagnosis.spectrum import white_lines, whitened
 from robot_ident.diagnosis.stage import least_torque
+from robot_ident.diagnosis.weighed_by_residual import tells_noise, weighed_alike, weighed_by_residual
 from robot_ident.effects import Effect, Torques
 from robot_ident.effects.effort_filter import EffortFilter
 from robot_ident.model.structure import Structure
 from robot_ident.recording.measurement import Measurement
-from robot_ident.signals.motion import Array, Mask
+from robot_ident.signals.motion import Array, Mask, joined
 
 _PARTS = 8  # of the only recording, each of which is left out in turn
 
@@ -32,7 +33,8 @@ class Rows:
     tested: the training recordings in units of their noise, for tests of the model as it is. evidence, validation: the
     same with the path's lines taken as uncertain as their noise is large, for comparing sets: what does not stand above
     the noise may still be there, since fast effects shake the joint they act on. dof [F, n]: what the squared error of
-    noise alone adds up to then; unseen [F, n]: what reactions that no position shows may add to it.
+    noise alone adds up to then; unseen [F, n]: what reactions that no position shows may add to it. floor: whether
+    noise is known; else rows are in units of what the model leaves of a joint, and dof are the independent rows.
     """
 
     tested: Evidence
@@ -40,17 +42,20 @@ class Rows:
     validation: tuple[Trajectory, ...]
     dof: Array
     unseen: Array
+    floor: bool = True
 
     @classmethod
     def of(
         cls, measurements: Sequence[Measurement], structure: Structure, validation: Sequence[Measurement] = ()
     ) -> Rows:
         """Put the rows in units of their noise, split the only recording."""
+        if not all(tells_noise(measured) for measured in measurements):
+            return cls._without_floor(measurements, structure, validation)
         kept = gather(measurements, structure)
         if len(measurements) == 1:
             kept = split(kept, _PARTS)
         tested = whitened(kept)
-        aside = [trajectory(measured) for measured in validation]
+        aside = [trajectory(measured) for measured in validation if tells_noise(measured)]
         before = [*tested.trajectories, *white_lines(aside, kept)]
         after = white_lines([_path_as_uncertain_as_seen(t) for t in (*kept.trajectories, *aside)], kept)
         found = [
@@ -63,6 +68,18 @@ class Rows:
         unseen = np.array([power for _, power in found])
         dof = np.array([_left_of_noise(*pair) for pair in zip(before, after, strict=True)])
         return cls(tested, evidence, after[len(training) :], dof, unseen)
+
+    @classmethod
+    def _without_floor(
+        cls, measurements: Sequence[Measurement], structure: Structure, validation: Sequence[Measurement]
+    ) -> Rows:
+        """Put the rows of recordings that do not tell their noise in units of what the model leaves of each joint."""
+        kept = weighed_by_residual(measurements, structure)
+        if len(measurements) == 1:
+            kept = split(kept, _PARTS)
+        aside = tuple(weighed_alike(measured, kept) for measured in validation)
+        dof = np.array([t.dof for t in (*kept.trajectories, *aside)])
+        return cls(kept, kept, aside, dof, np.zeros_like(dof), floor=False)
 
 
 def _path_as_uncertain_as_seen(t: Trajectory) -> Trajectory:
@@ -109,7 +126,11 @@ class DataSet:
         self.power = np.array([[y @ y for y in of_joint] for of_joint in self.y]).T
         self.dof, self.unseen = rows.dof, rows.unseen
         self.blocks = [_blocks(t) for t in self.folds]
-        self.resolved = [_resolved(*pair) for pair in zip(self.folds, self.torques, strict=True)]
+        self.floor = rows.floor
+        self.resolved = [
+            _resolved(*pair) if self.floor else np.ones(pair[0].motion.q.shape, dtype=bool)
+            for pair in zip(self.folds, self.torques, strict=True)
+        ]
         self.weights = np.array([np.sum(t.weight**2, axis=0) for t in self.folds])
         self.least = np.array([least_torque(evidence, j) ** 2 for j in range(self.n)])
         self.pools = [GramPool(*pair) for pair in zip(self.base, self.y, strict=True)]
@@ -142,12 +163,17 @@ class DataSet:
             at = np.flatnonzero(sign[1:] != sign[:-1])
             turns += len(at)
             resolved += int(np.sum(rows[at, joint] & rows[at + 1, joint]))
-        return 2 * resolved >= turns
+        return self.floor and 2 * resolved >= turns
 
     def tells_filter(self, place: str | None) -> bool:
         """Return whether the reversals of a joint (None: of all) tell a filter from a delay."""
         names = self.structure.robot.joints
         return all(self.turns_resolved(j) for j in range(self.n) if place in (None, names[j]))
+
+    @property
+    def noise(self) -> Array:
+        """Squared error [n] of the training folds that noise alone makes; 0 where it is not known."""
+        return np.asarray(self.floor * self.dof[: self.training].sum(axis=0))
 
     @property
     def block_count(self) -> int:
@@ -156,13 +182,13 @@ class DataSet:
 
     def _add_all(self, evidence: Evidence) -> None:
         """Add every hypothesis at every value of its nonlinear parameters, joint by joint at once."""
-        longest = max((t.motion for t in evidence.trajectories), key=lambda motion: motion.samples)
+        reached = joined([measured.motion for measured in evidence.recordings])
         averaged = all(t.motion.periodic for t in evidence.trajectories)
         made: list[tuple[Effect, dict[int, list[Array]]]] = []
         for effect in hypotheses_of(self.structure, averaged=averaged):
             if isinstance(effect, EffortFilter) and not self.tells_filter(effect.place):
                 continue
-            for setting in effect.settings(longest) or [{}]:
+            for setting in effect.settings(reached) or [{}]:
                 at = effect.at(setting)
                 columns = self.columns(at)
                 if columns:

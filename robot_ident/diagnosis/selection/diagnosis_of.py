@@ -22,11 +22,13 @@ from robot_ident.diagnosis.progress import Tell, silent
 from robot_ident.diagnosis.scan import base_gram
 from robot_ident.diagnosis.selection.constants import ALTERNATIVE, FORMULA_ERROR, NAMED, SIZE_ERROR
 from robot_ident.diagnosis.selection.hypotheses import Hypothesis
+from robot_ident.diagnosis.selection.search import Selected
 from robot_ident.diagnosis.selection.select import Selection, select
 from robot_ident.diagnosis.unexplained import explain_by_variables
-from robot_ident.diagnosis.weighed_by_residual import tells_noise
 from robot_ident.model.structure import Structure
 from robot_ident.recording.measurement import Measurement
+
+_STRUCTURE = 0.1  # of the error that a curve over a variable must predict on unseen motion to call it unexplained
 
 
 def diagnose_by_sets(
@@ -37,48 +39,87 @@ def diagnose_by_sets(
 ) -> Diagnosis:
     """Return what is missing from a model, as the set of effects that predicts motion which was not fitted best.
 
-    The recordings tell their noise; validation recordings never enter a fit. An effect is named at a probability of .8
-    and more; below, it is listed, and the verdict is `not_decidable` where nothing else is named.
+    Validation recordings never enter a fit. An effect is named at a probability of .8 and more; below, it is listed,
+    and the verdict is `not_decidable` where nothing else is named.
     """
-    found = select(measurements, structure, [one for one in validation if tells_noise(one)], tell)
-    named = [h for h in found.selected if found.probability(h.label) >= NAMED]
-    unsure = [h for h in found.selected if h not in named]
-    evidence = found.tested
-    with_all, fits = _fitted(found, named)
+    found = select(measurements, structure, validation, tell)
+    named = tuple(h for h in found.selected if found.probability(h.label) >= NAMED)
+    unsure = tuple(h for h in found.selected if h not in named)
+    return (_beyond_noise if found.data.floor else _by_prediction)(found, named, unsure, validation)
+
+
+def _beyond_noise(found: Selection, named: Selected, unsure: Selected, validation: Sequence[Measurement]) -> Diagnosis:
+    """Return the diagnosis of recordings that tell their noise: all that is left beyond it counts."""
+    evidence, names = found.tested, found.data.structure.robot.joints
+    with_all = extended(evidence, [h.effect for h in named]) if named else evidence
+    fits = lack_of_fit(with_all, base_gram(with_all)) if named else found.fits
     failing = any(fit.fails for fit in found.fits)
-    left = any(fit.fails for fit in (_fitted(found, found.selected)[1] if unsure else fits))
     fault = None
-    if failing and (found.withheld or left):
+    if failing and (found.withheld or _fails(found, fits, unsure)):
         fault = fault_beyond(evidence, [h.effect for h in found.selected], validation, found.data.tells_filter)
     if fault is not None:
         others = tuple(_finding(found, h, validation) for h in found.selected)
         only = Diagnosis("missing", (fault.suspect,), others, fault.remaining, None, (fault.note,))
         return with_doubt(with_jitter(only, evidence), evidence)
-    findings = {h.label: _finding(found, h, validation) for h in (*found.selected, *found.vague)}
     drifts = [drift_suspect(with_all, j, test, validation) for j, test in enumerate(drift_tests(evidence)) if test.told]
-    verdict: Verdict = "missing" if named or drifts else "unexplained" if failing else "adequate"
-    if not named and not drifts and (unsure or found.vague):
-        verdict = "not_decidable"
     worst = max((j for j, fit in enumerate(fits) if fit.fails), key=lambda j: fits[j].statistic, default=None)
-    rest = None if worst is None else explain_by_variables(with_all, worst)
+    verdict = _verdict(found, unsure, bool(named or drifts), "unexplained" if failing else "adequate")
+    notes = [*_notes(found, verdict), *undecidable(evidence, Folds.of(base_gram(evidence)))]
+    notes += [unseen_below(evidence)] if verdict == "adequate" else []
     whole = Diagnosis(
         verdict,
-        (*(findings[h.label] for h in named), *drifts),
-        tuple(findings[h.label] for h in (*unsure, *found.vague)),
-        {name: float(np.sqrt(fit.excess)) for name, fit in zip(structure.robot.joints, fits, strict=True)},
-        rest,
-        (*_notes(found, evidence, verdict), *(f"{one.label}: {UNSEEN_IN_MEANS}" for one in drifts)),
+        (*(_finding(found, h, validation) for h in named), *drifts),
+        tuple(_finding(found, h, validation) for h in (*unsure, *found.vague)),
+        {name: float(np.sqrt(fit.excess)) for name, fit in zip(names, fits, strict=True)},
+        None if worst is None else explain_by_variables(with_all, worst),
+        (*notes, *(f"{one.label}: {UNSEEN_IN_MEANS}" for one in drifts)),
         tied_sets=_alternatives(found),
     )
     return with_doubt(with_jitter(whole, evidence), evidence)
 
 
-def _fitted(found: Selection, some: Sequence[Hypothesis]) -> tuple[Evidence, Sequence[LackOfFit]]:
-    """Return the recordings on the model with some effects, and its lack of fit."""
-    if not some:
-        return found.tested, found.fits
-    evidence = extended(found.tested, [h.effect for h in some])
-    return evidence, lack_of_fit(evidence, base_gram(evidence))
+def _by_prediction(found: Selection, named: Selected, unsure: Selected, validation: Sequence[Measurement]) -> Diagnosis:
+    """Return the diagnosis of recordings that do not tell their noise: nothing says that a model is adequate, and what
+    is left includes the noise.
+    """
+    with_all = extended(found.tested, [h.effect for h in named]) if named else found.tested
+    left = mean_squares(with_all)
+    rest = explain_by_variables(with_all, _worst(with_all), floor=False)
+    structured = max(rest.depends_on.values(), default=0.0) >= _STRUCTURE
+    verdict = _verdict(found, unsure, bool(named), "unexplained" if structured else "not_decidable")
+    whole = Diagnosis(
+        verdict,
+        tuple(_finding(found, h, validation) for h in named),
+        tuple(_finding(found, h, validation) for h in (*unsure, *found.vague)),
+        {name: float(np.sqrt(value)) for name, value in left.items()},
+        rest if structured else None,
+        tuple(_notes(found, verdict)),
+        tied_sets=_alternatives(found),
+    )
+    return with_doubt(whole, found.tested)
+
+
+def _verdict(found: Selection, unsure: Selected, named: bool, otherwise: Verdict) -> Verdict:
+    if named:
+        return "missing"
+    return "not_decidable" if unsure or found.vague else otherwise
+
+
+def _fails(found: Selection, fits: Sequence[LackOfFit], unsure: Selected) -> bool:
+    """Return whether the model fails with all that was selected; fits: of what was named."""
+    if unsure:
+        evidence = extended(found.tested, [h.effect for h in found.selected])
+        fits = lack_of_fit(evidence, base_gram(evidence))
+    return any(fit.fails for fit in fits)
+
+
+def _worst(evidence: Evidence) -> int:
+    """Return the joint whose residual is the largest share of its torque."""
+    power, left = (
+        np.sum([np.sum(rows**2, axis=0) for rows in of], axis=0)
+        for of in ([t.y for t in evidence.trajectories], evidence.residual)
+    )
+    return int(np.argmax(left / np.maximum(power, 1e-300)))
 
 
 def _finding(found: Selection, h: Hypothesis, validation: Sequence[Measurement]) -> Suspect:
@@ -98,7 +139,7 @@ def _finding(found: Selection, h: Hypothesis, validation: Sequence[Measurement])
     effects = [settings[0].effect for label in instead if (settings := found.data.hypotheses.get(label))]
     suspect = Suspect(
         effect=h.effect,
-        p_value=min(1.0, float(chdtrc(h.effect.size, max(given.gain(h), 0.0))) * len(found.data.hypotheses)),
+        p_value=min(1.0, float(chdtrc(1, given.size_error(h) ** -2.0)) * len(found.data.hypotheses)),
         explained=float(np.clip(found.search.share(h, others), 0.0, 1.0)),
         mse_before=mean_squares(before),
         mse_after=mean_squares(after),
@@ -110,7 +151,8 @@ def _finding(found: Selection, h: Hypothesis, validation: Sequence[Measurement])
         experiment=experiment_between(h.effect, effects, found.data.structure.robot),
         probability=None if h in found.vague else found.probability(h.label),
     )
-    return with_low_pass(with_line(suspect), before, after)
+    suspect = with_line(suspect)
+    return with_low_pass(suspect, before, after) if found.data.floor else suspect
 
 
 def _instead_of(found: Selection, label: str) -> list[list[str]]:
@@ -136,7 +178,7 @@ def _alternatives(found: Selection) -> tuple[tuple[str, ...], ...]:
     return (mine, *others) if others else ()
 
 
-def _notes(found: Selection, evidence: Evidence, verdict: Verdict) -> list[str]:
+def _notes(found: Selection, verdict: Verdict) -> list[str]:
     notes = [f"{one.label} is not named: {one.why}" for one in found.withheld]
     tied = _alternatives(found)
     if verdict == "missing" and tied:
@@ -148,7 +190,4 @@ def _notes(found: Selection, evidence: Evidence, verdict: Verdict) -> list[str]:
         for h in found.vague
     ]
     notes += [f"{h.label}{CORRECT}" for h in found.selected if h.effect.measuring]
-    notes += undecidable(evidence, Folds.of(base_gram(evidence)))
-    if verdict == "adequate":
-        notes.append(unseen_below(evidence))
     return list(dict.fromkeys(notes))

@@ -18,6 +18,7 @@ from robot_ident.diagnosis.selection.constants import (
     PAIRS,
     REFINED,
     SHARE,
+    SHARE_OF_ALL,
     SIZE_ERROR,
 )
 from robot_ident.diagnosis.selection.data_set import DataSet
@@ -30,6 +31,7 @@ Selected = tuple[Hypothesis, ...]
 
 _KEPT = 24  # fitted sets that are remembered
 _CLEARLY = 2.0  # of J, by which another set must be better to take the place of one
+_LEAST_DISPERSION = 1e-9  # of what the model without any effect leaves, where noise is not known
 _WITHOUT_WEIGHT = 1e6  # dispersion of a joint whose rows count for nothing
 
 
@@ -72,7 +74,7 @@ class Search:
         some = slice(0, data.training)
         phi[some] = loss[some].sum(axis=0) / np.maximum(data.dof[some].sum(axis=0), 1.0)
         phi[data.training :] = loss[data.training :] / np.maximum(data.dof[data.training :], 1.0)
-        phi = np.maximum(phi, 1.0)
+        phi = np.maximum(phi, 1.0 if data.floor else _LEAST_DISPERSION)
         phi[:, sorted(self.unknown)] = _WITHOUT_WEIGHT
         self.dispersion = phi
 
@@ -121,7 +123,7 @@ class Search:
         by_joint = gain.sum(axis=0) * counts
         beyond = by_joint - np.clip(by_joint, 0.0, self.formula_error(beside))
         beyond -= np.clip(beyond, 0.0, self.least)
-        if beyond.sum() <= cost or self.share(h, beside) < SHARE:
+        if beyond.sum() <= cost or self.share(h, beside) < (SHARE if self.data.floor else SHARE_OF_ALL):
             return False
         return self._makes_sense(h, given)
 
@@ -139,7 +141,7 @@ class Search:
         training = slice(0, data.training)
         gain = given.held_out_gain(h)[training].sum(axis=0)
         joint = max(h.joints, key=lambda j: float(gain[j] / self.dispersion[0, j]))
-        excess = given.loss[training, joint].sum() - data.dof[training, joint].sum()
+        excess = given.loss[training, joint].sum() - data.noise[joint]
         excess -= self.formula_error(beside)[joint]
         return float(gain[joint] / max(excess, 1.0))
 

@@ -62,7 +62,7 @@ def select(
 ) -> Selection:
     """Select what a model lacks from recordings that tell their noise; validation recordings are never fitted."""
     rows = Rows.of(measurements, structure, validation)
-    fits = lack_of_fit(rows.tested, base_gram(rows.tested))
+    fits = lack_of_fit(rows.tested, base_gram(rows.tested)) if rows.floor else ()
     tell(0.3, "trying every effect")
     data = DataSet(rows)
     search = Search(data)
@@ -114,12 +114,13 @@ class _Judged:
         self.before = search.given(()).loss[training].sum(axis=0)
         after = self.given.loss[training].sum(axis=0)
         dof = data.dof[training].sum(axis=0)
-        self.excess = np.maximum(self.before - dof, 1.0)
+        self.excess = np.maximum(self.before - data.noise, 1.0)
         self.share = (self.before - after) / self.excess
         self.main = {h.label: self._main(h) for h in selected}
         wrong = search.formula_error(selected) * data.training / len(data.folds)
         self.least = least = data.weights[training].sum(axis=0) * data.least
-        self.remainder = self.given.excess() / (wrong + least + 2.0 * np.sqrt(2.0 * np.maximum(dof, 1.0)))
+        remainder = self.given.excess() / (wrong + least + 2.0 * np.sqrt(2.0 * np.maximum(dof, 1.0)))
+        self.remainder = remainder * data.floor
 
     def _main(self, h: Hypothesis) -> int:
         """Return the joint on which a selected effect matters most."""
