@@ -15,9 +15,6 @@ FOLDER = Path(os.environ.get("ROBOT_IDENT_ACCEPTANCE", "build/acceptance"))
 FIRST_SEED = int(os.environ.get("ROBOT_IDENT_FIRST_SEED", "11000"))
 """No development has used seeds from here on."""
 
-PROCEDURE: Any = os.environ.get("ROBOT_IDENT_PROCEDURE", "rules")
-"""Of the diagnosis: rules or sets."""
-
 
 def print_rates(title: str, data: dict[str, Any]) -> None:
     """Print a summary of outcomes."""

@@ -1,7 +1,7 @@
 """Hidden effects found: the table of rates with their intervals, on seeds that no development has used.
 
 ROBOT_IDENT_TRIAL_CASES: cases of each row (300). ROBOT_IDENT_FIRST_SEED: of the cases (11000).
-ROBOT_IDENT_PROCEDURE: of the diagnosis (rules). ROBOT_IDENT_ACCEPTANCE: folder (build/acceptance) that keeps finished
+ROBOT_IDENT_ACCEPTANCE: folder (build/acceptance) that keeps finished
 cases; what was stopped goes on from them.
 """
 

@@ -7,7 +7,7 @@ from typing import Any
 
 import pytest
 from foreign.run import run_case
-from table import CASES, FIRST_SEED, FOLDER, PROCEDURE, print_rates, rate_of
+from table import CASES, FIRST_SEED, FOLDER, print_rates, rate_of
 from trials import judged, trial
 
 LEAST = 1.0  # Nm rms that an effect has to leave to be counted
@@ -19,9 +19,9 @@ def outcomes(kind: str, cases: int) -> dict[str, Any]:
     trial("null", cases=1)  # designs the motions where there are none yet
     files = sorted(FOLDER.glob("kuka_ir361_[1-4].yaml"))
     seeds = range(FIRST_SEED, FIRST_SEED + cases)
-    run = partial(run_case, kind=kind, files=files, procedure=PROCEDURE)
-    data = judged(f"foreign_{PROCEDURE}_{kind}", run, seeds, LEAST)
-    print_rates(f"second simulator, {kind}, {PROCEDURE}", data)
+    run = partial(run_case, kind=kind, files=files)
+    data = judged(f"foreign_{kind}", run, seeds, LEAST)
+    print_rates(f"second simulator, {kind}", data)
     return data
 
 

@@ -7,7 +7,7 @@ from contextlib import redirect_stdout
 from functools import cache
 from typing import Any
 
-from table import CASES, FIRST_SEED, FOLDER, PROCEDURE, print_rates, rate_of
+from table import CASES, FIRST_SEED, FOLDER, print_rates, rate_of
 
 from robot_ident.cli.main import main
 
@@ -16,7 +16,7 @@ from robot_ident.cli.main import main
 def trial() -> dict[str, Any]:
     """Return what `robot_ident trial --family measurement --json` prints."""
     FOLDER.mkdir(parents=True, exist_ok=True)
-    out = FOLDER / f"kuka_ir361_measurement_{PROCEDURE}.json"
+    out = FOLDER / "kuka_ir361_measurement.json"
     words = ["trial", "--family", "measurement", "--seeds", f"{FIRST_SEED}:{FIRST_SEED + CASES}"]
     words += [
         "--folder",
@@ -24,8 +24,6 @@ def trial() -> dict[str, Any]:
         "--cases-file",
         str(out.with_suffix(".jsonl")),
         "--json",
-        "--procedure",
-        PROCEDURE,
     ]
     with out.open("w", encoding="utf-8") as file, redirect_stdout(file):
         code = main(words)

@@ -1,6 +1,6 @@
 """What arms of six and seven axes hide in MuJoCo, by its own friction, gears, contacts and motors, found or not.
 
-ROBOT_IDENT_MUJOCO_CASES: cases in all (200). ROBOT_IDENT_PROCEDURE: of the diagnosis (rules). Finished cases are kept
+ROBOT_IDENT_MUJOCO_CASES: cases in all (200). Finished cases are kept
 in build/acceptance, so that what was stopped goes on from them.
 """
 
@@ -12,7 +12,7 @@ from typing import Any
 
 import pytest
 from mujoco_world.run import prepare, run_case
-from table import FIRST_SEED, PROCEDURE, print_rates, rate_of
+from table import FIRST_SEED, print_rates, rate_of
 from trials import judged
 
 ALL = int(os.environ.get("ROBOT_IDENT_MUJOCO_CASES", "200"))
@@ -23,9 +23,9 @@ SHARES = {"single": 0.5, "pair": 0.15, "null": 0.15, "unknown": 0.2}
 def outcomes(kind: str) -> dict[str, Any]:
     prepare()
     seeds = range(FIRST_SEED, FIRST_SEED + round(ALL * SHARES[kind]))
-    run = partial(run_case, kind=kind, procedure=PROCEDURE)
-    data = judged(f"mujoco_{PROCEDURE}_{kind}", run, seeds, 0.0)
-    print_rates(f"MuJoCo, {kind}, {PROCEDURE}", data)
+    run = partial(run_case, kind=kind)
+    data = judged(f"mujoco_{kind}", run, seeds, 0.0)
+    print_rates(f"MuJoCo, {kind}", data)
     return data
 
 

@@ -9,7 +9,7 @@ import numpy as np
 import yaml
 
 from foreign.cases import make_case
-from robot_ident.diagnosis.diagnose import Procedure, diagnose
+from robot_ident.diagnosis.diagnose import diagnose
 from robot_ident.estimation.identify import estimate
 from robot_ident.model.structure import Structure
 from robot_ident.recording import Recording, process
@@ -21,7 +21,7 @@ from robot_ident.testbed.trial import Outcome, outcome
 KINDS = {"known": "single", "unknown": "unknown", "null": "null"}
 
 
-def run_case(seed: int, kind: str, files: list[Path], procedure: Procedure = "rules") -> Outcome:
+def run_case(seed: int, kind: str, files: list[Path]) -> Outcome:
     """Hide, record, diagnose, add: the last motion is unseen by any fit, and without noise."""
     robot = load_robot("kuka_ir361")
     structure = Structure.build(robot)
@@ -29,7 +29,7 @@ def run_case(seed: int, kind: str, files: list[Path], procedure: Procedure = "ru
     case = make_case(seed, kind, motions, clean=1)
     *training, unseen = (process(Recording(robot.joints, *data), robot) for data in case.recordings)
     started = time.process_time()
-    found = diagnose(training, structure, procedure=procedure)
+    found = diagnose(training, structure)
     seconds = time.process_time() - started
     errors = None
     if found.missing and kind == "known":

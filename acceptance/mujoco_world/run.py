@@ -16,7 +16,7 @@ from table import FOLDER
 from mujoco_world.arm import Arm, Motion, motion_of
 from mujoco_world.cases import make_case
 from robot_ident.cli.main import main
-from robot_ident.diagnosis.diagnose import Procedure, diagnose
+from robot_ident.diagnosis.diagnose import diagnose
 from robot_ident.diagnosis.diagnosis import Diagnosis
 from robot_ident.errors import InputError
 from robot_ident.estimation.identify import estimate
@@ -42,7 +42,7 @@ def prepare() -> None:
                 assert main([str(w) for w in (*words, "--accept-unchecked", "-o", file)]) == 0
 
 
-def run_case(seed: int, kind: str, procedure: Procedure = "rules") -> Outcome:
+def run_case(seed: int, kind: str) -> Outcome:
     """Hide, record, identify, diagnose, add."""
     name = ARMS[seed % len(ARMS)]
     arm, motions = _arm(name), _motions(name)
@@ -53,7 +53,7 @@ def run_case(seed: int, kind: str, procedure: Procedure = "rules") -> Outcome:
     started = time.process_time()
     trouble = ""
     try:
-        found = diagnose(training, structure, procedure=procedure)
+        found = diagnose(training, structure)
     except InputError as error:  # sound recordings that are refused: nothing is named, and the reason is kept
         trouble, rest = str(error), dict.fromkeys(robot.joints, float(np.nan))
         found = Diagnosis("unexplained", (), (), rest, None, (trouble,))

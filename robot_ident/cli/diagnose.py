@@ -30,12 +30,6 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
         help="one model and its recordings, two or more for a conclusive verdict",
     )
     add_recordings(parser.add_argument_group("recordings"))
-    parser.add_argument(
-        "--procedure",
-        choices=("rules", "sets"),
-        default="rules",
-        help="rules: add one effect after the other (default); sets: search sets of effects, with probabilities",
-    )
     extension = parser.add_argument_group("model extension")
     extension.add_argument(
         "--add-until-adequate",
@@ -63,8 +57,8 @@ def run(args: argparse.Namespace) -> int:
         raise InputError("diagnose takes one model and at least one recording")
     model = inputs.models[0]
     with bar("diagnose") as tell_share:
-        found = find_missing(model, inputs.measurements, inputs.validation, tell_share, procedure=args.procedure)
-    added = add_until_adequate(found, inputs, bar, args.procedure) if args.add_until_adequate else Additions([found])
+        found = find_missing(model, inputs.measurements, inputs.validation, tell_share)
+    added = add_until_adequate(found, inputs, bar) if args.add_until_adequate else Additions([found])
     steps = added.steps
     if args.output:
         _write(steps[-1].model if added.foreseen else inputs.models[0], args)

@@ -28,7 +28,7 @@ class Outcome(Protocol):
 
 
 Kept = TypeVar("Kept", bound=Outcome)
-SCHEMA = "robot_ident/trial_cases/2"
+SCHEMA = "robot_ident/trial_cases/3"
 
 
 class Journal(Generic[Kept]):

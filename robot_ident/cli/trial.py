@@ -61,9 +61,6 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
     hidden.add_argument(
         "--seeds", default="0:20", metavar="A:B", help="seeds A to B - 1, one case each (default: %(default)s)"
     )
-    hidden.add_argument(
-        "--procedure", choices=("rules", "sets"), default="rules", help="of the diagnosis (default: %(default)s)"
-    )
     motion = parser.add_argument_group("recordings")
     motion.add_argument(
         "--excitation",
@@ -110,7 +107,7 @@ def run(args: argparse.Namespace) -> int:
         return run_base(args, cases, robot)
     motions = _motions(args, robot)
     series = tuple(motion.series for motion in motions)
-    setting = Setting(robot, series[:-1], series[-1], args.periods, args.noise, args.procedure)
+    setting = Setting(robot, series[:-1], series[-1], args.periods, args.noise)
     done = Journal.open(args.cases_file, _settings(args, motions), Outcome.of_dict)
     if not run_cases(partial(run_case, setting=setting), cases, done, args):
         return STOPPED
@@ -199,7 +196,6 @@ def _settings(args: argparse.Namespace, motions: Sequence[Excitation]) -> dict[s
         "noise": args.noise,
         "periods": args.periods,
         "motions": digest,
-        **({"procedure": args.procedure} if args.procedure != "rules" else {}),
     }
 
 

@@ -8,13 +8,11 @@ from dataclasses import dataclass, replace
 import numpy as np
 
 from robot_ident.diagnosis.before_after import errors, estimates, mean_squares
-from robot_ident.diagnosis.candidates import Folds, candidate_of, score
 from robot_ident.diagnosis.diagnosis import Suspect
 from robot_ident.diagnosis.evidence import Evidence, extended, gather, held
 from robot_ident.diagnosis.more_than_noise import ALPHA
-from robot_ident.diagnosis.refine import refined
-from robot_ident.diagnosis.scan import base_gram
-from robot_ident.diagnosis.stage import least_torque
+from robot_ident.diagnosis.power import least_torque
+from robot_ident.diagnosis.selection.refinement import best_values
 from robot_ident.effects import Effect, make_effect
 from robot_ident.estimation.apart import apart
 from robot_ident.model.structure import Structure
@@ -170,18 +168,18 @@ def drift_suspect(evidence: Evidence, joint: int, test: DriftTest, validation: S
     robot = evidence.structure.robot
     effect = make_effect(f"{DRIFT}@{robot.joints[joint]}", robot)
     single = gather(apart(evidence.recordings, [effect]), evidence.structure)
-    folds = Folds.of(base_gram(single))
-    found = refined(score(candidate_of(effect, single), single, folds), single, folds)
-    after = extended(single, [found.effect])
+    best = best_values(effect, single)
+    found, gain = (effect, 0.0) if best is None else best
+    after = extended(single, [found])
     return Suspect(
-        effect=found.effect,
+        effect=found,
         p_value=test.p_value,
-        explained=float(np.clip(found.gain / test.gain, 0.0, 1.0)),
+        explained=float(np.clip(gain / test.gain, 0.0, 1.0)),
         mse_before=mean_squares(evidence),
         mse_after=mean_squares(held(evidence, after.structure, after.values)),
         validation_before=errors(evidence, validation) if validation else None,
         validation_after=errors(after, validation) if validation else None,
-        parameters=estimates(after, found.effect),
+        parameters=estimates(after, found),
         tied_with=(),
         experiment=None,
     )

@@ -20,9 +20,8 @@ from typing import NamedTuple
 
 import numpy as np
 
-from robot_ident.diagnosis.candidates import Score
 from robot_ident.diagnosis.evidence import Evidence, Trajectory
-from robot_ident.diagnosis.scan import BaseFit, BaseGram, Columns, add, base_gram, gram
+from robot_ident.diagnosis.scan import BaseFit, BaseGram, base_gram
 from robot_ident.diagnosis.spectrum import inertia_along
 from robot_ident.signals.fourier import Lines, evaluate, least_above_noise, lines_of_grid
 from robot_ident.signals.motion import Array, Mask
@@ -89,23 +88,6 @@ def note(joints: Iterable[str]) -> str:
         " positions hides, and steps of friction between two samples; no effect is told from that: record at a higher"
         " rate, or leave out the rows around reversals with identify --minimum-speed"
     )
-
-
-def gain_beside_hidden_path(found: Score, evidence: Evidence) -> float:
-    """Return the gain of an effect beside what the hidden path may make, in units of chi-square.
-
-    The latter's coefficients are known beforehand to be 0 +- 1, in units of their usual size; such knowledge counts as
-    an observation of each.
-    """
-    beside = _beside(evidence)
-    if beside is None:
-        return found.gain
-    columns, n = found.columns, evidence.structure.robot.n
-    parts = [np.zeros((len(part), n, part.shape[2])) for part in columns.parts]
-    for whole, part in zip(parts, columns.parts, strict=True):
-        whole[:, columns.joints] = part
-    spread = Columns(columns.effect, tuple(range(n)), through(beside.kinks, parts, whitened=True))
-    return add(gram(spread, beside.white), beside.fit, found.effect.ranges).gain
 
 
 def residual_beside_hidden_path(evidence: Evidence) -> tuple[Array, ...]:

@@ -4,28 +4,38 @@ it fits.
 
 from __future__ import annotations
 
-from collections.abc import Collection, Sequence
 from dataclasses import replace
 from math import ceil
 
 import numpy as np
 
-from robot_ident.diagnosis.candidates import Score
 from robot_ident.diagnosis.diagnosis import Diagnosis
 from robot_ident.diagnosis.evidence import Evidence
 from robot_ident.estimation.driving import driven
 
 ENOUGH = 40.0  # chi-square units that an effect must gain before it may be named
+LEAST = 0.25  # Nm rms (times the torque scale of the joint over 400 Nm) that an effect must make to be worth a name
 
 
-def too_little(scores: Sequence[Score], evidence: Evidence, joints: Collection[int]) -> str:
+def least_torque(evidence: Evidence, joint: int) -> float:
+    """Return the torque [Nm rms] that something on a joint must make to be worth a name.
+
+    In A, where a drive's gain is unknown, the limit isn't: twice what the motions need stands for it.
+    """
+    robot = evidence.structure.robot
+    if robot.in_ampere(joint):
+        peak = max(float(np.abs(t.measured.torque[:, joint]).max()) for t in evidence.trajectories)
+        return LEAST * 2.0 * peak / 400.0
+    limit = float(robot.limits.torque[joint])
+    return LEAST * (limit if np.isfinite(limit) else 400.0) / 400.0
+
+
+def too_little(best: float, evidence: Evidence) -> str:
     """Return how much more data would tell, where the model misfits by too little for any effect to stand out.
 
-    What an effect gains grows in proportion to the periods that are averaged. Empty where more data wouldn't help: some
-    effect gains enough as it is, and yet none explains the error.
+    best: what the best effect gains, in units of chi-square; it grows in proportion to the periods that are averaged.
+    Empty where more data wouldn't help: some effect gains enough as it is, and yet none explains the error.
     """
-    gains = [s.gain for s in scores if set(s.columns.joints) & set(joints)]
-    best = max(gains, default=0.0)
     if not 0.0 < best < ENOUGH:
         return ""
     periods = min(t.measured.periods for t in evidence.trajectories)

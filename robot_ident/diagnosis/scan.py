@@ -212,3 +212,24 @@ def within_ranges(projected: Array, right: Array, size: Array, ranges: Ranges) -
         if best_gain > 0.0:
             break
     return best
+
+
+@dataclass(frozen=True)
+class Folds:
+    """The base fitted to all trajectories and to all but one; loss [T, n]: its squared error on each one left out."""
+
+    base: BaseGram
+    whole: BaseFit
+    without: tuple[BaseFit, ...]
+    loss: Array
+
+    @classmethod
+    def of(cls, base: BaseGram) -> Folds:
+        """Fit the base."""
+        count = len(base.power)
+        everything = range(count)
+        if count < 2:
+            return cls(base, BaseFit.of(base, everything), (), np.zeros((0, base.power.shape[1])))
+        without = tuple(BaseFit.of(base, [t for t in everything if t != left]) for left in everything)
+        loss = np.array([fit.loss(base, left) for left, fit in enumerate(without)])
+        return cls(base, BaseFit.of(base, everything), without, loss)

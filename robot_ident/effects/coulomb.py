@@ -14,7 +14,7 @@ class Coulomb(Effect):
     name = "coulomb"
     equation = "c sign(dq)"
     meaning = "Coulomb friction"
-    coefficients = (Coefficient("coulomb", "Nm", "N"),)
+    coefficients = (Coefficient("coulomb", "Nm", "N", positive=True),)
     symmetry = "dissipative"
     signature = "a step at zero velocity"
     confused_with = ("presliding", "stribeck")

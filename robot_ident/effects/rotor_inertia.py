@@ -16,7 +16,7 @@ class RotorInertia(Effect):
     name = "rotor_inertia"
     equation = "Ia ddq"
     meaning = "rotor inertia on the joint side"
-    coefficients = (Coefficient("rotor_inertia", "kg m^2", "kg"),)
+    coefficients = (Coefficient("rotor_inertia", "kg m^2", "kg", positive=True),)
     symmetry = "conservative"
     signature = "over acceleration"
     confused_with = ("joint_coupling", "joint_elasticity")

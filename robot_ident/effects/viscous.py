@@ -14,7 +14,7 @@ class Viscous(Effect):
     name = "viscous"
     equation = "b dq"
     meaning = "viscous friction"
-    coefficients = (Coefficient("viscous", "Nm s/rad", "N s/m"),)
+    coefficients = (Coefficient("viscous", "Nm s/rad", "N s/m", positive=True),)
     symmetry = "dissipative"
     signature = "over velocity, odd"
     confused_with = ("viscous_nonlinear", "temperature_drift")

@@ -16,7 +16,7 @@ from typing import Any
 import numpy as np
 from pydantic import TypeAdapter
 
-from robot_ident.diagnosis.diagnose import Procedure, diagnose
+from robot_ident.diagnosis.diagnose import diagnose
 from robot_ident.diagnosis.diagnosis import Diagnosis
 from robot_ident.errors import InputError
 from robot_ident.estimation.identify import estimate
@@ -87,7 +87,7 @@ class Setting:
     """What all cases of a trial share.
 
     training: motions that are identified and diagnosed; unseen: one that no fit sees. periods of each; noise: factor on
-    the variances of the robot's noise. procedure: of the diagnosis.
+    the variances of the robot's noise.
     """
 
     robot: Robot
@@ -95,7 +95,6 @@ class Setting:
     unseen: FourierSeries
     periods: int = 16
     noise: float = 1.0
-    procedure: Procedure = "rules"
 
 
 @dataclass(frozen=True)
@@ -179,7 +178,7 @@ def run_case(case: Case, setting: Setting) -> Outcome:
     measurements = [process(recording, robot) for recording in recordings]
     structure = Structure.build(robot)
     started = time.process_time()
-    found = diagnose(measurements, structure, procedure=setting.procedure)
+    found = diagnose(measurements, structure)
     seconds = time.process_time() - started
     errors, trouble = _errors(measurements, structure, found, TrueMotion.of(plays[-1]))
     return outcome(
@@ -207,7 +206,7 @@ def _run_measuring_case(case: Case, setting: Setting) -> Outcome:
     measurements = [process(recording, robot) for recording in recordings]
     structure = Structure.build(robot)
     started = time.process_time()
-    found = diagnose(measurements, structure, procedure=setting.procedure)
+    found = diagnose(measurements, structure)
     seconds = time.process_time() - started
     visible = _visible_of_fault(fault, case, setting, structure)
     hidden = fault.text(robot)

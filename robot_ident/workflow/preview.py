@@ -6,11 +6,9 @@ from collections.abc import Sequence
 from dataclasses import dataclass
 
 from robot_ident.diagnosis.before_after import errors, estimates, mean_squares
-from robot_ident.diagnosis.candidates import Candidate, Folds, enumerate_candidates, score
 from robot_ident.diagnosis.diagnosis import Estimate
-from robot_ident.diagnosis.evidence import Evidence, extended, gather, held, split
-from robot_ident.diagnosis.refine import refined
-from robot_ident.diagnosis.scan import base_gram
+from robot_ident.diagnosis.evidence import Evidence, extended, gather, held
+from robot_ident.diagnosis.selection.refinement import best_values
 from robot_ident.diagnosis.weighed_by_residual import tells_noise, weighed_by_residual
 from robot_ident.effects import Effect, candidates_of, make_effect
 from robot_ident.errors import InputError
@@ -83,17 +81,12 @@ class Forecast:
             raise InputError(f"{effect.label} is in the model already")
         if not effect.regression:
             raise InputError(f"{effect.label} can't be fitted: it shows by other evidence ({effect.evidence})")
-        evidence = self.evidence if len(self.evidence.trajectories) > 1 else split(self.evidence)
-        others = [c.label for c in candidates_of(structure) if c.label != effect.label]
-        found = [c for c in enumerate_candidates(evidence, others) if c.label == effect.label]
-        if not found:
+        averaged = all(measured.motion.periodic for measured in self.measurements)  # trends do not show there
+        possible = {one.label for one in candidates_of(structure) if not (one.trends and averaged)}
+        found = best_values(effect, self.evidence) if effect.label in possible else None
+        if found is None:
             raise InputError(f"{effect.label}: these recordings can't show it, or the model holds its column already")
-        return self.of(_best(found[0], evidence))
-
-
-def _best(candidate: Candidate, evidence: Evidence) -> Effect:
-    folds = Folds.of(base_gram(evidence))
-    return refined(score(candidate, evidence, folds), evidence, folds).effect
+        return self.of(found[0])
 
 
 def _predicted(evidence: Evidence, measured: Measurement) -> Array:

@@ -9,7 +9,7 @@ from dataclasses import dataclass, field, replace
 import numpy as np
 
 from robot_ident.diagnosis.comparison import misfit_aside
-from robot_ident.diagnosis.diagnose import Procedure, diagnose
+from robot_ident.diagnosis.diagnose import diagnose
 from robot_ident.diagnosis.diagnosis import Diagnosis
 from robot_ident.diagnosis.progress import Tell, silent
 from robot_ident.effects import Effect
@@ -29,8 +29,6 @@ def find_missing(
     measurements: Sequence[Measurement],
     validation: Sequence[Measurement] = (),
     tell: Tell = silent,
-    *,
-    procedure: Procedure = "rules",
 ) -> Diagnosis:
     """Return what a model lacks, judged on its recordings; InputError where their efforts contradict its declaration.
 
@@ -38,7 +36,7 @@ def find_missing(
     """
     refuse_misdeclared(model, measurements)
     declared = taken_as_declared(model.notes)
-    found = diagnose(measurements, model.structure, validation, tell, as_declared=declared, procedure=procedure)
+    found = diagnose(measurements, model.structure, validation, tell, as_declared=declared)
     if found.verdict == "adequate":
         found = replace(found, notes=(*found.notes, *misfit_aside(model, validation)))
     return found
@@ -97,7 +95,6 @@ def add_until_adequate(
     found: Diagnosis,
     inputs: Inputs,
     progress: Callable[[str], AbstractContextManager[Tell]] = _unheard,
-    procedure: Procedure = "rules",
 ) -> Additions:
     """Return what adding the effects that a diagnosis names comes to, and those that the next ones name.
 
@@ -129,7 +126,7 @@ def add_until_adequate(
         model = out.steps[-1].model
         inputs = inputs.with_model(model)
         with progress("diagnose again") as tell:
-            again = find_missing(model, inputs.measurements, inputs.validation, tell, procedure=procedure)
+            again = find_missing(model, inputs.measurements, inputs.validation, tell)
             out.said.append(again)
     return out
 

@@ -9,7 +9,7 @@ from typing import Any
 import numpy as np
 import pytest
 
-from robot_ident.diagnosis.diagnose import Procedure, diagnose
+from robot_ident.diagnosis.diagnose import diagnose
 from robot_ident.diagnosis.evidence import gather
 from robot_ident.diagnosis.measuring.axes import wirings, wrong_axes
 from robot_ident.diagnosis.measuring.finding import Finding
@@ -78,11 +78,8 @@ def found_in(bench: Any, recordings: Any, write: Any) -> list[Finding]:
         (exchanged(1, 2), {"exchanged_joints@joint_2"}),
     ],
 )
-@pytest.mark.parametrize("procedure", ["rules", "sets"])
-def test_it_is_named_and_nothing_else(
-    bench: Any, recorded: Any, write: Any, labels: set[str], procedure: Procedure
-) -> None:
-    found = diagnose([process(write(r), bench.robot) for r in recorded()], bench.structure, procedure=procedure)
+def test_it_is_named_and_nothing_else(bench: Any, recorded: Any, write: Any, labels: set[str]) -> None:
+    found = diagnose([process(write(r), bench.robot) for r in recorded()], bench.structure)
     (named,) = found.missing
     assert {named.label, *named.tied_with} == labels
     assert named.explained > 0.95

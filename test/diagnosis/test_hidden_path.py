@@ -8,14 +8,8 @@ from typing import Any
 import numpy as np
 import pytest
 
-from robot_ident.diagnosis.candidates import Folds, enumerate_candidates, score
 from robot_ident.diagnosis.comparison import compare
 from robot_ident.diagnosis.diagnose import diagnose
-from robot_ident.diagnosis.evidence import gather
-from robot_ident.diagnosis.hidden_path import gain_beside_hidden_path
-from robot_ident.diagnosis.scan import base_gram
-from robot_ident.diagnosis.spectrum import whitened
-from robot_ident.diagnosis.stage import GAIN, OWN
 from robot_ident.estimation.identify import estimate
 from robot_ident.model.structure import Structure
 from robot_ident.recording import Recording, process
@@ -90,27 +84,10 @@ def test_a_model_that_fits_hides_nothing(bench: Any) -> None:
     assert not found.hidden_in_path
 
 
-def test_kinks_of_the_path_gain_but_not_beside_what_they_may_make(bench: Any, sticking: list[Measurement]) -> None:
-    evidence = whitened(gather(sticking, bench.structure))
-    folds = Folds.of(base_gram(evidence))
-    scores = [score(candidate, evidence, folds) for candidate in enumerate_candidates(evidence)]
-    best = max(scores, key=lambda s: s.gain)
-    assert best.gain > GAIN
-    assert gain_beside_hidden_path(best, evidence) < OWN * best.gain
-
-
 def test_a_drive_that_gives_way_lacks_nothing(bench: Any, reversing: list[Measurement]) -> None:
     found = diagnose(reversing, bench.structure)
     assert found.verdict == "adequate"
     assert not found.missing
-
-
-def test_an_effect_keeps_what_the_hidden_path_cannot_make(bench: Any) -> None:
-    evidence = gather(bench.measure((RIPPLE,)), bench.structure)
-    folds = Folds.of(base_gram(evidence))
-    candidate = next(c for c in enumerate_candidates(evidence) if c.label == "torque_ripple@joint_2")
-    ripple = score(candidate, evidence, folds)
-    assert gain_beside_hidden_path(ripple, evidence) > 0.95 * ripple.gain
 
 
 def test_a_ripple_that_shakes_its_drive_is_no_delay_as_well(bench: Any) -> None:

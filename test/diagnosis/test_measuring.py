@@ -52,14 +52,14 @@ def spoiled(bench: Any) -> Any:
     return made
 
 
-@pytest.fixture(scope="module", params=["rules", "sets"])
-def said(bench: Any, spoiled: Any, request: pytest.FixtureRequest) -> Any:
+@pytest.fixture(scope="module")
+def said(bench: Any, spoiled: Any) -> Any:
     """Return a function from a fault to what is said of it, once each."""
 
     @cache
     def of(text: str) -> Diagnosis:
         *seen, unseen = (process(r, bench.robot) for r in spoiled(text))
-        return diagnose(seen, bench.structure, [unseen], procedure=request.param)
+        return diagnose(seen, bench.structure, [unseen])
 
     return of
 

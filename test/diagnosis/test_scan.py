@@ -2,18 +2,15 @@
 
 from __future__ import annotations
 
-from dataclasses import replace
 from typing import Any
 
 import numpy as np
 import pytest
-from scipy.stats import chi2
 
-from robot_ident.diagnosis import ties
-from robot_ident.diagnosis.evidence import gather
-from robot_ident.diagnosis.scan import BaseFit, BaseGram, add
-from robot_ident.diagnosis.spectrum import whitened
-from robot_ident.diagnosis.stage import Stage
+from robot_ident.diagnosis.scan import BaseFit, BaseGram
+from robot_ident.diagnosis.selection.data_set import DataSet, Rows
+from robot_ident.diagnosis.selection.fitted_set import FittedSet
+from robot_ident.effects import make_effect
 from robot_ident.signals.motion import Array
 
 ROWS, NOISE = 400, 1.0
@@ -56,38 +53,14 @@ def test_what_the_others_determine_hardly_notices(seed: int) -> None:
     assert loss == pytest.approx(plain, rel=0.02)
 
 
-def test_a_plainer_effect_that_fits_all_data_as_well_ties(bench: Any, monkeypatch: pytest.MonkeyPatch) -> None:
-    """A soft stop from mid range on may extrapolate better, by chance, than the offset that it imitates."""
-    hidden = ("torque_offset@joint_2:torque_offset=8",)
-    stage = Stage.of(whitened(gather(bench.measure(hidden, [0, 1], noise=AS_OF_16), bench.structure)))
-    by_label = {score.label: score for score in stage.scores}
-    offset, stop = by_label["torque_offset@joint_2"], by_label["end_stop@joint_2"]
-    assert offset.gain >= stop.gain
-
-    def lost(score: Any, *rest: object) -> Array:
-        """Every block of time foretold best by the stop."""
-        return np.full(20, 5.0 + (score is not stop)) + 1e-3 * np.arange(20)
-
-    monkeypatch.setattr(ties, "block_losses", lost)
-    rivals = [rival.label for rival in ties.tied(stop, stage.scores, stage.evidence, stage.folds)]
-    assert "torque_offset@joint_2" in rivals
-    for name in rivals:
-        further = stop.effect.size - by_label[name].effect.size
-        assert further > 0 and by_label[name].gain >= stop.gain - chi2.ppf(0.999, further)
-    luckier = replace(stop, gain=offset.gain + 13.7)  # two parameters more gain 13.8 of noise, once in 1000 times
-    certain = replace(stop, gain=offset.gain + 13.9)
-    for best, as_well in ((luckier, True), (certain, False)):
-        monkeypatch.setattr(ties, "block_losses", lambda score, *rest, b=best: lost(stop if score is b else score))
-        rivals = [rival.label for rival in ties.tied(best, [best, offset], stage.evidence, stage.folds)]
-        assert rivals == (["torque_offset@joint_2"] if as_well else [])
-
-
 def test_an_encoder_off_by_ten_degrees_is_none(bench: Any) -> None:
     def found(amplitude: float) -> Array:
         hidden = f"encoder_eccentricity@joint_2:encoder_eccentricity={amplitude},position=-0.17,harmonic=2"
-        stage = Stage.of(whitened(gather(bench.measure((hidden,), [0, 1], noise=AS_OF_16), bench.structure)))
-        score = next(score for score in stage.scores if score.label == "encoder_eccentricity@joint_2")
-        return add(score.gram, stage.folds.whole, score.effect.ranges).coefficients  # mrad
+        measured = bench.measure((hidden,), [0, 1], noise=AS_OF_16)
+        effect = make_effect("encoder_eccentricity@joint_2", bench.robot)
+        data = DataSet(Rows.of(measured, bench.structure), [effect])
+        given = FittedSet(data, (), np.ones_like(data.power))
+        return given.coefficients(-1, max(data.hypotheses[effect.label], key=given.gain))[0]  # mrad
 
     assert np.hypot(*found(0.008)) == pytest.approx(8.0, rel=0.3)
     assert np.max(np.abs(found(0.2))) <= 100.0

@@ -26,7 +26,7 @@ STRIBECK = "stribeck@joint_2:stribeck=20,speed=0.08"
 
 
 def by_sets(bench: Any, measurements: Sequence[Measurement], **options: Any) -> Diagnosis:
-    return diagnose(measurements, bench.structure, procedure="sets", **options)
+    return diagnose(measurements, bench.structure, **options)
 
 
 def labels(found: Diagnosis) -> set[str]:
@@ -96,7 +96,7 @@ def test_an_effect_whose_size_is_vague_is_listed(bench: Any) -> None:
     """Half a sample early: it shows in one sample before each reversal."""
     found = by_sets(bench, bench.measure(("time_delay@joint_3:time_delay=-0.003",)))
     assert found.verdict == "not_decidable" and not found.missing
-    assert [(one.label, one.probability) for one in found.others] == [("time_delay@joint_3", None)]
+    assert (found.others[0].label, found.others[0].probability) == ("time_delay@joint_3", None)
     assert any(note.startswith("time_delay@joint_3 may be missing: its size is known to ") for note in found.notes)
 
 
@@ -301,12 +301,12 @@ def test_a_joint_that_is_not_seen_gives_way_to_those_that_shake_it(bench: Any, h
 def test_the_command_prints_probabilities(files: Any, verb: Any) -> None:
     import json
 
-    code, out, err = verb("diagnose", files.model, *files.bags, "--procedure", "sets", "--json")
+    code, out, err = verb("diagnose", files.model, *files.bags, "--json")
     assert code == 0, err
     found = json.loads(out)
     assert found["missing"] == [{"effect": "stribeck", "joint": "joint_2"}]
     assert found["candidates"][0]["probability"] >= 0.8
-    code, out, _ = verb("diagnose", files.model, *files.bags, "--procedure", "sets")
+    code, out, _ = verb("diagnose", files.model, *files.bags)
     assert code == 0 and "probability" in out
 
 

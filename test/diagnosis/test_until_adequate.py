@@ -49,14 +49,14 @@ def test_what_the_longer_model_lacks_is_added_too(
     assert "diagnosis of the extended model: adequate: what is left over is noise" in capsys.readouterr().out
 
 
-def test_what_does_not_lower_the_error_on_the_validation_is_left_out(
+def test_what_does_not_lower_the_error_on_the_validation_is_not_named(
     bench: Any, half: Diagnosis, inputs: Inputs
 ) -> None:
     """The offset is in the recordings that are fitted, not in the one kept aside."""
     other = replace(inputs, validation=tuple(bench.measure(HIDDEN[:1], [3])))
     added = add_until_adequate(half, other)
     assert [step.model.structure.labels[-1] for step in added.steps[1:]] == ["stribeck@joint_2"]
-    assert added.stopped == ("torque_offset@joint_3: left out, adding it does not lower the error on the validation")
+    assert added.last.missing == () and added.last.verdict != "adequate"
 
 
 def test_an_adequate_end_that_misfits_what_was_kept_aside_says_so(

@@ -8,13 +8,14 @@ from typing import Any
 import numpy as np
 import pytest
 
-from robot_ident.diagnosis.candidates import Folds, enumerate_candidates, score
 from robot_ident.diagnosis.diagnose import diagnose
 from robot_ident.diagnosis.evidence import gather
 from robot_ident.diagnosis.lack_of_fit import lack_of_fit
+from robot_ident.diagnosis.power import ENOUGH
 from robot_ident.diagnosis.scan import base_gram
+from robot_ident.diagnosis.selection.data_set import DataSet, Rows
+from robot_ident.diagnosis.selection.fitted_set import FittedSet
 from robot_ident.diagnosis.spectrum import whitened
-from robot_ident.diagnosis.stage import GAIN
 from robot_ident.recording import process
 from robot_ident.recording.measurement import Measurement
 
@@ -53,11 +54,12 @@ def test_the_noise_of_positions_is_no_lack_of_fit(bench: Any, sticking: list[Mea
 
 def test_a_slow_noise_gains_no_effect_anything(bench: Any, coloured: list[Measurement]) -> None:
     def best(evidence: Any) -> float:
-        folds = Folds.of(base_gram(evidence))
-        return max(score(candidate, evidence, folds).gain for candidate in enumerate_candidates(evidence))
+        data = DataSet(Rows.plain(evidence))
+        given = FittedSet(data, (), np.ones_like(data.power))
+        return max(given.gain(h) for settings in data.hypotheses.values() for h in settings)
 
     plain = gather(coloured, bench.structure)
-    assert best(whitened(plain)) < GAIN < best(plain)
+    assert best(whitened(plain)) < ENOUGH < best(plain)
 
 
 def test_rows_are_the_same_in_newton(bench: Any, sticking: list[Measurement]) -> None:

@@ -13,7 +13,6 @@ from dataclasses import dataclass, replace
 import numpy as np
 
 from robot_ident.diagnosis.before_after import mean_squares
-from robot_ident.diagnosis.candidates import Folds, Score
 from robot_ident.diagnosis.diagnosis import Suspect
 from robot_ident.diagnosis.evidence import Evidence, extended, gather
 from robot_ident.diagnosis.lack_of_fit import lack_of_fit
@@ -22,17 +21,13 @@ from robot_ident.diagnosis.measuring.filtered import NAME, exact, filters
 from robot_ident.diagnosis.measuring.finding import Finding, fitted_loss, with_columns
 from robot_ident.diagnosis.measuring.further import link_lengths, payloads
 from robot_ident.diagnosis.measuring.gain import gains, single_gains, undecidable_gains
-from robot_ident.diagnosis.measuring.lookalikes import LowPasses, equals, holds
-from robot_ident.diagnosis.refine import sharpened
-from robot_ident.diagnosis.scan import base_gram
+from robot_ident.diagnosis.scan import Folds, base_gram
 from robot_ident.effects import Effect
 from robot_ident.recording.measurement import Measurement
 
 GAIN = 40.0  # chi-square units that a fault must gain
 MOSTLY = 0.5  # of the excess that it must explain
 LEAD = 0.05  # of its own gain by which it must beat the best effect
-REST = 0.002  # of the excess that a low pass may leave
-NOISE = 0.5  # of the squared error of the noise, that it may leave where that is more
 CORRECT = " is a fault of what is measured: correct it, identify anew and diagnose again"
 _Z = 2.0  # standard deviations of a difference of two gains that are no lead
 
@@ -44,40 +39,6 @@ class Fault:
     suspect: Suspect
     remaining: Mapping[str, float]
     note: str
-
-
-@dataclass(frozen=True)
-class Judged:
-    """A fault of what is measured, None where no fault or some effect does as well; and the low passes there may be."""
-
-    fault: Fault | None
-    low_passes: LowPasses
-
-
-def measuring_fault(
-    evidence: Evidence, folds: Folds, scores: Sequence[Score], validation: Sequence[Measurement] = ()
-) -> Judged:
-    """Return the fault of measuring that explains most of the error.
-
-    scores: those of the catalogue's effects, best first.
-    """
-    base = folds.base
-    passes = filters(evidence, base)
-    found = _best_first(evidence, folds, passes)
-    none = Judged(None, LowPasses(tuple(passes), evidence, folds, scores))
-    excess = float(folds.loss.sum()) - sum(float(t.dof.sum()) for t in evidence.trajectories)
-    if not found or found[0].gain < GAIN or found[0].held_out < MOSTLY * _excess(found[0], evidence, excess):
-        return none
-    found = _sharpened(found, evidence, folds)
-    best = found[0]
-    if best.held_out < max(GAIN / 2, MOSTLY * _excess(best, evidence, excess)):
-        return none
-    if best.effect.name == NAME:
-        named = near_noise(best, evidence, folds) and holds(best, scores, evidence, folds, _lead(best))
-        ties = equals(best, scores, evidence, folds) if named else []
-    else:
-        named, ties = best.held_out - _best_effect(best, scores, evidence, folds) >= _lead(best), []
-    return replace(none, fault=_fault(best, found, ties, evidence, excess, validation)) if named else none
 
 
 def exact_fault(effect: Effect, evidence: Evidence) -> Finding | None:
@@ -122,7 +83,7 @@ def fault_beyond(
     enough = best.held_out >= max(GAIN / 2, MOSTLY * _excess(best, evidence, excess)) and best.gain >= GAIN
     if not enough or best.held_out - instead < _lead(best):
         return None
-    return _fault(best, found, (), evidence, excess, validation)
+    return _fault(best, found, evidence, excess, validation)
 
 
 def _best_first(evidence: Evidence, given: Folds, passes: Sequence[Finding]) -> list[Finding]:
@@ -148,36 +109,13 @@ def _excess(found: Finding, evidence: Evidence, held_out: float) -> float:
     return max(sum(float(np.sum(r**2)) for r in evidence.residual) - dof, 0.0)
 
 
-def near_noise(found: Finding, evidence: Evidence, folds: Folds) -> bool:
-    """Return whether what a fault leaves of all data is about the noise, or nearly nothing of what there was.
-
-    A low pass follows much of whatever error there is at high frequencies, of rounded positions above all; where it is
-    the cause, it leaves next to nothing.
-    """
-    dof = sum(float(t.dof.sum()) for t in evidence.trajectories)
-    before = fitted_loss(folds.base, range(len(folds.base.power)))
-    return before - found.gain - dof <= max(REST * (before - dof), NOISE * dof)
-
-
 def _lead(found: Finding) -> float:
     return max(LEAD * found.held_out, _Z * float(np.sqrt(found.held_out)))
-
-
-def _best_effect(found: Finding, scores: Sequence[Score], evidence: Evidence, folds: Folds) -> float:
-    """Return the most that an effect gains, inner parameters refined; of all data where the fault's gain is."""
-    if not scores:
-        return 0.0
-    if found.single is not None:
-        return max(s.gain for s in scores)
-    if scores[0].held_out < 0.5 * found.held_out:
-        return scores[0].held_out
-    return sharpened(scores[0], scores, evidence, folds)[0].held_out
 
 
 def _fault(
     best: Finding,
     found: Sequence[Finding],
-    ties: Sequence[str],
     evidence: Evidence,
     excess: float,
     validation: Sequence[Measurement],
@@ -200,8 +138,8 @@ def _fault(
         validation_before=before_seen,
         validation_after=after_seen,
         parameters=best.parameters,
-        tied_with=tuple(dict.fromkeys([*ties, *near])),
-        experiment=best.effect.experiment if ties else None,
+        tied_with=tuple(dict.fromkeys(near)),
+        experiment=None,
         fix=best.fix,
     )
     return Fault(

@@ -7,18 +7,16 @@ are held against each other by what they predict of trajectories left out, block
 from __future__ import annotations
 
 from collections.abc import Sequence
-from dataclasses import dataclass, replace
+from dataclasses import replace
 
 import numpy as np
 
-from robot_ident.diagnosis.candidates import Folds, Score
-from robot_ident.diagnosis.diagnosis import Diagnosis, Suspect
-from robot_ident.diagnosis.evidence import Evidence
+from robot_ident.diagnosis.diagnosis import Suspect
+from robot_ident.diagnosis.evidence import Evidence, Trajectory
 from robot_ident.diagnosis.measuring.filtered import NAME, exact, filters
 from robot_ident.diagnosis.measuring.finding import Finding, folds
-from robot_ident.diagnosis.refine import refined, sharpened
-from robot_ident.diagnosis.scan import BaseFit, base_gram
-from robot_ident.diagnosis.ties import alike, block_losses, in_blocks, significant
+from robot_ident.diagnosis.scan import BaseFit, Folds, base_gram
+from robot_ident.diagnosis.selection.constants import BLOCK
 from robot_ident.effects.catalogue import CATALOGUE
 from robot_ident.signals.motion import Array
 
@@ -27,36 +25,8 @@ LIKE = CATALOGUE[NAME].confused_with
 
 _SMOOTHED = "viscous_nonlinear"  # friction that turns as smoothly as a filter without phase makes any turn
 _DELAY = "time_delay"  # of these the one that is of the measuring, too, and has less parameters
-_CLEAR = 0.08  # of its held-out gain by which a low pass must lead a delay: a joint that sticks turns steps into ramps
-_HEARD = 0.4  # of a low pass's held-out gain from which on an effect is held against it
-
-
-@dataclass(frozen=True)
-class LowPasses:
-    """Low passes that the data may tell of, over the grid, and what they were judged on."""
-
-    found: tuple[Finding, ...]
-    evidence: Evidence
-    folds: Folds
-    scores: Sequence[Score]
-
-    def beside(self, diagnosis: Diagnosis) -> Diagnosis:
-        """Return a diagnosis whose suspects say where a low pass in their place predicts as well, and what to change
-        where the measuring is at fault.
-        """
-        return replace(diagnosis, missing=tuple(self._beside(with_line(suspect)) for suspect in diagnosis.missing))
-
-    def _beside(self, suspect: Suspect) -> Suspect:
-        mine = next((s for s in self.scores if s.label == suspect.label), None)
-        given = next((f for f in self.found if f.effect.place == suspect.effect.place), None)
-        if suspect.effect.name not in (*LIKE, _SMOOTHED) or mine is None or given is None:
-            return suspect
-        score = refined(mine, self.evidence, self.folds)
-        low_pass = exact(given, self.evidence, self.folds.base)
-        lead = block_losses_of(low_pass, self.evidence) - block_losses(score, self.evidence, self.folds)
-        if float(lead.sum()) > 0.0 and not alike(lead, score.held_out):
-            return suspect
-        return _tied(suspect, low_pass)
+_Z = 2.0  # standard errors of the mean difference of block losses below which two explanations are alike
+_SHARE = 0.02  # of the better gain: a smaller lead is no lead
 
 
 def with_low_pass(suspect: Suspect, before: Evidence, after: Evidence) -> Suspect:
@@ -70,7 +40,7 @@ def with_low_pass(suspect: Suspect, before: Evidence, after: Evidence) -> Suspec
     low_pass = exact(given, before, base)
     lead = block_losses_of(low_pass, before) - _block_losses(after, after.phi)
     held_out = float(Folds.of(base).loss.sum() - Folds.of(base_gram(after)).loss.sum())
-    return suspect if float(lead.sum()) > 0.0 and not alike(lead, held_out) else _tied(suspect, low_pass)
+    return suspect if float(lead.sum()) > 0.0 and not _alike(lead, held_out) else _tied(suspect, low_pass)
 
 
 def _tied(suspect: Suspect, low_pass: Finding) -> Suspect:
@@ -94,32 +64,6 @@ def with_line(suspect: Suspect) -> Suspect:
     return replace(suspect, fix=f"{line}  # s, in the robot YAML")
 
 
-def holds(low_pass: Finding, scores: Sequence[Score], evidence: Evidence, given: Folds, lead: float) -> bool:
-    """Return whether a low pass is what the data tell for.
-
-    It must lead every effect by a margin, but those that look like it: it must predict better than a delay by more than
-    stiction makes it, beyond what the noise makes, and not worse than friction does: what the drive does to its signal
-    is asked for before the arm is blamed. lead: the margin, in units of chi-square.
-    """
-    sharp = _sharp(low_pass, scores, evidence, given)
-    if not sharp:
-        return True
-    rival = sharp[0]
-    if rival.effect.name not in LIKE:
-        return low_pass.held_out - rival.held_out >= lead
-    behind = block_losses_of(low_pass, evidence) - block_losses(rival, evidence, given)
-    if rival.effect.name == _DELAY:
-        return float(behind.sum()) < -_CLEAR * low_pass.held_out and significant(behind)
-    return float(behind.sum()) <= 0.0 or not significant(behind)
-
-
-def equals(low_pass: Finding, scores: Sequence[Score], evidence: Evidence, given: Folds) -> list[str]:
-    """Return the labels of effects that predict as well as a low pass."""
-    reference, gain = block_losses_of(low_pass, evidence), low_pass.held_out
-    sharp = [s for s in _sharp(low_pass, scores, evidence, given) if s.held_out >= _HEARD * gain]
-    return [s.label for s in sharp if alike(block_losses(s, evidence, given) - reference, gain)]
-
-
 def block_losses_of(found: Finding, evidence: Evidence) -> Array:
     """Return the squared error in blocks of time of every trajectory left out, with a fault at its exact values."""
     return _block_losses(evidence, found.columns(evidence))
@@ -129,12 +73,20 @@ def _block_losses(evidence: Evidence, phi: Sequence[Array]) -> Array:
     base, losses = base_gram(replace(evidence, phi=tuple(phi))), []
     for left, train in folds(len(phi)):
         trajectory = evidence.trajectories[left]
-        losses += in_blocks(trajectory.y - phi[left] @ BaseFit.of(base, train).values, trajectory)
+        losses += _in_blocks(trajectory.y - phi[left] @ BaseFit.of(base, train).values, trajectory)
     return np.array(losses)
 
 
-def _sharp(low_pass: Finding, scores: Sequence[Score], evidence: Evidence, given: Folds) -> list[Score]:
-    """Return the scores, best first, refined where they come near the low pass."""
-    if not scores or scores[0].held_out < 0.5 * low_pass.held_out:
-        return list(scores)
-    return sharpened(scores[0], scores, evidence, given)
+def _alike(lead: Array, gain: float) -> bool:
+    """Return whether two explanations predict alike: differences of their block losses, and what the better gains."""
+    scatter = float(np.std(lead, ddof=1)) * np.sqrt(len(lead))
+    return abs(float(lead.sum())) < max(_SHARE * gain, _Z * scatter)
+
+
+def _in_blocks(residual: Array, t: Trajectory) -> list[float]:
+    """Return the squared error of a trajectory's residual [N, n] in blocks of half a second."""
+    squared = np.sum(residual**2, axis=1)
+    size = max(1, round(BLOCK / (t.measured.dt * t.measured.decimate)))
+    used = np.flatnonzero(t.weight.any(axis=1))
+    span = squared[used[0] : used[-1] + 1] if len(used) else squared
+    return [float(block.sum()) for block in np.array_split(span, max(1, len(span) // size))]

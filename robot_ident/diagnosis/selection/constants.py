@@ -22,6 +22,9 @@ SIZE_ERROR = 0.11
 """Relative standard error, errors of a block taken together, to which the size of an effect must be known; of formulas
 that are less exact as much more."""
 
+VAGUE = 0.5
+"""The same from which on an effect is not listed either: zero lies within two standard errors."""
+
 SHARE = 0.5
 """Of what the other effects leave of a joint that an effect must explain on motion that was not fitted."""
 

@@ -9,13 +9,13 @@ import numpy as np
 from numpy.typing import NDArray
 
 from robot_ident.diagnosis.evidence import Evidence, Trajectory, fitted, gather, split, trajectory
+from robot_ident.diagnosis.power import least_torque
 from robot_ident.diagnosis.selection.constants import BLOCK, FAINT
 from robot_ident.diagnosis.selection.gram_pool import GramPool
 from robot_ident.diagnosis.selection.hypotheses import Hypothesis, hypotheses_of
-from robot_ident.diagnosis.selection.reversals import unresolved_rows
+from robot_ident.diagnosis.selection.reversals import near_reversals, unresolved_rows
 from robot_ident.diagnosis.selection.unseen_reactions import with_unseen_reactions
 from robot_ident.diagnosis.spectrum import white_lines, whitened
-from robot_ident.diagnosis.stage import least_torque
 from robot_ident.diagnosis.weighed_by_residual import tells_noise, weighed_alike, weighed_by_residual
 from robot_ident.effects import Effect, Torques
 from robot_ident.effects.effort_filter import EffortFilter
@@ -70,6 +70,12 @@ class Rows:
         return cls(tested, evidence, after[len(training) :], dof, unseen)
 
     @classmethod
+    def plain(cls, evidence: Evidence) -> Rows:
+        """Take rows as an evidence weighs them."""
+        dof = np.array([t.dof for t in evidence.trajectories])
+        return cls(evidence, evidence, (), dof, np.zeros_like(dof), floor=False)
+
+    @classmethod
     def _without_floor(
         cls, measurements: Sequence[Measurement], structure: Structure, validation: Sequence[Measurement]
     ) -> Rows:
@@ -109,8 +115,8 @@ class DataSet:
     base_torque [F, n, p], power [F, n]: inner products. least [n]: the squared error of the least torque worth a name.
     """
 
-    def __init__(self, rows: Rows) -> None:
-        """Take the rows apart by joint and compute the columns of all hypotheses once."""
+    def __init__(self, rows: Rows, effects: Sequence[Effect] | None = None) -> None:
+        """Take the rows apart by joint and compute the columns of some effects (None: of all hypotheses) once."""
         evidence = rows.evidence
         self.structure, self.n = evidence.structure, evidence.structure.robot.n
         self.folds = [*evidence.trajectories, *rows.validation]
@@ -128,14 +134,14 @@ class DataSet:
         self.blocks = [_blocks(t) for t in self.folds]
         self.floor = rows.floor
         self.resolved = [
-            _resolved(*pair) if self.floor else np.ones(pair[0].motion.q.shape, dtype=bool)
+            _resolved(*pair) if self.floor else ~near_reversals(pair[0].measured)
             for pair in zip(self.folds, self.torques, strict=True)
         ]
         self.weights = np.array([np.sum(t.weight**2, axis=0) for t in self.folds])
         self.least = np.array([least_torque(evidence, j) ** 2 for j in range(self.n)])
         self.pools = [GramPool(*pair) for pair in zip(self.base, self.y, strict=True)]
         self.hypotheses: dict[str, list[Hypothesis]] = {}
-        self._add_all(evidence)
+        self._add_all(evidence, effects)
         self.grid = {label: len(settings) for label, settings in self.hypotheses.items()}
 
     def _seen(self, evidence: Evidence, validation: Sequence[Trajectory]) -> tuple[list[Torques], list[Array]]:
@@ -180,12 +186,12 @@ class DataSet:
         """Number of blocks in all folds."""
         return sum(int(blocks[-1]) + 1 for blocks in self.blocks)
 
-    def _add_all(self, evidence: Evidence) -> None:
+    def _add_all(self, evidence: Evidence, effects: Sequence[Effect] | None) -> None:
         """Add every hypothesis at every value of its nonlinear parameters, joint by joint at once."""
         reached = joined([measured.motion for measured in evidence.recordings])
         averaged = all(t.motion.periodic for t in evidence.trajectories)
         made: list[tuple[Effect, dict[int, list[Array]]]] = []
-        for effect in hypotheses_of(self.structure, averaged=averaged):
+        for effect in hypotheses_of(self.structure, averaged=averaged) if effects is None else effects:
             if isinstance(effect, EffortFilter) and not self.tells_filter(effect.place):
                 continue
             for setting in effect.settings(reached) or [{}]:

@@ -3,12 +3,12 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
+from dataclasses import replace
 
 import numpy as np
 
 from robot_ident.design.discrimination import experiment_between
 from robot_ident.diagnosis.before_after import errors, estimates, mean_squares
-from robot_ident.diagnosis.candidates import Folds
 from robot_ident.diagnosis.diagnosis import Diagnosis, Suspect, Verdict, either
 from robot_ident.diagnosis.drift import UNSEEN_IN_MEANS, drift_suspect, drift_tests
 from robot_ident.diagnosis.evidence import Evidence, extended
@@ -17,21 +17,23 @@ from robot_ident.diagnosis.measuring.finding import with_columns
 from robot_ident.diagnosis.measuring.first import CORRECT, exact_fault, fault_beyond, undecidable, validated
 from robot_ident.diagnosis.measuring.jitter import with_jitter
 from robot_ident.diagnosis.measuring.lookalikes import with_line, with_low_pass
-from robot_ident.diagnosis.power import unseen_below, with_doubt
+from robot_ident.diagnosis.power import too_little, unseen_below, with_doubt
 from robot_ident.diagnosis.progress import Tell, silent
-from robot_ident.diagnosis.scan import base_gram
+from robot_ident.diagnosis.scan import Folds, base_gram
 from robot_ident.diagnosis.selection.constants import ALTERNATIVE, FORMULA_ERROR, NAMED, SIZE_ERROR
+from robot_ident.diagnosis.selection.fitted_set import FittedSet
 from robot_ident.diagnosis.selection.hypotheses import Hypothesis
 from robot_ident.diagnosis.selection.search import Selected
 from robot_ident.diagnosis.selection.select import Selection, select
-from robot_ident.diagnosis.unexplained import explain_by_variables
+from robot_ident.diagnosis.unexplained import explain_by_variables, stiction_note
 from robot_ident.model.structure import Structure
 from robot_ident.recording.measurement import Measurement
 
+_LISTED = 3  # effects that are listed besides, those that explain most by themselves
 _STRUCTURE = 0.1  # of the error that a curve over a variable must predict on unseen motion to call it unexplained
 
 
-def diagnose_by_sets(
+def diagnosis_of(
     measurements: Sequence[Measurement],
     structure: Structure,
     validation: Sequence[Measurement] = (),
@@ -54,6 +56,7 @@ def _beyond_noise(found: Selection, named: Selected, unsure: Selected, validatio
     with_all = extended(evidence, [h.effect for h in named]) if named else evidence
     fits = lack_of_fit(with_all, base_gram(with_all)) if named else found.fits
     failing = any(fit.fails for fit in found.fits)
+    found = found if failing else replace(found, vague=())
     fault = None
     if failing and (found.withheld or _fails(found, fits, unsure)):
         fault = fault_beyond(evidence, [h.effect for h in found.selected], validation, found.data.tells_filter)
@@ -63,15 +66,21 @@ def _beyond_noise(found: Selection, named: Selected, unsure: Selected, validatio
         return with_doubt(with_jitter(only, evidence), evidence)
     drifts = [drift_suspect(with_all, j, test, validation) for j, test in enumerate(drift_tests(evidence)) if test.told]
     worst = max((j for j, fit in enumerate(fits) if fit.fails), key=lambda j: fits[j].statistic, default=None)
+    rest = None if worst is None else explain_by_variables(with_all, worst)
     verdict = _verdict(found, unsure, bool(named or drifts), "unexplained" if failing else "adequate")
     notes = [*_notes(found, verdict), *undecidable(evidence, Folds.of(base_gram(evidence)))]
-    notes += [unseen_below(evidence)] if verdict == "adequate" else []
+    if verdict == "adequate":
+        notes.append(unseen_below(evidence))
+    elif verdict == "unexplained":
+        notes += stiction_note(rest, with_all) if rest is not None else []
+        more = "" if found.withheld else too_little(_best_gain(found), evidence)
+        verdict, notes = ("not_decidable", [*notes, more]) if more else (verdict, notes)
     whole = Diagnosis(
         verdict,
         (*(_finding(found, h, validation) for h in named), *drifts),
-        tuple(_finding(found, h, validation) for h in (*unsure, *found.vague)),
+        _others(found, unsure, validation),
         {name: float(np.sqrt(fit.excess)) for name, fit in zip(names, fits, strict=True)},
-        None if worst is None else explain_by_variables(with_all, worst),
+        rest,
         (*notes, *(f"{one.label}: {UNSEEN_IN_MEANS}" for one in drifts)),
         tied_sets=_alternatives(found),
     )
@@ -90,7 +99,7 @@ def _by_prediction(found: Selection, named: Selected, unsure: Selected, validati
     whole = Diagnosis(
         verdict,
         tuple(_finding(found, h, validation) for h in named),
-        tuple(_finding(found, h, validation) for h in (*unsure, *found.vague)),
+        _others(found, unsure, validation),
         {name: float(np.sqrt(value)) for name, value in left.items()},
         rest if structured else None,
         tuple(_notes(found, verdict)),
@@ -103,6 +112,14 @@ def _verdict(found: Selection, unsure: Selected, named: bool, otherwise: Verdict
     if named:
         return "missing"
     return "not_decidable" if unsure or found.vague else otherwise
+
+
+def _best_gain(found: Selection) -> float:
+    """Return the most that any effect gains on a joint that fails, in units of chi-square."""
+    failing = {j for j, fit in enumerate(found.fits) if fit.fails}
+    given = FittedSet(found.data, (), np.ones_like(found.data.power))
+    settings = (h for of in found.data.hypotheses.values() for h in of if failing & set(h.at))
+    return max((given.gain(h) for h in settings), default=0.0)
 
 
 def _fails(found: Selection, fits: Sequence[LackOfFit], unsure: Selected) -> bool:
@@ -122,11 +139,21 @@ def _worst(evidence: Evidence) -> int:
     return int(np.argmax(left / np.maximum(power, 1e-300)))
 
 
-def _finding(found: Selection, h: Hypothesis, validation: Sequence[Measurement]) -> Suspect:
-    """Return a selected effect with what adding it beside the others does."""
+def _others(found: Selection, unsure: Selected, validation: Sequence[Measurement]) -> tuple[Suspect, ...]:
+    """Return what may be missing, and the effects that explain most of the model's error by themselves."""
+    known = {h.label for h in (*found.selected, *found.vague)}
+    alone = [h for gain, h in found.search.ranked(()) if gain > 0.0 and h.label not in known]
+    listed = [(h, found.selected) for h in (*unsure, *found.vague)] + [(h, ()) for h in alone[:_LISTED]]
+    return tuple(_finding(found, h, validation, beside) for h, beside in listed)
+
+
+def _finding(
+    found: Selection, h: Hypothesis, validation: Sequence[Measurement], selected: Selected | None = None
+) -> Suspect:
+    """Return an effect with what adding it beside the others of a set (None: the selected one) does."""
     from scipy.special import chdtrc
 
-    others = [x for x in found.selected if x is not h]
+    others = [x for x in (found.selected if selected is None else selected) if x is not h]
     before = extended(found.tested, [x.effect for x in others]) if others else found.tested
     fault = exact_fault(h.effect, before) if h.effect.measuring else None
     after = extended(before, [h.effect]) if fault is None else with_columns(before, fault.columns)
@@ -135,7 +162,7 @@ def _finding(found: Selection, h: Hypothesis, validation: Sequence[Measurement])
     else:
         seen_before, seen_after = (errors(x, validation) if validation else None for x in (before, after))
     given = found.search.given(others)
-    instead = sorted({label for labels in _instead_of(found, h.label) for label in labels})
+    instead = sorted({label for labels in _instead_of(found, h) for label in labels})
     effects = [settings[0].effect for label in instead if (settings := found.data.hypotheses.get(label))]
     suspect = Suspect(
         effect=h.effect,
@@ -149,21 +176,21 @@ def _finding(found: Selection, h: Hypothesis, validation: Sequence[Measurement])
         fix=None if fault is None else fault.fix,
         tied_with=tuple(instead),
         experiment=experiment_between(h.effect, effects, found.data.structure.robot),
-        probability=None if h in found.vague else found.probability(h.label),
+        probability=found.probability(h.label) if h in found.selected else None,
     )
     suspect = with_line(suspect)
     return with_low_pass(suspect, before, after) if found.data.floor else suspect
 
 
-def _instead_of(found: Selection, label: str) -> list[list[str]]:
-    """Return what other sets hold in the place of an effect."""
-    if found.election is None:
+def _instead_of(found: Selection, h: Hypothesis) -> list[list[str]]:
+    """Return what other sets hold in the place of a selected effect."""
+    if found.election is None or h not in found.selected:
         return []
-    mine = {h.label for h in found.selected}
+    mine = {x.label for x in found.selected}
     return [
         [other for other in labels if other not in mine]
         for labels, share in found.election.alternatives.items()
-        if share >= ALTERNATIVE and label not in labels
+        if share >= ALTERNATIVE and h.label not in labels
     ]
 
 

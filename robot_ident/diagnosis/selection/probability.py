@@ -57,7 +57,9 @@ def elect(search: Search, selected: Selected, seed: int = 0) -> Election:
 
 def _simplest(search: Search, sets: Mapping[tuple[str, ...], Selected], key: tuple[str, ...]) -> tuple[str, ...]:
     """Return the best set with fewer effects on one joint, all others alike, that predicts it as well as a set does."""
-    of_set = sets[key]
+    of_set = search.simpler(sets[key])
+    if of_set != sets[key] and names(of_set) in sets:
+        return names(of_set)
     out = {}
     for other, fewer in sets.items():
         places = {h.joints for h in (*of_set, *fewer) if h.label not in other or h.label not in key}
@@ -74,7 +76,8 @@ def _neighbours(search: Search, selected: Selected) -> dict[tuple[str, ...], Sel
     out: dict[tuple[str, ...], Selected] = {names(selected): selected}
 
     def put(new: Sequence[Hypothesis]) -> None:
-        out.setdefault(names(new), tuple(new))
+        for one in (tuple(new), search.simpler(new)):
+            out.setdefault(names(one), one)
 
     for h in selected:
         rest = tuple(x for x in selected if x is not h)

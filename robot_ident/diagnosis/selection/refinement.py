@@ -11,8 +11,9 @@ from dataclasses import dataclass
 
 import numpy as np
 
+from robot_ident.diagnosis.evidence import Evidence
 from robot_ident.diagnosis.scan import within_ranges
-from robot_ident.diagnosis.selection.data_set import DataSet
+from robot_ident.diagnosis.selection.data_set import DataSet, Rows
 from robot_ident.diagnosis.selection.fitted_set import FittedSet
 from robot_ident.diagnosis.selection.hypotheses import Hypothesis
 from robot_ident.effects import Effect, Inner
@@ -124,6 +125,19 @@ class Refinement:
         if -float(found.fun) <= given.gain(mine) + _BETTER:
             return mine
         return self.data.add(at(best)) or mine
+
+
+def best_values(effect: Effect, evidence: Evidence) -> tuple[Effect, float] | None:
+    """Return an effect at the values of its nonlinear parameters that gain most beside a model, and that gain in units
+    of chi-square; None where these recordings do not show it.
+    """
+    data = DataSet(Rows.plain(evidence), [effect])
+    given = FittedSet(data, (), np.ones_like(data.power))
+    settings = data.hypotheses.get(effect.label)
+    if not settings:
+        return None
+    best = Refinement(data).of(given, max(settings, key=given.gain))
+    return best.effect, given.gain(best)
 
 
 class _Beside:

@@ -20,12 +20,13 @@ def resolution(measured: Measurement) -> tuple[Array, Array]:
     of acceleration [n] rad/s^2 that noise can hide there, 4 pi^3 c f^3 / f0.
 
     f: the fastest line of the mean period that stands above its noise; c: the amplitude from which on a line does; f0:
-    one over the period. A jump of a has lines a / (pi k (2 pi k f0)^2). Of one pass, whose torque and columns share one
-    low pass, both are 0.
+    one over the period. A jump of a has lines a / (pi k (2 pi k f0)^2). Of one pass, f is the corner of its low pass,
+    and a sample more: steps of friction fall between two of them; how large its kinks are is not known (0).
     """
     n, variance, lines = measured.motion.joints, measured.averaged_position_variance, measured.position_lines
     if lines is None or variance is None or measured.base_frequency is None:
-        return np.zeros(n), np.zeros(n)
+        passed = 0.0 if measured.low_pass is None else 0.5 / measured.low_pass.cutoff
+        return np.full(n, passed + measured.dt), np.zeros(n)
     number = np.maximum([int(np.flatnonzero(lines[:, j]).max(initial=1)) for j in range(n)], 1)
     fastest = number * measured.base_frequency
     amplitude = least_above_noise(len(lines), variance, measured.motion.samples)

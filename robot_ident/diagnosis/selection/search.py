@@ -105,8 +105,28 @@ class Search:
         return self.size_known(h, beside) and self.predicts(h, beside)
 
     def size_known(self, h: Hypothesis, beside: Sequence[Hypothesis]) -> bool:
-        """Return whether the size of a hypothesis is known as well as is asked of its formula."""
-        return self.given(beside).size_error(h) < SIZE_ERROR * h.formula_error / FORMULA_ERROR
+        """Return whether the size of a hypothesis is known as well as is asked of its formula, and of one that contains
+        another the size of what it has more.
+        """
+        least = SIZE_ERROR * h.formula_error / FORMULA_ERROR
+        parts = [self.part_of(h, name) for name in type(h.effect).contains]
+        sets = [beside, *([*beside, part] for part in parts if part is not None)]
+        return all(self.given(one).size_error(h) < least for one in sets)
+
+    def part_of(self, h: Hypothesis, name: str) -> Hypothesis | None:
+        """Return the effect of a name that a hypothesis contains, at its place; None where it is no hypothesis."""
+        settings = self.data.hypotheses.get(f"{name}@{h.effect.place}")
+        return settings[0] if settings else None
+
+    def simpler(self, selected: Sequence[Hypothesis]) -> Selected:
+        """Return a set with effects replaced by the one that they contain where what they have more is not known."""
+        out = list(selected)
+        for h in selected:
+            rest = [x for x in out if x is not h]
+            for part in (self.part_of(h, name) for name in type(h.effect).contains):
+                if part is not None and not any(part.excludes(x) for x in rest) and not self.size_known(h, rest):
+                    out = [*rest, part]
+        return tuple(out)
 
     def predicts(self, h: Hypothesis, beside: Sequence[Hypothesis]) -> bool:
         """Return whether a hypothesis predicts more than it costs and makes sense.

@@ -12,7 +12,7 @@ from robot_ident.diagnosis.lack_of_fit import LackOfFit, lack_of_fit
 from robot_ident.diagnosis.progress import Tell, silent
 from robot_ident.diagnosis.scan import base_gram
 from robot_ident.diagnosis.selection.consistency import splits
-from robot_ident.diagnosis.selection.constants import FLEXIBLE_ERRORS, FLEXIBLE_SHARE, REMAINDER, STANDARD_ERRORS
+from robot_ident.diagnosis.selection.constants import FLEXIBLE_ERRORS, FLEXIBLE_SHARE, REMAINDER, STANDARD_ERRORS, VAGUE
 from robot_ident.diagnosis.selection.data_set import DataSet, Rows
 from robot_ident.diagnosis.selection.fitted_set import FittedSet, standard_errors
 from robot_ident.diagnosis.selection.hypotheses import Hypothesis
@@ -91,6 +91,8 @@ def _vague(search: Search, selected: Selected) -> Selected:
     out: dict[int, Hypothesis] = {}
     for gain, h in search.ranked(selected):
         if gain <= 0.0 or not search.predicts(h, selected) or search.size_known(h, selected):
+            continue
+        if search.given(selected).size_error(h) > VAGUE:
             continue
         judged = _Judged(search, (*selected, h))
         if not judged.why_not(h):
