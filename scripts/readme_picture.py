@@ -16,14 +16,14 @@ import numpy as np
 
 from robot_ident.cli.demo import HIDDEN
 from robot_ident.design.design import design
-from robot_ident.diagnosis.beside import beside
-from robot_ident.diagnosis.comparison import compare
 from robot_ident.diagnosis.diagnose import diagnose
 from robot_ident.estimation.identify import estimate
 from robot_ident.figures.residual_scatter import binned
 from robot_ident.figures.theme import BLUE, FONT, GREY, NOISE, SHADES, SKY, VERMILLION, themed
 from robot_ident.model.structure import Structure
 from robot_ident.recording import process
+from robot_ident.residuals.beside import beside
+from robot_ident.residuals.comparison import compare
 from robot_ident.robot import load_robot
 from robot_ident.testbed.phenomena import plant_physics
 from robot_ident.testbed.simulation import Play

@@ -12,8 +12,8 @@ from robot_ident.errors import CheckFailed, InputError, did_you_mean
 
 if TYPE_CHECKING:
     from robot_ident.bags import Series
-    from robot_ident.diagnosis.changed import ModelChange, ParameterChange
-    from robot_ident.diagnosis.comparison import Comparison, JointComparison
+    from robot_ident.residuals.comparison import Comparison, JointComparison
+    from robot_ident.residuals.model_change import ModelChange, ParameterChange
     from robot_ident.robot.robot import Robot
     from robot_ident.workflow.inputs import Inputs
 
@@ -59,10 +59,10 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
 
 def run(args: argparse.Namespace) -> int:
     """Show models beside measurements, and what has changed between two models."""
-    from robot_ident.diagnosis.comparison import compare
-    from robot_ident.diagnosis.likely_reason import likely_reason
-    from robot_ident.diagnosis.regions import ALONG
     from robot_ident.files import refuse_existing
+    from robot_ident.residuals.comparison import compare
+    from robot_ident.residuals.likely_reason import likely_reason
+    from robot_ident.residuals.regions import ALONG
     from robot_ident.workflow.inputs import read_inputs
 
     if args.mcap:
@@ -206,7 +206,7 @@ def _print_joint(joint: JointComparison, robot: Robot, number: int, model: str) 
 
 def _print_profiles(inputs: Inputs, found: Comparison, what: str) -> None:
     """Print the first model's residual along a variable, joint by joint."""
-    from robot_ident.diagnosis.regions import symbol_and_unit
+    from robot_ident.residuals.regions import symbol_and_unit
 
     robot = inputs.models[0].robot
     for number, joint in enumerate(found.joints):
@@ -233,8 +233,8 @@ def _print_bars(title: str, rows: Sequence[tuple[str, float]], nothing: str) -> 
 def _write_mcap(args: argparse.Namespace, inputs: Inputs) -> None:
     """Write what belongs beside the recordings in a viewer, with their own stamps."""
     from robot_ident.bags import read_for, write_series
-    from robot_ident.diagnosis.along import along
     from robot_ident.estimation.prediction import at_pose
+    from robot_ident.residuals.time_series import along
 
     series: list[Series] = []
     for number, (name, measured) in enumerate(zip(inputs.bags, inputs.measurements, strict=True), 1):
@@ -283,7 +283,7 @@ def change_between(inputs: Inputs, *, asked: bool) -> Change | None:
     None where the inputs are no two models, or where both come from one recording and are to be held against another;
     asked: whether that is an error.
     """
-    from robot_ident.diagnosis.changed import changed, shared_recordings, torque_change
+    from robot_ident.residuals.model_change import changed, shared_recordings, torque_change
 
     if len(inputs.models) != 2:
         if asked:
@@ -298,8 +298,8 @@ def change_between(inputs: Inputs, *, asked: bool) -> Change | None:
 
 def say_change(inputs: Inputs, change: Change, *, after: bool) -> None:
     """Print what has changed, joint by joint, then the parameters that did."""
-    from robot_ident.diagnosis.changed import CHANCE
-    from robot_ident.diagnosis.more_than_noise import chance
+    from robot_ident.regression.more_than_noise import chance
+    from robot_ident.residuals.model_change import CHANCE
 
     found, old, new = change.found, *inputs.paths
     for note in found.notes:
@@ -337,7 +337,7 @@ def _in_words(p: ParameterChange) -> str:
 
 
 def _change(p: ParameterChange) -> tuple[object, ...]:
-    from robot_ident.diagnosis.more_than_noise import chance
+    from robot_ident.regression.more_than_noise import chance
 
     told = "-" if p.p_value is None else chance(p.p_value)
     return (p.name, p.old, p.old_std, p.new, p.new_std, p.change, p.std, told, p.unit)

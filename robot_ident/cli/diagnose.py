@@ -162,7 +162,7 @@ def _print_named(suspect: Suspect, inputs: Inputs) -> None:
 
 
 def _row(rank: int, s: Suspect, named: bool, robot: Robot) -> tuple[object, ...]:
-    from robot_ident.diagnosis.more_than_noise import chance
+    from robot_ident.regression.more_than_noise import chance
 
     joint = s.place
     share = f"{100 * s.explained:.0f} %"

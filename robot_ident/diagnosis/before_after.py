@@ -7,9 +7,9 @@ from collections.abc import Sequence
 import numpy as np
 
 from robot_ident.diagnosis.diagnosis import Estimate
-from robot_ident.diagnosis.evidence import Evidence
 from robot_ident.effects import Effect
 from robot_ident.recording.measurement import Measurement
+from robot_ident.regression.evidence import Evidence
 from robot_ident.signals.motion import Array
 
 _BLOCK = 0.5  # s: errors further apart are taken as independent

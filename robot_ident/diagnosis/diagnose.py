@@ -12,17 +12,17 @@ from dataclasses import replace
 
 from robot_ident.diagnosis.diagnosis import Diagnosis
 from robot_ident.diagnosis.drift import without_trends
-from robot_ident.diagnosis.evidence import gather
 from robot_ident.diagnosis.hidden_rest import with_hidden_rest
 from robot_ident.diagnosis.of_use import of_use
 from robot_ident.diagnosis.progress import Tell, silent
 from robot_ident.diagnosis.selection.diagnosis_of import diagnosis_of
-from robot_ident.diagnosis.weighed_by_residual import tells_noise
 from robot_ident.estimation.declaration import clock_notes
 from robot_ident.estimation.validation import refuse_foreign
 from robot_ident.model.structure import Structure
 from robot_ident.recording.checks import of_one_motion, refuse_copies, refuse_silent
 from robot_ident.recording.measurement import Measurement, time_scale_notes
+from robot_ident.regression.evidence import gather
+from robot_ident.regression.weighed_by_residual import tells_noise
 
 
 def diagnose(

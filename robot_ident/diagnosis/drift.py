@@ -9,14 +9,14 @@ import numpy as np
 
 from robot_ident.diagnosis.before_after import errors, estimates, mean_squares
 from robot_ident.diagnosis.diagnosis import Suspect
-from robot_ident.diagnosis.evidence import Evidence, extended, gather, held
-from robot_ident.diagnosis.more_than_noise import ALPHA
 from robot_ident.diagnosis.power import least_torque
 from robot_ident.diagnosis.selection.refinement import best_values
 from robot_ident.effects import Effect, make_effect
 from robot_ident.estimation.apart import apart
 from robot_ident.model.structure import Structure
 from robot_ident.recording.measurement import Measurement
+from robot_ident.regression.evidence import Evidence, extended, gather, held
+from robot_ident.regression.more_than_noise import ALPHA
 from robot_ident.signals.motion import Array, Motion
 
 DRIFT = "temperature_drift"

@@ -7,9 +7,9 @@ from dataclasses import replace
 import numpy as np
 
 from robot_ident.diagnosis.diagnosis import Diagnosis
-from robot_ident.diagnosis.evidence import Evidence
-from robot_ident.diagnosis.hidden_path import note
-from robot_ident.diagnosis.misfit import misfit
+from robot_ident.regression.evidence import Evidence
+from robot_ident.regression.hidden_path import note
+from robot_ident.regression.misfit import misfit
 
 
 def with_hidden_rest(found: Diagnosis, evidence: Evidence) -> Diagnosis:

@@ -10,8 +10,8 @@ from math import ceil
 import numpy as np
 
 from robot_ident.diagnosis.diagnosis import Diagnosis
-from robot_ident.diagnosis.evidence import Evidence
 from robot_ident.estimation.driving import driven
+from robot_ident.regression.evidence import Evidence
 
 ENOUGH = 40.0  # chi-square units that an effect must gain before it may be named
 LEAST = 0.25  # Nm rms (times the torque scale of the joint over 400 Nm) that an effect must make to be worth a name

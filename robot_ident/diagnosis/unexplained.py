@@ -6,10 +6,10 @@ from collections.abc import Mapping, Sequence
 
 import numpy as np
 
-from robot_ident.diagnosis.curves import Variable, held_out_share, own, variables
 from robot_ident.diagnosis.diagnosis import EVERYWHERE, Unexplained
-from robot_ident.diagnosis.evidence import Evidence
-from robot_ident.diagnosis.regions import Region, densest
+from robot_ident.regression.evidence import Evidence
+from robot_ident.residuals.curves import Variable, held_out_share, own, variables
+from robot_ident.residuals.regions import Region, densest
 
 _MOVING = ("velocity", "speed", "time_since_reversal")  # variables that are zero as the joint reverses
 _MOST = 0.5  # of the excess, that sits there

@@ -10,9 +10,9 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from robot_ident.diagnosis.beside import Beside
 from robot_ident.figures.theme import model_colour, plain, themed
 from robot_ident.figures.torque_over_time import noise_band
+from robot_ident.residuals.beside import Beside
 from robot_ident.robot.robot import Robot
 from robot_ident.signals.motion import Array, Mask
 

@@ -7,8 +7,8 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from robot_ident.diagnosis.residual_lines import ResidualLines
 from robot_ident.figures.theme import NOISE_LINE, extremes_along, model_colour, plain, themed
+from robot_ident.residuals.residual_lines import ResidualLines
 from robot_ident.robot.robot import Robot
 from robot_ident.signals.motion import Array, Mask
 

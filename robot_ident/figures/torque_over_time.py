@@ -7,8 +7,8 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from robot_ident.diagnosis.beside import Beside
 from robot_ident.figures.theme import MEASURED, NOISE, extremes, model_colour, plain, themed
+from robot_ident.residuals.beside import Beside
 from robot_ident.signals.motion import Array
 
 if TYPE_CHECKING:

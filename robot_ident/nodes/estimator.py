@@ -18,7 +18,6 @@ from sensor_msgs.msg import JointState
 from std_msgs.msg import Float64MultiArray, String
 from std_srvs.srv import Trigger
 
-from robot_ident.diagnosis.running import Change, RunningVerdict
 from robot_ident.errors import InputError, RobotIdentError
 from robot_ident.estimation.identify import identify
 from robot_ident.estimation.solve import ESTIMATORS
@@ -34,6 +33,7 @@ from robot_ident.playback.stamps import Paired
 from robot_ident.recording.effort import joint_torque
 from robot_ident.recording.measurement import Processing
 from robot_ident.recording.recording import Recording
+from robot_ident.residuals.change_monitor import Change, RunningVerdict
 from robot_ident.robot import Robot, load_robot
 from robot_ident.signals.motion import Array, Motion
 from robot_ident.trajectories.excitation import Excitation

@@ -11,10 +11,7 @@ from pathlib import Path
 from typing import Any
 
 from robot_ident import __version__
-from robot_ident.diagnosis.beside import Beside, beside
-from robot_ident.diagnosis.comparison import JointComparison
 from robot_ident.diagnosis.diagnosis import Diagnosis, Suspect
-from robot_ident.diagnosis.residual_lines import ResidualLines, residual_lines
 from robot_ident.diagnosis.staircase import Level, Step
 from robot_ident.effects.own import is_own
 from robot_ident.figures.candidate_bars import candidates_figure, candidates_text
@@ -29,6 +26,9 @@ from robot_ident.recording.measurement import Source
 from robot_ident.report.design_sections import Excitations
 from robot_ident.report.page import Plot, Section, Table, write_page
 from robot_ident.report.wording import NOTHING, joined, percent, short, verdict, with_sigma
+from robot_ident.residuals.beside import Beside, beside
+from robot_ident.residuals.comparison import JointComparison
+from robot_ident.residuals.residual_lines import ResidualLines, residual_lines
 from robot_ident.workflow.findings import Findings
 
 _HEADER = ("effect", "", "explains", "p", "at joint", "before", "after", "validation before", "validation after")

@@ -5,9 +5,9 @@ from __future__ import annotations
 import math
 from collections.abc import Sequence
 
-from robot_ident.diagnosis.comparison import JointComparison
 from robot_ident.diagnosis.diagnosis import Diagnosis, Suspect
 from robot_ident.diagnosis.staircase import Level, Step
+from robot_ident.residuals.comparison import JointComparison
 from robot_ident.robot.robot import Robot
 from robot_ident.workflow.findings import Findings
 

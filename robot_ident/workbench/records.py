@@ -13,10 +13,7 @@ from typing import Any
 
 import numpy as np
 
-from robot_ident.diagnosis.beside import noise_variance
-from robot_ident.diagnosis.comparison import Comparison
 from robot_ident.diagnosis.diagnosis import Diagnosis
-from robot_ident.diagnosis.residual_lines import ResidualLines
 from robot_ident.effects import candidates_of
 from robot_ident.errors import InputError
 from robot_ident.estimation.extend import mean_square_errors
@@ -24,6 +21,9 @@ from robot_ident.estimation.validation import unusable_on
 from robot_ident.files import whole, write_text
 from robot_ident.model.model import Model
 from robot_ident.recording.measurement import Measurement
+from robot_ident.residuals.beside import noise_variance
+from robot_ident.residuals.comparison import Comparison
+from robot_ident.residuals.residual_lines import ResidualLines
 from robot_ident.signals.motion import Array, Mask
 from robot_ident.workflow.preview import Preview
 

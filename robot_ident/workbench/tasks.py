@@ -15,11 +15,7 @@ from typing import Any
 import numpy as np
 
 from robot_ident.configuration import to_yaml
-from robot_ident.diagnosis.beside import Beside, beside
-from robot_ident.diagnosis.comparison import compare, judged
-from robot_ident.diagnosis.curves import since_reversal
 from robot_ident.diagnosis.progress import Tell, after
-from robot_ident.diagnosis.residual_lines import residual_lines
 from robot_ident.effects import make_effect
 from robot_ident.errors import InputError
 from robot_ident.estimation.effort_checks import contradictions
@@ -30,6 +26,10 @@ from robot_ident.model.model import Model
 from robot_ident.model.model_file import read_model, write_model
 from robot_ident.model.structure import Structure
 from robot_ident.recording.measurement import Measurement, Processing
+from robot_ident.residuals.beside import Beside, beside
+from robot_ident.residuals.comparison import compare, judged
+from robot_ident.residuals.curves import since_reversal
+from robot_ident.residuals.residual_lines import residual_lines
 from robot_ident.robot import Robot
 from robot_ident.signals.motion import Array
 from robot_ident.workbench import records

@@ -8,13 +8,13 @@ from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass
 from typing import Any
 
-from robot_ident.diagnosis.comparison import misfit_aside
 from robot_ident.diagnosis.diagnosis import Diagnosis
 from robot_ident.diagnosis.staircase import Foreseen, Level, Step, foresee, staircase
 from robot_ident.estimation.validation import unusable_on
 from robot_ident.limits.certifier import Margins, certify
 from robot_ident.model.model import Model
 from robot_ident.recording.measurement import Source
+from robot_ident.residuals.comparison import misfit_aside
 from robot_ident.robot.robot import Robot
 from robot_ident.trajectories.excitation import Excitation
 from robot_ident.workflow.steps import find_missing

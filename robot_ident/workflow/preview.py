@@ -7,14 +7,14 @@ from dataclasses import dataclass
 
 from robot_ident.diagnosis.before_after import errors, estimates, mean_squares
 from robot_ident.diagnosis.diagnosis import Estimate
-from robot_ident.diagnosis.evidence import Evidence, extended, gather, held
 from robot_ident.diagnosis.selection.refinement import best_values
-from robot_ident.diagnosis.weighed_by_residual import tells_noise, weighed_by_residual
 from robot_ident.effects import Effect, candidates_of, make_effect
 from robot_ident.errors import InputError
 from robot_ident.estimation.apart import apart
 from robot_ident.model.structure import Structure
 from robot_ident.recording.measurement import Measurement
+from robot_ident.regression.evidence import Evidence, extended, gather, held
+from robot_ident.regression.weighed_by_residual import tells_noise, weighed_by_residual
 from robot_ident.signals.motion import Array
 
 

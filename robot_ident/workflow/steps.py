@@ -8,7 +8,6 @@ from dataclasses import dataclass, field, replace
 
 import numpy as np
 
-from robot_ident.diagnosis.comparison import misfit_aside
 from robot_ident.diagnosis.diagnose import diagnose
 from robot_ident.diagnosis.diagnosis import Diagnosis
 from robot_ident.diagnosis.progress import Tell, silent
@@ -19,6 +18,7 @@ from robot_ident.estimation.extend import extended, mean_square_errors
 from robot_ident.estimation.validation import refuse_misdeclared, unusable_on
 from robot_ident.model.model import Model
 from robot_ident.recording.measurement import Measurement
+from robot_ident.residuals.comparison import misfit_aside
 from robot_ident.workflow.inputs import Inputs
 
 _ROUNDS = 5  # of adding; a robot lacks less than that, and each costs a diagnosis

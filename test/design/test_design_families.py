@@ -11,10 +11,10 @@ from robot_ident.design.criteria import evaluate
 from robot_ident.design.design import DesignResult, Progress, design
 from robot_ident.design.family import family_of
 from robot_ident.design.target import Target
-from robot_ident.diagnosis.curves import mirror
 from robot_ident.errors import InputError
 from robot_ident.limits.certifier import certify
 from robot_ident.model.structure import Structure
+from robot_ident.residuals.curves import mirror
 from robot_ident.robot import Robot
 
 SHORT: dict[str, Any] = {"base_frequency": 0.25, "sample_rate": 50.0, "harmonics": 3, "starts": 1, "workers": 1}

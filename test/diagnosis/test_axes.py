@@ -10,12 +10,12 @@ import numpy as np
 import pytest
 
 from robot_ident.diagnosis.diagnose import diagnose
-from robot_ident.diagnosis.evidence import gather
 from robot_ident.diagnosis.measuring.axes import wirings, wrong_axes
 from robot_ident.diagnosis.measuring.finding import Finding
-from robot_ident.diagnosis.scan import base_gram
 from robot_ident.model.structure import Structure
 from robot_ident.recording import Recording, process
+from robot_ident.regression.evidence import gather
+from robot_ident.regression.gram import base_gram
 from robot_ident.robot import Robot
 from robot_ident.robot.robot import Definition
 from robot_ident.robot.robot_file import definition_of, robot_of

@@ -8,9 +8,9 @@ from typing import TYPE_CHECKING
 import numpy as np
 import pytest
 
-from robot_ident.diagnosis.beside import beside
-from robot_ident.diagnosis.comparison import compare
-from robot_ident.diagnosis.residual_lines import residual_lines
+from robot_ident.residuals.beside import beside
+from robot_ident.residuals.comparison import compare
+from robot_ident.residuals.residual_lines import residual_lines
 
 if TYPE_CHECKING:
     from robot_ident.workflow.findings import Findings

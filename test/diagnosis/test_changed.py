@@ -12,7 +12,6 @@ from typing import Any
 import numpy as np
 import pytest
 
-from robot_ident.diagnosis.changed import changed, torque_change
 from robot_ident.effects import make_effect
 from robot_ident.errors import InputError
 from robot_ident.estimation.extend import extend
@@ -21,6 +20,7 @@ from robot_ident.model.model import Model
 from robot_ident.model.model_file import write_model
 from robot_ident.model.structure import Structure
 from robot_ident.recording import process
+from robot_ident.residuals.model_change import changed, torque_change
 from robot_ident.testbed.phenomena import plant_physics
 from robot_ident.testbed.simulation import Play
 

@@ -8,11 +8,11 @@ from typing import Any
 import numpy as np
 import pytest
 
-from robot_ident.diagnosis.along import along, shares
-from robot_ident.diagnosis.comparison import compare
-from robot_ident.diagnosis.curves import Variable, held_out_share, mirror, since_reversal
-from robot_ident.diagnosis.regions import ALONG, densest
 from robot_ident.recording import Processing, process
+from robot_ident.residuals.comparison import compare
+from robot_ident.residuals.curves import Variable, held_out_share, mirror, since_reversal
+from robot_ident.residuals.regions import ALONG, densest
+from robot_ident.residuals.time_series import along, shares
 from robot_ident.trajectories.fourier_series import FourierSeries
 
 STRIBECK = ("stribeck@joint_2:stribeck=20,speed=0.08",)

@@ -9,13 +9,13 @@ import numpy as np
 import pytest
 from scipy.signal import resample
 
-from robot_ident.diagnosis.comparison import compare
 from robot_ident.diagnosis.diagnose import diagnose
 from robot_ident.errors import InputError
 from robot_ident.estimation.identify import identify
 from robot_ident.recording import process
 from robot_ident.recording.checks import of_one_motion
 from robot_ident.recording.measurement import Measurement
+from robot_ident.residuals.comparison import compare
 
 
 def test_a_copy_under_another_name_is_refused(bench: Any) -> None:

@@ -7,10 +7,10 @@ from typing import Any
 import pytest
 
 from robot_ident.cli.demo import HIDDEN
-from robot_ident.diagnosis.comparison import compare
 from robot_ident.diagnosis.diagnose import diagnose
 from robot_ident.model.model import Model
 from robot_ident.recording.measurement import Measurement
+from robot_ident.residuals.comparison import compare
 from robot_ident.workflow.inputs import Inputs
 from robot_ident.workflow.steps import add_until_adequate
 

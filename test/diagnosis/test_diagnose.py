@@ -116,8 +116,8 @@ def test_without_periods_an_effect_is_named_that_predicts_other_motion(bench: An
 
 
 def test_too_little_data_says_how_much_more(bench: Any) -> None:
-    from robot_ident.diagnosis.evidence import gather
     from robot_ident.diagnosis.power import ENOUGH, too_little
+    from robot_ident.regression.evidence import gather
 
     evidence, best = gather(bench.measure(()), bench.structure), 11.0
     said = too_little(best, evidence)

@@ -10,13 +10,13 @@ import pytest
 
 from robot_ident.diagnosis.diagnose import diagnose
 from robot_ident.diagnosis.drift import drift_tests
-from robot_ident.diagnosis.evidence import gather
 from robot_ident.effects import make_effect
 from robot_ident.errors import InputError
 from robot_ident.estimation.apart import apart
 from robot_ident.estimation.identify import estimate
 from robot_ident.model.structure import Structure
 from robot_ident.recording.measurement import Measurement
+from robot_ident.regression.evidence import gather
 from robot_ident.signals.motion import Array
 
 DRIFT = ("temperature_drift@joint_1:temperature_drift=8,time_constant=40",)

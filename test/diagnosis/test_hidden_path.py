@@ -8,12 +8,12 @@ from typing import Any
 import numpy as np
 import pytest
 
-from robot_ident.diagnosis.comparison import compare
 from robot_ident.diagnosis.diagnose import diagnose
 from robot_ident.estimation.identify import estimate
 from robot_ident.model.structure import Structure
 from robot_ident.recording import Recording, process
 from robot_ident.recording.measurement import Measurement
+from robot_ident.residuals.comparison import compare
 from robot_ident.robot import Robot
 from robot_ident.signals.motion import Motion
 

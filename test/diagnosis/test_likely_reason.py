@@ -13,10 +13,10 @@ import pytest
 from robot_ident import identify
 from robot_ident.bags import write_recording
 from robot_ident.cli.main import main
-from robot_ident.diagnosis.likely_reason import likely_reason
 from robot_ident.estimation.prediction import measured_for
 from robot_ident.model.model import Model
 from robot_ident.model.model_file import write_model
+from robot_ident.residuals.likely_reason import likely_reason
 
 
 @pytest.fixture(scope="module")

@@ -12,14 +12,14 @@ import yaml
 
 from robot_ident.diagnosis.diagnose import diagnose
 from robot_ident.diagnosis.diagnosis import FRICTION, Diagnosis
-from robot_ident.diagnosis.evidence import gather
 from robot_ident.diagnosis.measuring.gain import undecidable_gains
-from robot_ident.diagnosis.scan import base_gram
 from robot_ident.effects import make_effect
 from robot_ident.errors import InputError
 from robot_ident.model.structure import Structure
 from robot_ident.recording import Recording, process
 from robot_ident.recording.noise_spectrum import off_clock
+from robot_ident.regression.evidence import gather
+from robot_ident.regression.gram import base_gram
 from robot_ident.robot import Robot
 from robot_ident.robot.robot import Definition
 from robot_ident.robot.robot_file import definition_of, robot_of

@@ -8,14 +8,14 @@ from typing import Any
 import numpy as np
 import pytest
 
-from robot_ident.diagnosis.comparison import compare
-from robot_ident.diagnosis.evidence import gather
-from robot_ident.diagnosis.lack_of_fit import lack_of_fit
-from robot_ident.diagnosis.more_than_noise import ALPHA, Share, _moments, noise_tests
-from robot_ident.diagnosis.scan import base_gram
 from robot_ident.estimation.identify import estimate
 from robot_ident.recording import Processing, Recording, process
 from robot_ident.recording.measurement import Measurement
+from robot_ident.regression.evidence import gather
+from robot_ident.regression.gram import base_gram
+from robot_ident.regression.lack_of_fit import lack_of_fit
+from robot_ident.regression.more_than_noise import ALPHA, Share, _moments, noise_tests
+from robot_ident.residuals.comparison import compare
 from robot_ident.signals.motion import Array
 
 SEEDS = range(3)

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import numpy as np
 
-from robot_ident.diagnosis.hidden_path import Nuisance, through
+from robot_ident.regression.hidden_path import Nuisance, through
 
 
 def test_whitened_rows_give_the_fit_and_the_loss_of_the_longer_one() -> None:

@@ -5,7 +5,7 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
-from robot_ident.diagnosis.running import RunningVerdict
+from robot_ident.residuals.change_monitor import RunningVerdict
 from robot_ident.signals.motion import Array
 
 RATE = 150.0

@@ -7,10 +7,10 @@ from typing import Any
 import numpy as np
 import pytest
 
-from robot_ident.diagnosis.scan import BaseFit, BaseGram
 from robot_ident.diagnosis.selection.data_set import DataSet, Rows
 from robot_ident.diagnosis.selection.fitted_set import FittedSet
 from robot_ident.effects import make_effect
+from robot_ident.regression.gram import BaseFit, BaseGram
 from robot_ident.signals.motion import Array
 
 ROWS, NOISE = 400, 1.0

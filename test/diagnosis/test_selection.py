@@ -11,7 +11,6 @@ import pytest
 
 from robot_ident.diagnosis.diagnose import diagnose
 from robot_ident.diagnosis.diagnosis import Diagnosis
-from robot_ident.diagnosis.evidence import gather
 from robot_ident.diagnosis.selection.consistency import splits
 from robot_ident.diagnosis.selection.data_set import DataSet, Rows
 from robot_ident.diagnosis.selection.reversals import near_reversals, resolution, unresolved_rows
@@ -19,6 +18,7 @@ from robot_ident.diagnosis.selection.search import Search
 from robot_ident.diagnosis.selection.unseen_reactions import with_unseen_reactions
 from robot_ident.recording.measurement import Measurement, Processing
 from robot_ident.recording.process import process
+from robot_ident.regression.evidence import gather
 from robot_ident.signals.fourier import above_noise
 
 OFFSET = "torque_offset@joint_1:torque_offset=6"

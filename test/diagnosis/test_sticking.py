@@ -11,9 +11,9 @@ import pytest
 
 from robot_ident.diagnosis.diagnose import diagnose
 from robot_ident.diagnosis.diagnosis import Diagnosis, Unexplained
-from robot_ident.diagnosis.evidence import gather
 from robot_ident.diagnosis.unexplained import stiction_note
 from robot_ident.recording import Processing, Recording, process
+from robot_ident.regression.evidence import gather
 from robot_ident.testbed.phenomena import plant_physics
 from robot_ident.testbed.servo import Servo
 from robot_ident.testbed.simulation import Play

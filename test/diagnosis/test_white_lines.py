@@ -9,15 +9,15 @@ import numpy as np
 import pytest
 
 from robot_ident.diagnosis.diagnose import diagnose
-from robot_ident.diagnosis.evidence import gather
-from robot_ident.diagnosis.lack_of_fit import lack_of_fit
 from robot_ident.diagnosis.power import ENOUGH
-from robot_ident.diagnosis.scan import base_gram
 from robot_ident.diagnosis.selection.data_set import DataSet, Rows
 from robot_ident.diagnosis.selection.fitted_set import FittedSet
-from robot_ident.diagnosis.spectrum import whitened
 from robot_ident.recording import process
 from robot_ident.recording.measurement import Measurement
+from robot_ident.regression.evidence import gather
+from robot_ident.regression.gram import base_gram
+from robot_ident.regression.lack_of_fit import lack_of_fit
+from robot_ident.regression.spectrum import whitened
 
 SLOW = 2.0  # Hz: pole of the noise's colour
 

@@ -5,10 +5,10 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
-from robot_ident.diagnosis.beside import Beside
 from robot_ident.figures.residual_scatter import binned
 from robot_ident.figures.theme import POINTS, extremes, extremes_along
 from robot_ident.figures.torque_over_time import torque_figure
+from robot_ident.residuals.beside import Beside
 from robot_ident.robot import load_robot
 
 

@@ -11,12 +11,12 @@ from typing import Any
 import numpy as np
 import pytest
 
-from robot_ident.diagnosis.beside import Beside
 from robot_ident.errors import InputError
 from robot_ident.figures.torque_over_time import torque_figure, torque_text
 from robot_ident.report.design_sections import Provenance
 from robot_ident.report.page import Plot, Section, render_page, write_page
 from robot_ident.report.sections import torque_caption
+from robot_ident.residuals.beside import Beside
 
 Open = Callable[..., Any]
 Wait = Callable[..., None]

@@ -9,10 +9,10 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from robot_ident.diagnosis.evidence import gather
 from robot_ident.errors import InputError
 from robot_ident.model.structure import Structure
 from robot_ident.recording import process
+from robot_ident.regression.evidence import gather
 from robot_ident.robot import Robot
 from robot_ident.testbed.calibrate import calibrate, pooled, standard_motions, visible
 from robot_ident.testbed.phenomena import PHYSICS, make_physics, plant_physics

@@ -15,11 +15,11 @@ from itertools import combinations
 import numpy as np
 
 from robot_ident.diagnosis.diagnosis import Estimate
-from robot_ident.diagnosis.evidence import Evidence
 from robot_ident.diagnosis.measuring.finding import Finding, fitted_loss, folds, weighed
-from robot_ident.diagnosis.scan import BaseFit, BaseGram, base_gram
 from robot_ident.effects import Effect
 from robot_ident.effects.catalogue import CATALOGUE
+from robot_ident.regression.evidence import Evidence
+from robot_ident.regression.gram import BaseFit, BaseGram, base_gram
 from robot_ident.robot.robot import Robot
 from robot_ident.signals.motion import Array, Motion
 

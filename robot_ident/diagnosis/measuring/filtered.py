@@ -13,7 +13,6 @@ import numpy as np
 from numpy.typing import NDArray
 
 from robot_ident.diagnosis.diagnosis import Estimate
-from robot_ident.diagnosis.evidence import Evidence, Trajectory, weighed_once
 from robot_ident.diagnosis.measuring.finding import (
     Finding,
     chosen,
@@ -23,8 +22,9 @@ from robot_ident.diagnosis.measuring.finding import (
     raw_columns,
     weighed,
 )
-from robot_ident.diagnosis.scan import BaseFit, BaseGram, base_gram
 from robot_ident.effects.catalogue import CATALOGUE
+from robot_ident.regression.evidence import Evidence, Trajectory, weighed_once
+from robot_ident.regression.gram import BaseFit, BaseGram, base_gram
 from robot_ident.signals.motion import Array
 
 Response = NDArray[np.complex128]

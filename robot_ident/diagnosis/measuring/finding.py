@@ -8,9 +8,9 @@ from dataclasses import dataclass, replace
 import numpy as np
 
 from robot_ident.diagnosis.diagnosis import Estimate
-from robot_ident.diagnosis.evidence import Evidence
-from robot_ident.diagnosis.scan import BaseFit, BaseGram, base_gram
 from robot_ident.effects import Effect
+from robot_ident.regression.evidence import Evidence
+from robot_ident.regression.gram import BaseFit, BaseGram, base_gram
 from robot_ident.signals.motion import Array
 
 Columns = Callable[[Evidence], tuple[Array, ...]]

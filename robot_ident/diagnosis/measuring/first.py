@@ -14,16 +14,16 @@ import numpy as np
 
 from robot_ident.diagnosis.before_after import mean_squares
 from robot_ident.diagnosis.diagnosis import Suspect
-from robot_ident.diagnosis.evidence import Evidence, extended, gather
-from robot_ident.diagnosis.lack_of_fit import lack_of_fit
 from robot_ident.diagnosis.measuring.axes import wrong_axes
 from robot_ident.diagnosis.measuring.filtered import NAME, exact, filters
 from robot_ident.diagnosis.measuring.finding import Finding, fitted_loss, with_columns
 from robot_ident.diagnosis.measuring.further import link_lengths, payloads
 from robot_ident.diagnosis.measuring.gain import gains, single_gains, undecidable_gains
-from robot_ident.diagnosis.scan import Folds, base_gram
 from robot_ident.effects import Effect
 from robot_ident.recording.measurement import Measurement
+from robot_ident.regression.evidence import Evidence, extended, gather
+from robot_ident.regression.gram import Folds, base_gram
+from robot_ident.regression.lack_of_fit import lack_of_fit
 
 GAIN = 40.0  # chi-square units that a fault must gain
 MOSTLY = 0.5  # of the excess that it must explain

@@ -7,10 +7,10 @@ from functools import partial
 import numpy as np
 
 from robot_ident.diagnosis.diagnosis import Estimate
-from robot_ident.diagnosis.evidence import Evidence
 from robot_ident.diagnosis.measuring.finding import Finding, fitted_loss, with_columns
-from robot_ident.diagnosis.scan import BaseGram, Columns, Folds, add, base_gram, columns_of, gram, loss_with
 from robot_ident.effects.catalogue import CATALOGUE
+from robot_ident.regression.evidence import Evidence
+from robot_ident.regression.gram import BaseGram, Columns, Folds, add, base_gram, columns_of, gram, loss_with
 from robot_ident.signals.motion import Array
 
 _SIGMA = 2.0

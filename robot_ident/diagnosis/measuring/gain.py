@@ -12,11 +12,11 @@ from functools import partial
 import numpy as np
 
 from robot_ident.diagnosis.diagnosis import Estimate
-from robot_ident.diagnosis.evidence import Evidence
 from robot_ident.diagnosis.measuring.finding import Finding, curvature_std, fitted_loss, folds, multiplied
-from robot_ident.diagnosis.scan import BaseFit, BaseGram
 from robot_ident.effects.catalogue import CATALOGUE
 from robot_ident.recording.measurement import Measurement
+from robot_ident.regression.evidence import Evidence
+from robot_ident.regression.gram import BaseFit, BaseGram
 from robot_ident.signals.motion import Array
 
 GRID = (-2.0, -1.0, -0.5, 0.25, 0.5, 0.7, 0.85, 0.93, 1.08, 1.18, 1.4, 1.8, 2.5, 4.0)

@@ -6,8 +6,8 @@ from dataclasses import replace
 
 from robot_ident.diagnosis.before_after import mean_squares
 from robot_ident.diagnosis.diagnosis import Diagnosis, Estimate, Suspect
-from robot_ident.diagnosis.evidence import Evidence
 from robot_ident.effects.catalogue import CATALOGUE
+from robot_ident.regression.evidence import Evidence
 
 SIGMAS = 6.0  # of the evidence, over all recordings together
 LEAST = 0.01  # of the sample time, below which jitter is of no consequence

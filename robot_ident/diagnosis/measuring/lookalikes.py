@@ -12,12 +12,12 @@ from dataclasses import replace
 import numpy as np
 
 from robot_ident.diagnosis.diagnosis import Suspect
-from robot_ident.diagnosis.evidence import Evidence, Trajectory
 from robot_ident.diagnosis.measuring.filtered import NAME, exact, filters
 from robot_ident.diagnosis.measuring.finding import Finding, folds
-from robot_ident.diagnosis.scan import BaseFit, Folds, base_gram
 from robot_ident.diagnosis.selection.constants import BLOCK
 from robot_ident.effects.catalogue import CATALOGUE
+from robot_ident.regression.evidence import Evidence, Trajectory
+from robot_ident.regression.gram import BaseFit, Folds, base_gram
 from robot_ident.signals.motion import Array
 
 LIKE = CATALOGUE[NAME].confused_with

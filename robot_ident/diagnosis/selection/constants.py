@@ -9,9 +9,6 @@ dozen splits are tried."""
 BLOCK = 0.5
 """s; errors of motion farther apart are taken as independent: the correlation time of what slow formulas leave."""
 
-FAINT = 0.01
-"""Weight of a recording that is left out: parameters that only it determines follow it instead of their noise."""
-
 FORMULA_ERROR = 0.15
 """Relative rms error of an effect's formula: what it leaves of a real cause is no second cause."""
 

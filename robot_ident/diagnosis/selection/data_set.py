@@ -8,19 +8,20 @@ from dataclasses import dataclass, replace
 import numpy as np
 from numpy.typing import NDArray
 
-from robot_ident.diagnosis.evidence import Evidence, Trajectory, fitted, gather, split, trajectory
 from robot_ident.diagnosis.power import least_torque
-from robot_ident.diagnosis.selection.constants import BLOCK, FAINT
+from robot_ident.diagnosis.selection.constants import BLOCK
 from robot_ident.diagnosis.selection.gram_pool import GramPool
 from robot_ident.diagnosis.selection.hypotheses import Hypothesis, hypotheses_of
 from robot_ident.diagnosis.selection.reversals import near_reversals, unresolved_rows
 from robot_ident.diagnosis.selection.unseen_reactions import with_unseen_reactions
-from robot_ident.diagnosis.spectrum import white_lines, whitened
-from robot_ident.diagnosis.weighed_by_residual import tells_noise, weighed_alike, weighed_by_residual
 from robot_ident.effects import Effect, Torques
 from robot_ident.effects.effort_filter import EffortFilter
 from robot_ident.model.structure import Structure
 from robot_ident.recording.measurement import Measurement
+from robot_ident.regression.evidence import Evidence, Trajectory, fitted, gather, split, trajectory
+from robot_ident.regression.gram import FAINT
+from robot_ident.regression.spectrum import white_lines, whitened
+from robot_ident.regression.weighed_by_residual import tells_noise, weighed_alike, weighed_by_residual
 from robot_ident.signals.motion import Array, Mask, joined
 
 _PARTS = 8  # of the only recording, each of which is left out in turn

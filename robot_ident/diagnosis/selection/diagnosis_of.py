@@ -11,15 +11,12 @@ from robot_ident.design.discrimination import experiment_between
 from robot_ident.diagnosis.before_after import errors, estimates, mean_squares
 from robot_ident.diagnosis.diagnosis import Diagnosis, Suspect, Verdict, either
 from robot_ident.diagnosis.drift import UNSEEN_IN_MEANS, drift_suspect, drift_tests
-from robot_ident.diagnosis.evidence import Evidence, extended
-from robot_ident.diagnosis.lack_of_fit import LackOfFit, lack_of_fit
 from robot_ident.diagnosis.measuring.finding import with_columns
 from robot_ident.diagnosis.measuring.first import CORRECT, exact_fault, fault_beyond, undecidable, validated
 from robot_ident.diagnosis.measuring.jitter import with_jitter
 from robot_ident.diagnosis.measuring.lookalikes import with_line, with_low_pass
 from robot_ident.diagnosis.power import too_little, unseen_below, with_doubt
 from robot_ident.diagnosis.progress import Tell, silent
-from robot_ident.diagnosis.scan import Folds, base_gram
 from robot_ident.diagnosis.selection.constants import ALTERNATIVE, FORMULA_ERROR, NAMED, SIZE_ERROR
 from robot_ident.diagnosis.selection.fitted_set import FittedSet
 from robot_ident.diagnosis.selection.hypotheses import Hypothesis
@@ -28,6 +25,9 @@ from robot_ident.diagnosis.selection.select import Selection, select
 from robot_ident.diagnosis.unexplained import explain_by_variables, stiction_note
 from robot_ident.model.structure import Structure
 from robot_ident.recording.measurement import Measurement
+from robot_ident.regression.evidence import Evidence, extended
+from robot_ident.regression.gram import Folds, base_gram
+from robot_ident.regression.lack_of_fit import LackOfFit, lack_of_fit
 
 _LISTED = 3  # effects that are listed besides, those that explain most by themselves
 _STRUCTURE = 0.1  # of the error that a curve over a variable must predict on unseen motion to call it unexplained

@@ -11,9 +11,9 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from robot_ident.diagnosis.scan import HELD, pseudo_inverse, within_ranges
 from robot_ident.diagnosis.selection.data_set import DataSet
 from robot_ident.diagnosis.selection.hypotheses import TIMING, Hypothesis
+from robot_ident.regression.gram import HELD, pseudo_inverse, within_ranges
 from robot_ident.signals.motion import Array
 
 

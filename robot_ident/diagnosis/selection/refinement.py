@@ -11,12 +11,12 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from robot_ident.diagnosis.evidence import Evidence
-from robot_ident.diagnosis.scan import within_ranges
 from robot_ident.diagnosis.selection.data_set import DataSet, Rows
 from robot_ident.diagnosis.selection.fitted_set import FittedSet
 from robot_ident.diagnosis.selection.hypotheses import Hypothesis
 from robot_ident.effects import Effect, Inner
+from robot_ident.regression.evidence import Evidence
+from robot_ident.regression.gram import within_ranges
 from robot_ident.signals.motion import Array
 
 _FINE = 0.05  # of a step of the grid: how near the best value is looked for

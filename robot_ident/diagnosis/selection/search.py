@@ -11,7 +11,6 @@ from collections.abc import Collection, Sequence
 
 import numpy as np
 
-from robot_ident.diagnosis.scan import HELD
 from robot_ident.diagnosis.selection.constants import (
     FORMULA_ERROR,
     LARGEST_SET,
@@ -25,6 +24,7 @@ from robot_ident.diagnosis.selection.data_set import DataSet
 from robot_ident.diagnosis.selection.fitted_set import FittedSet
 from robot_ident.diagnosis.selection.hypotheses import Hypothesis
 from robot_ident.diagnosis.selection.refinement import Refinement
+from robot_ident.regression.gram import HELD
 from robot_ident.signals.motion import Array
 
 Selected = tuple[Hypothesis, ...]

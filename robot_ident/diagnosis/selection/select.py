@@ -7,10 +7,7 @@ from dataclasses import dataclass, field
 
 import numpy as np
 
-from robot_ident.diagnosis.evidence import Evidence
-from robot_ident.diagnosis.lack_of_fit import LackOfFit, lack_of_fit
 from robot_ident.diagnosis.progress import Tell, silent
-from robot_ident.diagnosis.scan import base_gram
 from robot_ident.diagnosis.selection.consistency import splits
 from robot_ident.diagnosis.selection.constants import FLEXIBLE_ERRORS, FLEXIBLE_SHARE, REMAINDER, STANDARD_ERRORS, VAGUE
 from robot_ident.diagnosis.selection.data_set import DataSet, Rows
@@ -22,6 +19,9 @@ from robot_ident.diagnosis.selection.search import Search, Selected
 from robot_ident.diagnosis.selection.unknown_cause import curve_of, flexible_beside
 from robot_ident.model.structure import Structure
 from robot_ident.recording.measurement import Measurement
+from robot_ident.regression.evidence import Evidence
+from robot_ident.regression.gram import base_gram
+from robot_ident.regression.lack_of_fit import LackOfFit, lack_of_fit
 
 
 @dataclass(frozen=True)

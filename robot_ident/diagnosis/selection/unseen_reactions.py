@@ -13,8 +13,8 @@ from dataclasses import replace
 import numpy as np
 from scipy.ndimage import uniform_filter1d
 
-from robot_ident.diagnosis.evidence import Trajectory
 from robot_ident.effects import Torques
+from robot_ident.regression.evidence import Trajectory
 from robot_ident.signals.fourier import least_above_noise
 from robot_ident.signals.motion import Array
 

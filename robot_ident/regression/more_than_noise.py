@@ -16,8 +16,8 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from robot_ident.diagnosis.evidence import Evidence
-from robot_ident.diagnosis.spectrum import Values, Whitening, Whole, wholes
+from robot_ident.regression.evidence import Evidence
+from robot_ident.regression.spectrum import Values, Whitening, Whole, wholes
 from robot_ident.signals.motion import Array
 
 ALPHA = 1e-3  # false alarms over all joints and bands together

@@ -7,9 +7,9 @@ from dataclasses import replace
 
 import numpy as np
 
-from robot_ident.diagnosis.evidence import Evidence, Trajectory, fitted
 from robot_ident.model.structure import Structure
 from robot_ident.recording.measurement import Measurement
+from robot_ident.regression.evidence import Evidence, Trajectory, fitted
 from robot_ident.signals.filters import ZeroPhaseLowPass
 from robot_ident.signals.motion import Array, Motion
 

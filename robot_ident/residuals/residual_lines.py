@@ -6,8 +6,8 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from robot_ident.diagnosis.beside import Beside
 from robot_ident.recording.measurement import Measurement
+from robot_ident.residuals.beside import Beside
 from robot_ident.signals.filters import SoftPeriodicLowPass, ZeroPhaseLowPass
 from robot_ident.signals.motion import Array, Mask
 

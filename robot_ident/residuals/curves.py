@@ -12,8 +12,8 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from robot_ident.diagnosis.evidence import Trajectory
 from robot_ident.model.structure import Structure
+from robot_ident.regression.evidence import Trajectory
 from robot_ident.signals.motion import Array, Mask, Motion
 
 _KNOTS = 12  # of a curve: quantiles of its variable

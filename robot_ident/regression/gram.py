@@ -18,13 +18,15 @@ from itertools import combinations
 
 import numpy as np
 
-from robot_ident.diagnosis.evidence import Evidence, weighed_once
-from robot_ident.diagnosis.selection.constants import FAINT
 from robot_ident.effects import Effect
+from robot_ident.regression.evidence import Evidence, weighed_once
 from robot_ident.signals.motion import Array
 
 Ranges = Sequence[tuple[float, float]]
 """The least and the largest that each coefficient can be."""
+
+FAINT = 0.01
+"""Weight of a recording that is left out: parameters that only it determines follow it instead of their noise."""
 
 _OPEN = 1e-11  # of the largest eigenvalue of the scaled Gram matrix: below, the data leave a direction open
 HELD = 1e-9  # of a candidate's own norm: with less than this left after projection the model holds it already

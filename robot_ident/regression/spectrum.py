@@ -14,7 +14,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from robot_ident.diagnosis.evidence import Evidence, Trajectory, fitted, kept_between_parts
+from robot_ident.regression.evidence import Evidence, Trajectory, fitted, kept_between_parts
 from robot_ident.signals.motion import Array, Mask
 
 Values = NDArray[np.inexact[Any]]

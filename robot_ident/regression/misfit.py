@@ -6,10 +6,10 @@ from dataclasses import replace
 
 import numpy as np
 
-from robot_ident.diagnosis.evidence import Evidence, held, kept_between_parts
-from robot_ident.diagnosis.hidden_path import misfit_beside_hidden_path
-from robot_ident.diagnosis.more_than_noise import NoiseTest, Share, noise_tests
-from robot_ident.diagnosis.spectrum import white_lines, wholes
+from robot_ident.regression.evidence import Evidence, held, kept_between_parts
+from robot_ident.regression.hidden_path import misfit_beside_hidden_path
+from robot_ident.regression.more_than_noise import NoiseTest, Share, noise_tests
+from robot_ident.regression.spectrum import white_lines, wholes
 from robot_ident.signals.motion import Array
 
 _FITTED = 0.2  # of the parameters' number: less than that between estimate and best fit means that it is the fit

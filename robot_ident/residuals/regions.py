@@ -10,9 +10,9 @@ from typing import Any
 
 import numpy as np
 
-from robot_ident.diagnosis.curves import Variable
-from robot_ident.diagnosis.evidence import Evidence
-from robot_ident.diagnosis.spectrum import Band
+from robot_ident.regression.evidence import Evidence
+from robot_ident.regression.spectrum import Band
+from robot_ident.residuals.curves import Variable
 from robot_ident.robot.robot import Robot
 from robot_ident.signals.motion import Array, Mask
 

@@ -6,10 +6,10 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from robot_ident.diagnosis.evidence import Evidence
-from robot_ident.diagnosis.hidden_path import residual_beside_hidden_path
-from robot_ident.diagnosis.more_than_noise import NoiseTest, Share, noise_tests
-from robot_ident.diagnosis.scan import BaseFit, BaseGram
+from robot_ident.regression.evidence import Evidence
+from robot_ident.regression.gram import BaseFit, BaseGram
+from robot_ident.regression.hidden_path import residual_beside_hidden_path
+from robot_ident.regression.more_than_noise import NoiseTest, Share, noise_tests
 from robot_ident.signals.motion import Array
 
 

@@ -11,17 +11,17 @@ from typing import Any
 
 import numpy as np
 
-from robot_ident.diagnosis.curves import Variable, held_out_share, odd_and_even, own, variables
-from robot_ident.diagnosis.evidence import Evidence, Trajectory, trajectory
-from robot_ident.diagnosis.hidden_path import note
-from robot_ident.diagnosis.misfit import beside_hidden_path, misfit
-from robot_ident.diagnosis.more_than_noise import NoiseTest, chance
-from robot_ident.diagnosis.regions import Profile, Region, densest, profiles
-from robot_ident.diagnosis.spectrum import bands
 from robot_ident.errors import InputError
 from robot_ident.model.model import Model
 from robot_ident.recording.checks import refuse_copies, refuse_silent, silent_joints, still_notes
 from robot_ident.recording.measurement import Measurement
+from robot_ident.regression.evidence import Evidence, Trajectory, trajectory
+from robot_ident.regression.hidden_path import note
+from robot_ident.regression.misfit import beside_hidden_path, misfit
+from robot_ident.regression.more_than_noise import NoiseTest, chance
+from robot_ident.regression.spectrum import bands
+from robot_ident.residuals.curves import Variable, held_out_share, odd_and_even, own, variables
+from robot_ident.residuals.regions import Profile, Region, densest, profiles
 from robot_ident.signals.motion import Array, Mask
 
 EDGES = (0.0, 0.5, 1.0, 2.0, 5.0, 10.0, 15.0, 30.0, np.inf)  # Hz
