@@ -18,24 +18,6 @@ from robot_ident.recording.recording import Recording
 from robot_ident.signals.filters import LowPass, PeriodicLowPass, SoftPeriodicLowPass
 from robot_ident.signals.motion import Array, Mask, Motion
 
-_KINK = 9.0  # (|c_k| / its noise)^2 below which a Fourier line may hide among noise
-
-
-def direction_known(motion: Motion, lines: Mask, variance: Array, frequency: float, dt: float) -> Mask:
-    """Return the rows [N, n] where kinks of the path that noise hides can't have turned the direction of motion.
-
-    lines [K + 1, n]: Fourier lines of the positions that stand above white noise of `variance` [n] rad^2 a row, at
-    multiples of `frequency` [Hz]; dt: between rows [s]. A drive that sticks or gives way as it reverses bends its
-    velocity at once. Lines of such a kink fall with the third power of frequency, so that those beyond the last one
-    above the noise (at f_c, of amplitude c) add up to a velocity of 2 pi c f_c^2 / f_0 beside the reversal. No more is
-    given up than the motion usually gains within a sample.
-    """
-    amplitude = np.sqrt(_KINK * 4.0 * variance / len(motion.q))
-    hidden = 2.0 * np.pi * amplitude * lines.sum(axis=0) ** 2 * frequency
-    usual = np.sqrt(np.mean(motion.ddq**2, axis=0)) * dt
-    return np.asarray(np.abs(motion.dq) >= np.minimum(hidden, usual))
-
-
 TimeScale = Literal["", "period", "received", "apart"]
 """`period`: that of the motion is declared; `received`: the times at which messages came say the same, `apart`: they
 say something else; empty: nothing tells.
@@ -166,14 +148,6 @@ class Measurement:
         """Share of the rows, after decimation, that carry independent noise."""
         share = self.low_pass.independent if self.low_pass else 1.0
         return min(1.0, share * self.decimate)
-
-    @property
-    def direction_known(self) -> Mask:
-        """Rows [N, n] where no kink of the path that noise hides can have turned the direction of motion."""
-        variance, lines = self.averaged_position_variance, self.position_lines
-        if self.base_frequency is None or variance is None or lines is None:
-            return np.ones(self.used.shape, dtype=bool)
-        return direction_known(self.motion, lines, variance, self.base_frequency, self.dt)
 
     def passed(self, x: Array) -> Array:
         """Return x [N, ...] as it is compared: low-passed and decimated."""

@@ -19,6 +19,8 @@ from robot_ident.signals.filters import PeriodicLowPass
 from robot_ident.signals.fourier import above_noise, evaluate, lines_of_grid, share_of_motion
 from robot_ident.signals.motion import Array, Mask, Motion
 
+_SEVERAL = 0.01  # of a joint's rows
+_KINK = 9.0  # (|c_k| / its noise)^2 below which a Fourier line may hide among noise
 _MANY = 2.0  # periods of motion before those that are averaged, from which on it is more than approach and transient
 _PAUSE = 1.0  # s without samples that are named
 
@@ -91,6 +93,9 @@ def of_mean(
     silent = [name for name, small in zip(robot.joints, quiet, strict=True) if small]
     mean, noise = replace(mean, tau_variance=np.maximum(mean.tau_variance, least)), noise.with_floor(least)
     motion, variance, strong, share = _motion(mean, frequency, robot, recording)
+    dt = period / rate / len(mean.q)
+    trust = trusted(motion, robot, processing, velocity_noise(share, variance, frequency, len(mean.q)))
+    directed = direction_known(motion, strong, variance, frequency, dt)
     cutoff = processing.low_pass
     chain.check_low_pass(cutoff or 0.0, recording.source)
     if mean.lines is not None:
@@ -98,10 +103,10 @@ def of_mean(
     return Measurement(
         source=recording.source,
         joints=recording.names,
-        dt=period / rate / len(mean.q),
+        dt=dt,
         motion=motion,
         torque=mean.tau,
-        used=trusted(motion, robot, processing, velocity_noise(share, variance, frequency, len(mean.q))),
+        used=trust & directed,
         standstill=at_rest(motion, robot),
         torque_variance=mean.tau_variance,
         position_variance=mean.q_variance,
@@ -113,7 +118,12 @@ def of_mean(
         low_pass=None if cutoff is None else PeriodicLowPass(cutoff, frequency, len(mean.q)),
         decimate=processing.decimate,
         period_torque=mean.periods_of_tau,
-        notes=(*_notes(mean, chain, noise, robot), *_drifting(mean, robot), *_silence(silent)),
+        notes=(
+            *_notes(mean, chain, noise, robot),
+            *_drifting(mean, robot),
+            *_silence(silent),
+            *_undirected(trust & ~directed, robot),
+        ),
         noise=noise,
         quantisation=rounding if rounding.any() else None,
         position_lines=strong,
@@ -232,6 +242,30 @@ def _undone(mean: Average, chain: Chain, frequency: float, samples: int) -> tupl
         ),
         noise,
     )
+
+
+def direction_known(motion: Motion, lines: Mask, variance: Array, frequency: float, dt: float) -> Mask:
+    """Return the rows [N, n] where kinks of the path that noise hides can't have turned the direction of motion.
+
+    lines [K + 1, n]: Fourier lines of the positions that stand above white noise of `variance` [n] rad^2 a row, at
+    multiples of `frequency` [Hz]; dt: between rows [s]. A drive that sticks or gives way as it reverses bends its
+    velocity at once. Lines of such a kink fall with the third power of frequency, so that those beyond the last one
+    above the noise (at f_c, of amplitude c) add up to a velocity of 2 pi c f_c^2 / f_0 beside the reversal. No more is
+    given up than the motion usually gains within a sample.
+    """
+    amplitude = np.sqrt(_KINK * 4.0 * variance / len(motion.q))
+    hidden = 2.0 * np.pi * amplitude * lines.sum(axis=0) ** 2 * frequency
+    usual = np.sqrt(np.mean(motion.ddq**2, axis=0)) * dt
+    return np.asarray(np.abs(motion.dq) >= np.minimum(hidden, usual))
+
+
+def _undirected(left_out: Mask, robot: Robot) -> list[str]:
+    """Return how many rows [N, n] reversals cost, where it is more than a few."""
+    shares = {name: share for name, share in zip(robot.joints, left_out.mean(axis=0), strict=True) if share > _SEVERAL}
+    if not shares:
+        return []
+    listed = ", ".join(f"{name} {100 * share:.0f} %" for name, share in shares.items())
+    return [f"rows at reversals left out, where noise hides which way a joint moves: {listed}"]
 
 
 def trusted(motion: Motion, robot: Robot, processing: Processing, speed_noise: Array) -> Mask:

@@ -140,7 +140,7 @@ def trajectory(measured: Measurement) -> Trajectory:
             f"{measured.source}: its noise is unknown without periods;"
             " record at least 2 (better 8 or more) periods of a motion"
         )
-    used: Mask = (measured.used & measured.direction_known)[measured.rows]
+    used: Mask = measured.used[measured.rows]
     # rows that a low pass has smeared share their noise: their weight in chi-square is that of the independent ones
     weight = used.astype(float) * np.sqrt(measured.independent / variance)
     y = measured.passed(measured.torque) * weight

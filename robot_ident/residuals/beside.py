@@ -68,7 +68,7 @@ def beside(model: Model, measured: Measurement) -> Beside:
         load=np.asarray(load)[rows],
         measured=measured.passed(measured.torque),
         predicted=measured.passed(predicted),
-        used=(measured.used & measured.direction_known)[rows],
+        used=measured.used[rows],
         sigma=np.sqrt(noise_variance(model, measured)),
         independent=measured.independent,
         periods=measured.periods,

@@ -28,7 +28,6 @@ EDGES = (0.0, 0.5, 1.0, 2.0, 5.0, 10.0, 15.0, 30.0, np.inf)  # Hz
 _LISTED = 6  # regions named for a joint
 _DENSE = 0.05  # by which a region's share of the error must exceed its share of the time
 _LISTED_SHARE = 0.005  # of the excess: less is no dependence
-_NOTEWORTHY = 0.005  # of the rms: a difference that a table shows
 _OTHERS = 0.02  # of the excess that another joint's motion must explain to be listed
 
 
@@ -160,7 +159,7 @@ def compare(model: Model, measurements: Sequence[Measurement]) -> Comparison:
     notes += [line for measured in measurements for line in still_notes(measured)]
     if testable is not None and any(joint.fails for joint in joints):
         joints = _with_hidden_path(joints, testable, model.covariance)
-    return Comparison(joints, (*notes, *_at_reversals(evidence, joints), *_hidden_note(joints)))
+    return Comparison(joints, (*notes, *_hidden_note(joints)))
 
 
 def _with_hidden_path(
@@ -177,28 +176,6 @@ def _with_hidden_path(
 def _hidden_note(joints: Sequence[JointComparison]) -> list[str]:
     hidden = [joint.name for joint in joints if joint.hidden_in_path]
     return [note(hidden)] if hidden else []
-
-
-def _at_reversals(evidence: Evidence, joints: Sequence[JointComparison]) -> list[str]:
-    """Return a line for each joint where rows that a fit counts, but no judgement, make a difference."""
-    robot, out = evidence.structure.robot, []
-    for number, joint in enumerate(joints):
-        squared, rows, left_out = 0.0, 0, 0
-        for t in evidence.trajectories:
-            measured = t.measured
-            counted = measured.used[measured.rows][:, number]
-            predicted = evidence.structure.columns(t.motion, evidence.values) @ evidence.values
-            error = measured.passed(measured.torque - predicted)[counted, number]
-            squared += float(np.sum(error**2))
-            rows += len(error)
-            left_out += int(np.sum(counted & (t.weight[:, number] <= 0)))
-        rms, unit = (squared / max(rows, 1)) ** 0.5, robot.torque_unit(number)
-        if left_out and abs(rms / max(joint.residual_mse**0.5, 1e-300) - 1.0) > _NOTEWORTHY:
-            out.append(
-                f"{joint.name}: {left_out} of {rows} rows at reversals are left out, where noise hides which way the"
-                f" joint moves; with them the residual is {rms:.4g} {unit} rms, as identify and add print it"
-            )
-    return out
 
 
 def _noise_known(measured: Measurement) -> bool:

@@ -8,8 +8,8 @@ from typing import NamedTuple
 import numpy as np
 
 from robot_ident.model.structure import Structure
-from robot_ident.recording.measurement import Processing, direction_known
-from robot_ident.recording.periodic import trusted, velocity_noise
+from robot_ident.recording.measurement import Processing
+from robot_ident.recording.periodic import direction_known, trusted, velocity_noise
 from robot_ident.robot.robot import Robot
 from robot_ident.signals.fourier import above_noise, evaluate, lines_of_grid
 from robot_ident.signals.motion import Array, Mask, Motion

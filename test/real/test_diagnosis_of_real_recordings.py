@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import shutil
 from collections.abc import Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from pathlib import Path
 
 import numpy as np
@@ -92,11 +92,13 @@ def test_emps_is_told_that_its_friction_differs_by_direction(emps: Emps, low_pas
     assert 0.3 < size.std < 6.0
 
 
-def test_emps_periods_say_the_same(emps: Emps) -> None:
+def test_emps_periods_list_the_same(emps: Emps) -> None:
+    """Beside a noise floor far below the model's error what explains half of that is listed, and not named."""
     measured = process(emps.whole, emps.robot)
     assert measured.periods == 3
     found = diagnose([measured], Structure.build(emps.robot))
-    judge_emps(found, emps, 10.0)
+    assert found.verdict == "unexplained" and found.unexplained is not None
+    assert found.others[0].label == "viscous_asymmetric@slide" and found.others[0].explained > 0.4
 
 
 def test_the_validation_counts_as_evidence(emps: Emps) -> None:
@@ -114,7 +116,7 @@ def test_pulses_are_not_taken_for_noise(emps: Emps) -> None:
     assert diagnose([measured], Structure.build(emps.robot)).verdict != "adequate"
 
 
-def test_staubli_is_given_what_lowers_the_error_on_held_out_parts(
+def test_staubli_is_given_only_what_lowers_the_error_on_held_out_parts(
     shared_data: Path, checkout: Path, tmp_path: Path
 ) -> None:
     shutil.copy(checkout / "examples/staubli_tx40/robot.yaml", tmp_path)
@@ -124,11 +126,12 @@ def test_staubli_is_given_what_lowers_the_error_on_held_out_parts(
     every = 5  # 1 kHz is plenty below 10 Hz
     recording = Recording(robot.joints, z["t"][::every], z["q"][::every], z["tau"][::every], source="tx40")
     measured = process(recording, robot, Processing(decimate=25))
-    found = diagnose([measured], Structure.build(robot))
-    assert found.verdict == "missing"
-    assert found.unexplained is not None
-    before = along(measured, Structure.build(robot))
-    after = along(measured, Structure.build(robot, [s.effect for s in found.missing]))
+    known = tuple(e for e in robot.known_effects if not e.startswith("wrist_coupling"))
+    uncoupled = replace(robot, known_effects=known)
+    found = diagnose([measured], Structure.build(uncoupled))
+    assert "wrist_coupling@joint_6" in [suspect.label for suspect in found.missing]
+    before = along(measured, Structure.build(uncoupled))
+    after = along(measured, Structure.build(uncoupled, [s.effect for s in found.missing]))
     for parts, size in ((2, None), (3, None), (5, 0.4), (2, 2.5)):  # none but the first chose the effects
         without, together = held_out(measured, before, parts, size), held_out(measured, after, parts, size)
         for suspect in found.missing:

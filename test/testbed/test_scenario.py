@@ -84,7 +84,7 @@ def test_visible_is_what_a_recording_without_torque_noise_shows(kuka: Robot, lab
     exact = [replace(m, torque=play.period.recorded) for m, play in zip(noisy, made, strict=True)]
     evidence = gather(exact, structure)
     left = visible(structure, made)
-    rows = [m.used & m.direction_known for m in exact]
+    rows = [m.used for m in exact]
     rest = [t.measured.torque - structure.columns(t.motion) @ evidence.values for t in evidence.trajectories]
     square = sum(np.sum(np.where(row, r, 0.0) ** 2, axis=0) for row, r in zip(rows, rest, strict=True))
     expected = np.sqrt(square / sum(row.sum(axis=0) for row in rows))

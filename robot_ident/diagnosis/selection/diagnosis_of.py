@@ -9,7 +9,7 @@ import numpy as np
 
 from robot_ident.design.discrimination import experiment_between
 from robot_ident.diagnosis.before_after import errors, estimates, mean_squares
-from robot_ident.diagnosis.diagnosis import Diagnosis, Suspect, Verdict, either
+from robot_ident.diagnosis.diagnosis import Diagnosis, Estimate, Suspect, Verdict, either
 from robot_ident.diagnosis.drift import UNSEEN_IN_MEANS, drift_suspect, drift_tests
 from robot_ident.diagnosis.measuring.finding import with_columns
 from robot_ident.diagnosis.measuring.first import CORRECT, exact_fault, fault_beyond, undecidable, validated
@@ -23,6 +23,8 @@ from robot_ident.diagnosis.selection.hypotheses import Hypothesis
 from robot_ident.diagnosis.selection.search import Selected
 from robot_ident.diagnosis.selection.select import Selection, select
 from robot_ident.diagnosis.unexplained import explain_by_variables, stiction_note
+from robot_ident.errors import InputError
+from robot_ident.estimation.carried import solve_carrying
 from robot_ident.model.structure import Structure
 from robot_ident.recording.measurement import Measurement
 from robot_ident.regression.evidence import Evidence, extended
@@ -47,7 +49,34 @@ def diagnosis_of(
     found = select(measurements, structure, validation, tell)
     named = tuple(h for h in found.selected if found.probability(h.label) >= NAMED)
     unsure = tuple(h for h in found.selected if h not in named)
-    return (_beyond_noise if found.data.floor else _by_prediction)(found, named, unsure, validation)
+    said = (_beyond_noise if found.data.floor else _by_prediction)(found, named, unsure, validation)
+    return _as_fitted(said, measurements, structure)
+
+
+def _as_fitted(said: Diagnosis, measurements: Sequence[Measurement], structure: Structure) -> Diagnosis:
+    """Return a diagnosis whose named effects have the parameters, and their spread, that a model with all of them has:
+    what `add` prints.
+    """
+    effects = [one.effect for one in said.missing if not one.effect.measuring and not one.effect.trends]
+    if not effects:
+        return said
+    try:
+        solution = solve_carrying(measurements, structure.with_further(effects), "wls").solution
+    except InputError:  # what these recordings do not excite is told as far as the evidence does
+        return said
+    model, spread = solution.structure, np.sqrt(np.diag(solution.covariance))
+    at_bound = [inner.at_bound(effect.setting[inner.name]) for effect in model.effects for inner in effect.inner]
+    spread[len(model.parameters) :][at_bound] = 0.0
+    known = {
+        p.name: Estimate(p.name, float(value), float(std), p.unit)
+        for p, value, std in zip((*model.parameters, *model.inner), solution.values, spread, strict=True)
+    }
+
+    def fitted(one: Suspect) -> Suspect:
+        names = (*one.effect.parameter_names(), *one.effect.inner_names())
+        return replace(one, parameters=tuple(known[name] for name in names)) if one.effect in effects else one
+
+    return replace(said, missing=tuple(fitted(one) for one in said.missing))
 
 
 def _beyond_noise(found: Selection, named: Selected, unsure: Selected, validation: Sequence[Measurement]) -> Diagnosis:
