@@ -102,6 +102,25 @@ def test_diagnose_keeps_the_contract(verb: Verb, files: Any) -> None:
     assert set(data["candidates"][0]["parameters"][0]) >= {"name", "value", "std", "unit"}
 
 
+def test_every_command_counts_the_same_rows_and_tells_the_same_spread(verb: Verb, files: Any, tmp_path: Path) -> None:
+    """The friction makes joint 2 stick: noise hides which way it moves at its reversals."""
+
+    def asked(*words: object) -> Any:
+        code, out, err = verb(*words, "--json")
+        assert code == 0, err
+        return json.loads(out)
+
+    identified = asked("identify", *files.bags, "-o", tmp_path / "again.yaml")["residual"]
+    compared = asked("compare", tmp_path / "again.yaml", *files.bags)["joints"]
+    assert [one["residual_mse"] for one in compared] == pytest.approx([one["mse"] for one in identified.values()])
+    found = asked("diagnose", files.model, *files.bags)["candidates"][0]
+    added = asked("add", files.model, "stribeck@joint_2", "--bag", *files.bags, "-o", tmp_path / "b.yaml")["model"]
+    of_model = {one["name"]: one for one in added["parameters"]}
+    for one in found["parameters"]:
+        assert one["value"] == pytest.approx(of_model[one["name"]]["value"], rel=1e-6)
+        assert one["std"] == pytest.approx(of_model[one["name"]]["std"] or 0.0, rel=1e-6)
+
+
 def other_robot(path: Path, recording: Any) -> Path:
     write_recording(path, replace(recording, names=("a1", "a2", "a3")))
     return path
