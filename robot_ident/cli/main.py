@@ -194,7 +194,12 @@ def _interrupts() -> Iterator[None]:
 
 
 def entry() -> None:
-    """Start the console script."""
+    """Start the console script.
+
+    Matrices here are small: threads of the linear algebra wait for each other far longer than they compute, above all
+    beside another process. OMP_NUM_THREADS overrules it.
+    """
+    os.environ.setdefault("OMP_NUM_THREADS", "1")
     sys.exit(main())
 
 
