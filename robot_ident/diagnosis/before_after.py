@@ -49,6 +49,8 @@ def estimates(evidence: Evidence, effect: Effect) -> tuple[Estimate, ...]:
     however long they last), and of the spread when one trajectory is left out (jackknife), inner parameters linearised.
     Those that only take values of a grid have no std (0).
     """
+    # in the model it lacks the coefficients whose columns another effect holds
+    effect = next((one for one in evidence.structure.effects if one.label == effect.label), effect)
     jacobians, free = _jacobians(evidence, effect)
     residual = evidence.residual
     parts = [j.reshape(-1, j.shape[2]) for j in jacobians]

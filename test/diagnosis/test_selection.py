@@ -9,6 +9,7 @@ from typing import Any
 import numpy as np
 import pytest
 
+from robot_ident.diagnosis.before_after import estimates
 from robot_ident.diagnosis.diagnose import diagnose
 from robot_ident.diagnosis.diagnosis import Diagnosis
 from robot_ident.diagnosis.selection.consistency import splits
@@ -16,9 +17,10 @@ from robot_ident.diagnosis.selection.data_set import DataSet, Rows
 from robot_ident.diagnosis.selection.reversals import near_reversals, resolution, unresolved_rows
 from robot_ident.diagnosis.selection.search import Search
 from robot_ident.diagnosis.selection.unseen_reactions import with_unseen_reactions
+from robot_ident.effects import make_effect
 from robot_ident.recording.measurement import Measurement, Processing
 from robot_ident.recording.process import process
-from robot_ident.regression.evidence import gather
+from robot_ident.regression.evidence import extended, gather
 from robot_ident.signals.fourier import above_noise
 
 OFFSET = "torque_offset@joint_1:torque_offset=6"
@@ -112,6 +114,15 @@ def test_a_filter_is_told_from_a_delay_where_reversals_are_resolved(bench: Any, 
         data = DataSet(Rows.of(measured, bench.structure))
         assert [data.tells_filter(place) for place in (None, *bench.robot.joints)] == 4 * [tells]
         assert tells == any(label.startswith("effort_filter") for label in data.hypotheses)
+
+
+def test_an_effect_beside_the_one_that_it_contains_has_the_parameters_of_the_rest(bench: Any) -> None:
+    offset, cable = (make_effect(f"{name}@joint_1", bench.robot) for name in ("torque_offset", "cable"))
+    both = extended(gather(bench.measure((OFFSET,)), bench.structure), [offset, cable])
+    (stiffness,) = estimates(both, cable)
+    assert stiffness.unit == "Nm/rad" and abs(stiffness.value) < 4.0 * stiffness.std
+    (level,) = estimates(both, offset)
+    assert level.value == pytest.approx(6.0, abs=0.5)
 
 
 def test_sets_that_can_not_be_told_apart_are_said(bench: Any) -> None:

@@ -72,9 +72,14 @@ def _as_fitted(said: Diagnosis, measurements: Sequence[Measurement], structure: 
         for p, value, std in zip((*model.parameters, *model.inner), solution.values, spread, strict=True)
     }
 
+    in_model = {effect.label: effect for effect in model.effects}  # without the coefficients that others hold too
+
     def fitted(one: Suspect) -> Suspect:
-        names = (*one.effect.parameter_names(), *one.effect.inner_names())
-        return replace(one, parameters=tuple(known[name] for name in names)) if one.effect in effects else one
+        if one.effect not in effects:
+            return one
+        effect = in_model[one.label]
+        names = (*effect.parameter_names(), *effect.inner_names())
+        return replace(one, parameters=tuple(known[name] for name in names))
 
     return replace(said, missing=tuple(fitted(one) for one in said.missing))
 
