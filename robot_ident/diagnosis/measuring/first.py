@@ -110,7 +110,7 @@ def _excess(found: Finding, evidence: Evidence, held_out: float) -> float:
 
 
 def _lead(found: Finding) -> float:
-    return max(LEAD * found.held_out, _Z * float(np.sqrt(found.held_out)))
+    return max(LEAD * found.held_out, _Z * float(np.sqrt(max(found.held_out, 0.0))))
 
 
 def _fault(
