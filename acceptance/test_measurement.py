@@ -18,13 +18,7 @@ def trial() -> dict[str, Any]:
     FOLDER.mkdir(parents=True, exist_ok=True)
     out = FOLDER / "kuka_ir361_measurement.json"
     words = ["trial", "--family", "measurement", "--seeds", f"{FIRST_SEED}:{FIRST_SEED + CASES}"]
-    words += [
-        "--folder",
-        str(FOLDER),
-        "--cases-file",
-        str(out.with_suffix(".jsonl")),
-        "--json",
-    ]
+    words += ["--folder", str(FOLDER), "--cases-file", str(out.with_suffix(".jsonl")), "--json"]
     with out.open("w", encoding="utf-8") as file, redirect_stdout(file):
         code = main(words)
     assert code == 0

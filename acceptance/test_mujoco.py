@@ -38,7 +38,7 @@ def outcomes(kind: str) -> dict[str, Any]:
     ],
 )
 def test_found_no_less_often_than_before(kind: str, name: str, least: float) -> None:
-    """Shares of the rules on 100 cases (docs/benchmarks.md); they must lie within the interval that the cases leave."""
+    """Shares of an earlier procedure on 100 cases; they must lie within the interval that the cases leave."""
     rate = rate_of(outcomes(kind), name)
     assert rate["upper"] >= least, rate
 
