@@ -96,17 +96,24 @@ def client(domain: int) -> Iterator[Any]:
 def call(client: Any) -> Callable[..., Any]:
     """Return a function that calls a service once it is there, and returns its answer.
 
-    again: ask once more after so many seconds; DDS drops an answer whose way back isn't discovered yet.
+    A node drops an answer whose way back it hasn't discovered yet. Discovery tells the readers of one process in
+    the order in which they were made: once the node answers a question asked later, it knows this service's too.
     """
 
-    def ask(kind: Any, name: str, request: Any = None, again: float = LONG) -> Any:
+    def ask(kind: Any, name: str, request: Any = None) -> Any:
+        from rcl_interfaces.srv import GetParameters
+
         service = client.create_client(kind, name)
         assert service.wait_for_service(timeout_sec=LONG), f"no service {name}"
-        for _ in range(max(1, round(LONG / again))):
-            future = service.call_async(request or kind.Request())
-            if wait_until(future.done, again):
-                return future.result()
-        raise AssertionError(f"no answer from {name}")
+        later = client.create_client(GetParameters, f"{name.rpartition('/')[0]}/get_parameters")
+        assert later.wait_for_service(timeout_sec=LONG), f"no parameters beside {name}"
+        known = [later.call_async(GetParameters.Request())]
+        while not wait_until(lambda: any(future.done() for future in known), 5.0):
+            assert len(known) < LONG / 5.0, f"no answer beside {name}"
+            known.append(later.call_async(GetParameters.Request()))
+        future = service.call_async(request or kind.Request())
+        assert wait_until(future.done), f"no answer from {name}"
+        return future.result()
 
     return ask
 

@@ -105,10 +105,10 @@ def test_identify_service_and_live_parameters(
     assert not output.exists()
     value = ParameterValue(type=ParameterType.PARAMETER_STRING, string_value="ls")
     request = SetParameters.Request(parameters=[Parameter(name="estimator", value=value)])
-    assert call(SetParameters, "/estimator/set_parameters", request, again=10.0).results[0].successful
+    assert call(SetParameters, "/estimator/set_parameters", request).results[0].successful
     value = ParameterValue(type=ParameterType.PARAMETER_STRING, string_value="lsq")
     request = SetParameters.Request(parameters=[Parameter(name="estimator", value=value)])
-    refused = call(SetParameters, "/estimator/set_parameters", request, again=10.0).results[0]
+    refused = call(SetParameters, "/estimator/set_parameters", request).results[0]
     assert not refused.successful and "did you mean" in refused.reason
     answer = call(Trigger, "/estimator/identify")
     assert answer.success and "21 parameters from 5 periods" in answer.message
@@ -175,7 +175,7 @@ def test_a_change_of_friction_shows_while_the_robot_runs(
     ):
         value = ParameterValue(type=ParameterType.PARAMETER_DOUBLE, double_value=given)
         request = SetParameters.Request(parameters=[Parameter(name=name, value=value)])
-        assert call(SetParameters, "/estimator/set_parameters", request, again=10.0).results[0].successful == accepted
+        assert call(SetParameters, "/estimator/set_parameters", request).results[0].successful == accepted
     replay(Recording(recorded.names, t[:900], q[:900], tau[:900], source="anew"), rate=4.0)  # before the change
     assert until(lambda: "changed" not in told[-1].status[0].message), values()  # the watch has begun anew
     assert estimator.end()[0] == 0, estimator.text
@@ -216,7 +216,7 @@ def test_covariance_is_live_and_another_model_can_be_set(
     def put(path: Path) -> Any:
         value = ParameterValue(type=ParameterType.PARAMETER_STRING, string_value=str(path))
         request = SetParameters.Request(parameters=[Parameter(name="model", value=value)])
-        return call(SetParameters, "/estimator/set_parameters", request, again=10.0).results[0]
+        return call(SetParameters, "/estimator/set_parameters", request).results[0]
 
     refused = put(tmp_path / "nothing.yaml")
     assert not refused.successful and "nothing.yaml" in refused.reason

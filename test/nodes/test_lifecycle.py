@@ -35,7 +35,7 @@ def state(call: Callable[..., Any]) -> Callable[[], str]:
     """Return a function that asks for the state."""
     from lifecycle_msgs.srv import GetState
 
-    return lambda: str(call(GetState, f"{NODE}/get_state", again=5.0).current_state.label)
+    return lambda: str(call(GetState, f"{NODE}/get_state").current_state.label)
 
 
 @pytest.fixture
@@ -50,7 +50,7 @@ def put(call: Callable[..., Any]) -> Callable[[str, Any], Any]:
         else:
             value = ParameterValue(type=ParameterType.PARAMETER_DOUBLE_ARRAY, double_array_value=given)
         request = SetParameters.Request(parameters=[Parameter(name=name, value=value)])
-        return call(SetParameters, f"{NODE}/set_parameters", request, again=10.0).results[0]
+        return call(SetParameters, f"{NODE}/set_parameters", request).results[0]
 
     return give
 

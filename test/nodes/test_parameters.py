@@ -72,7 +72,7 @@ def test_node_describes_itself_and_ends_cleanly(
     process = start(node, "-r", "__ns:=/left", "--params-file", str(config_file(f"{node}.yaml")), **values)
     names = [parameter.name for parameter in table(node)]
     request = DescribeParameters.Request(names=names)
-    answer = call(DescribeParameters, f"/left/{node}/describe_parameters", request, again=10.0)
+    answer = call(DescribeParameters, f"/left/{node}/describe_parameters", request)
     assert len(answer.descriptors) == len(names), process.text
     for parameter, descriptor in zip(table(node), answer.descriptors, strict=True):
         assert descriptor.type != 0 and parameter.description in descriptor.description
