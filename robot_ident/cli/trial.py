@@ -34,6 +34,10 @@ _ROWS = {
     "false_name_on_null": "effect named although nothing is hidden",
     "unknown_named": "effect named for something that is no effect",
     "pair_found_nothing_else": "pairs: both found, nothing else",
+    "same_joint_found_or_tied": "two of one joint: both found, or a set of them that is tied",
+    "triple_found_or_tied": "three effects: all found, or a set of them that is tied",
+    "wrong_name_beside_several": "several effects: wrong name, not an indistinguishable alternative",
+    "unexplained_though_known": "several effects: said that none of the known ones accounts for the error",
     "fault_named": "measurement fault named or indistinguishable",
     "invisible_fault_named": "effect named for an undetectable fault",
     "friction_named_for_fault": "friction named for a measurement fault",
@@ -56,7 +60,8 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
         "--kind",
         action="append",
         default=[],
-        help="single, pair_other_joints, null, unknown or single_with_background, each with all seeds (default: drawn)",
+        help="single, pair_other_joints, same_joint (two effects), triple, null, unknown or single_with_background,"
+        " each with all seeds (default: drawn)",
     )
     hidden.add_argument(
         "--seeds", default="0:20", metavar="A:B", help="seeds A to B - 1, one case each (default: %(default)s)"

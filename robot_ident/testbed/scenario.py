@@ -34,8 +34,13 @@ KINDS = {
     "null": 0.1,
     "unknown": 0.1,
     "single_with_background": 0.0,
+    "same_joint": 0.0,
+    "triple": 0.0,
 }
 """Kinds of scenarios and how often `simulate --hidden` draws them."""
+
+COUNTS = {"null": 0, "pair_other_joints": 2, "same_joint": 2, "triple": 3}
+"""Hidden effects of a kind; one of any other."""
 
 NOT_HIDDEN = ("viscous", "coulomb", "payload")
 """Part of every model, or invisible in any one recording."""
@@ -194,8 +199,8 @@ class _Drawer:
     def scenario(self, kind: str, seed: int) -> Scenario:
         """Return a scenario of a kind."""
         unknown = kind == "unknown"
-        count = {"null": 0, "pair_other_joints": 2}.get(kind, 1)
-        found = list(self._effects(count, unknown, other_joints=kind == "pair_other_joints"))
+        places = {"pair_other_joints": "other", "same_joint": "same"}.get(kind, "any")
+        found = list(self._effects(COUNTS.get(kind, 1), unknown, places=places))
         background: list[Physics] = []
         if kind == "single_with_background":
             target = BACKGROUND / np.sqrt(3) * float(found[0].visible.max())
@@ -206,15 +211,17 @@ class _Drawer:
         return Scenario(kind, seed, self.robot.name, hidden, behind, tuple(float(x) for x in left))
 
     def _effects(
-        self, count: int, unknown: bool, *, other_joints: bool = False, target: float | None = None
+        self, count: int, unknown: bool, *, places: str = "any", target: float | None = None
     ) -> Iterator[Calibrated]:
+        """Draw so many effects; places: of `other` joints each, all of the `same` one, or `any`."""
         done: list[Physics] = []
         for _ in range(DRAWS):
             if len(done) == count:
                 return
-            drawn = self._draw(unknown, joint_only=other_joints)
-            clash = drawn is None or (other_joints and drawn.place in {p.place for p in done})
-            if drawn is None or clash or self._excluded(drawn):
+            drawn = self._draw(unknown, joint_only=places != "any")
+            if drawn is None or self._excluded(drawn):
+                continue
+            if places != "any" and any((drawn.place == p.place) == (places == "other") for p in done):
                 continue
             wanted = between(self.rng, *self.sizes) if target is None else target
             tolerance = TOLERANCE if target is None else ROUGHLY

@@ -10,6 +10,7 @@ from typing import Any
 import numpy as np
 
 from robot_ident.diagnosis.diagnosis import FRICTION
+from robot_ident.testbed.scenario import COUNTS
 from robot_ident.testbed.trial import MEASUREMENT, Outcome
 
 _Z = 1.959963984540054  # standard normal quantile of a two-sided 95 % interval
@@ -71,6 +72,11 @@ def in_tie_group(o: Outcome) -> bool:
     return bool(o.named) and set(o.truth) <= said
 
 
+def found_or_tied(o: Outcome) -> bool:
+    """Return whether all that is hidden was named or is one of the sets that are tied, and nothing else was named."""
+    return in_tie_group(o) and not named_wrong(o)
+
+
 def named_wrong(o: Outcome) -> bool:
     """Return whether something was named that is not there, and that what is there is not said to tie with."""
     there = {*o.truth, *o.background}
@@ -104,6 +110,9 @@ def rates(outcomes: Sequence[Outcome], least: float) -> list[Rate]:
     def single(o: Outcome) -> bool:
         return o.kind == "single" and max(o.visible.values()) >= least
 
+    def several(o: Outcome) -> bool:
+        return COUNTS.get(o.kind, 1) > 1
+
     def fault(o: Outcome, *, visible: bool) -> bool:
         return o.kind == MEASUREMENT and (max(o.visible.values()) >= least) == visible
 
@@ -114,6 +123,10 @@ def rates(outcomes: Sequence[Outcome], least: float) -> list[Rate]:
         _Row("false_name_on_null", lambda o: o.kind == "null", lambda o: bool(o.named), wanted=False),
         _Row("unknown_named", lambda o: o.kind == "unknown", lambda o: bool(o.named), wanted=False),
         _Row("pair_found_nothing_else", lambda o: o.kind == "pair_other_joints", named_right),
+        _Row("same_joint_found_or_tied", lambda o: o.kind == "same_joint", found_or_tied),
+        _Row("triple_found_or_tied", lambda o: o.kind == "triple", found_or_tied),
+        _Row("wrong_name_beside_several", several, named_wrong, wanted=False),
+        _Row("unexplained_though_known", several, lambda o: o.verdict == "unexplained", wanted=False),
         _Row("fault_named", lambda o: fault(o, visible=True), in_tie_group),
         _Row("invisible_fault_named", lambda o: fault(o, visible=False), lambda o: bool(o.named), wanted=False),
         _Row("friction_named_for_fault", lambda o: o.kind == MEASUREMENT, friction_named, wanted=False),

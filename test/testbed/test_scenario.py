@@ -124,15 +124,15 @@ def test_kinds(kuka: Robot, kind: str) -> None:
     made = draw_scenario(11, kuka, kinds=[kind])
     names = [label.partition("@")[0] for label in made.labels]
     assert made.kind == kind
-    assert len(names) == {"null": 0, "pair_other_joints": 2}.get(kind, 1)
+    assert len(names) == {"null": 0, "pair_other_joints": 2, "same_joint": 2, "triple": 3}.get(kind, 1)
     assert all(name.startswith("unknown_") == (kind == "unknown") for name in names)
     assert not set(names) & set(NOT_HIDDEN)
     if kind == "null":
         assert max(made.visible) < 0.01
     else:
         assert 0.9 <= max(made.visible) < 12.0
-    if kind == "pair_other_joints":
-        assert len({label.partition("@")[2] for label in made.labels}) == 2
+    if kind in ("pair_other_joints", "same_joint"):
+        assert len({label.partition("@")[2] for label in made.labels}) == (1 if kind == "same_joint" else 2)
     assert len(made.background) == (3 if kind == "single_with_background" else 0)
     if made.background:
         behind = visible(Structure.build(kuka), plays(kuka, *made.background))
