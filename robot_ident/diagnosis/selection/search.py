@@ -7,7 +7,7 @@ stands for, k parameters, B blocks (risk inflation, Foster and George 1994; BIC,
 
 from __future__ import annotations
 
-from collections.abc import Collection, Sequence
+from collections.abc import Collection, Iterator, Sequence
 
 import numpy as np
 
@@ -29,9 +29,11 @@ from robot_ident.signals.motion import Array
 
 Selected = tuple[Hypothesis, ...]
 
+_FIRST = 6  # hypotheses that are looked at in a step, the best by what they predict
 _KEPT = 24  # fitted sets that are remembered
 _CLEARLY = 2.0  # of J, by which another set must be better to take the place of one
 _LEAST_DISPERSION = 1e-9  # of what the model without any effect leaves, where noise is not known
+_APART = 1e-6  # of a column's square, by which two must differ to be told apart
 _WITHOUT_WEIGHT = 1e6  # dispersion of a joint whose rows count for nothing
 
 
@@ -268,24 +270,36 @@ class Search:
         return selected
 
     def _single(self, selected: Selected) -> Selected | None:
-        for gain, h in self.ranked(selected)[:6]:
+        for gain, h in self.ranked(selected)[:_FIRST]:
             if gain > 0.0 and self.worthwhile(h, selected):
                 return (*selected, h)
         return None
 
     def _pair(self, selected: Selected) -> Selected | None:
-        given, best = self.given(selected), None
-        total = self.data.dof.sum(axis=0)
-        for joint in range(self.data.n):
-            if joint in self.unknown or given.loss[:, joint].sum() < total[joint] + self.least[joint]:
-                continue
-            for _, a, b in self.pairs(selected, joint, 2):
-                a, b = self.refined_pair(selected, a, b)
-                if self.both_worthwhile(selected, a, b):
-                    new = (*selected, a, b)
-                    if best is None or self.objective(new) < self.objective(best):
-                        best = new
+        """Return the set with the best two further effects, each worthwhile beside the other."""
+        best = None
+        for a, b in self._promising_pairs(selected):
+            a, b = self.refined_pair(selected, a, b)
+            if self.both_worthwhile(selected, a, b):
+                new = (*selected, a, b)
+                if best is None or self.objective(new) < self.objective(best):
+                    best = new
         return best
+
+    def _promising_pairs(self, selected: Selected) -> Iterator[tuple[Hypothesis, Hypothesis]]:
+        """Yield pairs on one joint, and effects of several joints that are not worthwhile alone with what predicts best
+        beside them.
+        """
+        given, total = self.given(selected), self.data.dof.sum(axis=0)
+        for joint in range(self.data.n):
+            if joint not in self.unknown and given.loss[:, joint].sum() >= total[joint] + self.least[joint]:
+                for _, a, b in self.pairs(selected, joint, 2):
+                    yield a, b
+        for gain, a in self.ranked(selected)[:_FIRST]:
+            if gain > 0.0 and len(a.joints) > 1 and not self.worthwhile(a, selected):
+                for more, b in self.ranked([*selected, a])[:2]:
+                    if more > 0.0:
+                        yield a, b
 
     def settled(self, selected: Selected) -> Selected:
         """Return the set after drops, swaps, merges and other pairs, as long as one of them improves it."""
@@ -366,10 +380,14 @@ class _PairScores:
     def __init__(self, square: Array, right: Array, size: Array, joint: int, live: Collection[Hypothesis]) -> None:
         self.square, self.right, self.size, self.joint = square, right, size, joint
         self._best: dict[tuple[str, str], tuple[float, Hypothesis, Hypothesis]] = {}
-        one = [h for h in live if len(h.ranges) == 1]
-        self._of_single_columns(one)
-        for several in (h for h in live if len(h.ranges) > 1):
-            self._with_several(several, one)
+        of_size: dict[int, list[Hypothesis]] = {}
+        for h in live:
+            of_size.setdefault(len(h.ranges), []).append(h)
+        self._of_single_columns(of_size.get(1, []))
+        for count, several in of_size.items():
+            for mine in several if count > 1 else ():
+                for fewer in (size for size in of_size if size <= count):
+                    self._with_several(mine, of_size[fewer])
 
     def best(self, count: int) -> list[tuple[Hypothesis, Hypothesis]]:
         """Return the pairs of the largest gains."""
@@ -389,7 +407,7 @@ class _PairScores:
         s, r = self.square[np.ix_(at, at)], self.right[at]
         d = np.diag(s)
         determinant = d[:, None] * d - s**2
-        apart = determinant > 1e-6 * d[:, None] * d
+        apart = determinant > _APART * d[:, None] * d
         gains = r[:, None] ** 2 * d - 2.0 * r[:, None] * r * s + r**2 * d[:, None]
         gains = np.where(apart, gains / np.where(apart, determinant, 1.0), 0.0)
         labels, which = np.unique([h.label for h in one], return_inverse=True)
@@ -400,17 +418,20 @@ class _PairScores:
                 i, j = np.unravel_index(int(np.argmax(block)), block.shape)
                 self._put(float(block[i, j]), one[mine[i]], one[others[j]])
 
-    def _with_several(self, several: Hypothesis, one: Sequence[Hypothesis]) -> None:
-        if not one:
-            return
+    def _with_several(self, several: Hypothesis, others: Sequence[Hypothesis]) -> None:
+        """Score a hypothesis of several columns beside others, which all have as many columns as each other."""
         mine = several.at[self.joint]
         own = self.square[np.ix_(mine, mine)]
         onto = np.linalg.lstsq(own, self.square[mine], rcond=1e-8)[0]
         right = self.right - onto.T @ self.right[mine]
         gain = float(self.right[mine] @ np.linalg.lstsq(own, self.right[mine], rcond=1e-8)[0])
-        at = np.array([h.at[self.joint][0] for h in one])
-        left = np.diag(self.square)[at] - np.einsum("kP,kP->P", self.square[mine][:, at], onto[:, at])
-        open_ = left > 1e-6 * self.size[at]
-        gains = np.where(open_, right[at] ** 2 / np.where(open_, left, 1.0), 0.0)
-        for h, more in zip(one, gains, strict=True):
+        at = np.array([h.at[self.joint] for h in others])
+        left = self.square[at[:, :, None], at[:, None, :]]
+        left = left - np.einsum("kha,khb->hab", self.square[mine][:, at], onto[:, at])
+        own_left = np.einsum("haa->ha", left)
+        open_ = own_left > _APART * self.size[at]
+        scale = np.where(open_, 1.0 / np.sqrt(np.where(open_, own_left, 1.0)), 0.0)
+        shares = np.linalg.pinv(left * scale[:, :, None] * scale[:, None, :], rcond=_APART, hermitian=True)
+        scaled = right[at] * scale
+        for h, more in zip(others, np.einsum("ha,hab,hb->h", scaled, shares, scaled), strict=True):
             self._put(gain + float(more), several, h)
