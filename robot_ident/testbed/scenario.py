@@ -230,7 +230,8 @@ class _Drawer:
             if not least <= float(made.visible.max()) <= most:
                 continue
             done.append(made.physics)
-            self.taken |= {(name, made.physics.place) for name in (made.physics.name, *made.physics.replaces)}
+            gone = (made.physics.name, *made.physics.replaces, *made.physics.includes)
+            self.taken |= {(name, made.physics.place) for name in gone}
             yield made
         if len(done) < count:
             raise InputError(
@@ -256,7 +257,8 @@ class _Drawer:
     def _excluded(self, drawn: Physics) -> bool:
         """Return whether it is there already, or doesn't go with what is."""
         shafts = {place for name, place in self.taken if PHYSICS[name].shaft}
-        return (drawn.name, drawn.place) in self.taken or (drawn.shaft and drawn.place in shafts)
+        told = {(name, drawn.place) for name in (drawn.name, *drawn.includes)}
+        return bool(told & self.taken) or (drawn.shaft and drawn.place in shafts)
 
     def _plays(self, physics: Physics) -> list[Play]:
         return self._simulated(plant_physics(self.robot, [physics.text]))

@@ -12,8 +12,9 @@ BLOCK = 0.5
 FORMULA_ERROR = 0.15
 """Relative rms error of an effect's formula: what it leaves of a real cause is no second cause."""
 
-FIRST_ORDER_ERROR = {"joint_elasticity": 0.4, "backlash": 0.5}
-"""The same of formulas that hold to first order in a small displacement."""
+FIRST_ORDER_ERROR = {"joint_elasticity": 0.4, "torque_ripple": 0.4, "backlash": 0.5}
+"""The same of formulas that hold to first order in a small displacement. Under a ripple faster than its servo a joint
+gives way, less than noise shows."""
 
 SIZE_ERROR = 0.11
 """Relative standard error, errors of a block taken together, to which the size of an effect must be known; of formulas

@@ -229,12 +229,18 @@ def _instead_of(found: Selection, h: Hypothesis) -> list[list[str]]:
 
 
 def _alternatives(found: Selection) -> tuple[tuple[str, ...], ...]:
-    """Return the sets that the data can't tell from the selected one, itself first; empty where there is none."""
+    """Return the sets that the data can't tell from the selected one, itself first; empty where there is none.
+
+    What may be missing besides, its size not being known, is told by itself.
+    """
     if found.election is None:
         return ()
     mine = tuple(sorted(h.label for h in found.selected))
+    besides = {*mine, *(h.label for h in found.vague)}
     others = [
-        labels for labels, share in found.election.alternatives.items() if share >= ALTERNATIVE and labels != mine
+        labels
+        for labels, share in found.election.alternatives.items()
+        if share >= ALTERNATIVE and labels != mine and not (set(mine) <= set(labels) <= besides)
     ]
     return (mine, *others) if others else ()
 

@@ -134,6 +134,30 @@ class FittedSet:
             out[j] += spent[j] * count / max(used[:, j].sum(), 1)
         return out
 
+    def excess_of_all(self) -> Array:
+        """Return by how much the squared error [n] of all folds, not fitted, may exceed noise: by one standard
+        deviation of noise more than it does.
+        """
+        noise = self.data.floor * self.data.dof.sum(axis=0)
+        return np.asarray(self.loss.sum(axis=0) - noise + np.sqrt(2.0 * noise))
+
+    def fall_where_resolved(self, new: Hypothesis, joint: int) -> tuple[float, float]:
+        """Return the fall of a joint's squared error on motion that was not fitted with a further hypothesis, and by
+        how much it exceeds noise without, in the rows that no unresolved motion at reversals spoils.
+        """
+        data, fall, excess = self.data, 0.0, 0.0
+        for number, fit in enumerate(self.fits):
+            for f in (f for f in fit.predicts if f < data.training):
+                c, made = self.coefficients(number, new)
+                kept = data.kept(f, joint)
+                before = self._error(joint, f, fit.values)[kept]
+                after = self._error(joint, f, fit.values - made.projected @ c)[kept]
+                after = after - data.pools[joint].rows(f, new.at[joint])[kept] @ c
+                used = max(int(np.sum(data.folds[f].weight[:, joint] > 0.0)), 1)
+                excess += float(before @ before) - data.dof[f, joint] * kept.sum() / used
+                fall += float(before @ before) - float(after @ after)
+        return fall, excess
+
     def parameters_of(self) -> Array:
         """Return the number of parameters [n] that the fit to all training folds spends on each joint."""
         used = self.own[: self.data.training] / self.dispersion[: self.data.training, :, None, None]

@@ -14,7 +14,8 @@ from robot_ident.diagnosis.selection.search import Search, Selected, names
 
 @dataclass(frozen=True)
 class Election:
-    """The set that wins most resamples, and the share [0, 1] of the resamples that each set wins, by its labels.
+    """The set that wins most resamples, of those whose effects are worthwhile, and the share [0, 1] of the resamples
+    that each set wins, by its labels.
 
     shares: what a set of several effects on a joint wins counts for one of fewer that predicts as well but for what its
     formulas may err; alternatives: every set's own share.
@@ -50,9 +51,14 @@ def elect(search: Search, selected: Selected, seed: int = 0) -> Election:
     for key, share in own.items():
         simplest = _simplest(search, sets, key)
         shares[simplest] = shares.get(simplest, 0.0) + share
-    best = max(shares, key=lambda key: shares[key])
-    winner = sets[best] if shares[best] > shares.get(names(selected), 0.0) else selected
-    return Election(winner, shares, own)
+    ahead = [key for key in shares if shares[key] > shares.get(names(selected), 0.0)]
+    best = next((key for key in sorted(ahead, key=lambda key: -shares[key]) if _tenable(search, sets[key])), None)
+    return Election(selected if best is None else sets[best], shares, own)
+
+
+def _tenable(search: Search, some: Selected) -> bool:
+    """Return whether every effect of a set is worthwhile beside the others."""
+    return all(search.worthwhile(h, [x for x in some if x is not h]) for h in some)
 
 
 def _simplest(search: Search, sets: Mapping[tuple[str, ...], Selected], key: tuple[str, ...]) -> tuple[str, ...]:
@@ -85,7 +91,7 @@ def _neighbours(search: Search, selected: Selected) -> dict[tuple[str, ...], Sel
         for _, other in search.ranked(rest)[:8]:
             put((*rest, other))
     for _, h in search.ranked(selected, refine=0)[:3]:
-        if search.worthwhile(h, selected):
+        if search.predicts(h, selected):
             put((*selected, h))
     for joint in range(search.data.n):
         mine = [h for h in selected if h.joints == (joint,)]

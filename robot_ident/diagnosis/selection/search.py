@@ -133,8 +133,8 @@ class Search:
     def predicts(self, h: Hypothesis, beside: Sequence[Hypothesis]) -> bool:
         """Return whether a hypothesis predicts more than it costs and makes sense.
 
-        On each joint only what exceeds the error of the others' formulas and the least torque worth a name counts, and
-        on the joint where it matters most it must explain half of what they leave.
+        On each joint no more counts than is left beyond noise, and only what exceeds the error of the others' formulas
+        and the least torque worth a name; on the joint where it matters most it must explain half of what they leave.
         """
         given = self.given(beside)
         gain = given.held_out_gain(h)
@@ -142,7 +142,7 @@ class Search:
         if (gain / self.dispersion).sum() <= cost:
             return False
         counts = self.dispersion[0] < 0.1 * _WITHOUT_WEIGHT
-        by_joint = gain.sum(axis=0) * counts
+        by_joint = np.minimum(gain.sum(axis=0), given.excess_of_all()) * counts
         beyond = by_joint - np.clip(by_joint, 0.0, self.formula_error(beside))
         beyond -= np.clip(beyond, 0.0, self.least)
         if beyond.sum() <= cost or self.share(h, beside) < (SHARE if self.data.floor else SHARE_OF_ALL):
@@ -158,19 +158,28 @@ class Search:
     def share(self, h: Hypothesis, beside: Sequence[Hypothesis]) -> float:
         """Return the share that a hypothesis explains of what others leave in excess of noise and their formulas'
         error, on the joint where it predicts most of motion that was not fitted.
+
+        The larger one of all rows' and of those rows' that no unresolved motion at reversals spoils. What is left
+        counts beyond the standard deviation of noise.
         """
-        data, given = self.data, self.given(beside)
-        training = slice(0, data.training)
-        gain = given.held_out_gain(h)[training].sum(axis=0)
+        given = self.given(beside)
+        gain = given.held_out_gain(h)[: self.data.training].sum(axis=0)
         joint = max(h.joints, key=lambda j: float(gain[j] / self.dispersion[0, j]))
-        excess = given.loss[training, joint].sum() - data.noise[joint]
-        excess -= self.formula_error(beside)[joint]
-        return float(gain[joint] / max(excess, 1.0))
+        wrong, spread = float(self.formula_error(beside)[joint]), np.sqrt(2.0 * self.data.noise[joint])
+
+        def of(fall: float, before: float) -> float:
+            left = before - fall - wrong
+            return fall / max(fall + left - float(np.clip(left, 0.0, spread)), 1.0)
+
+        share = of(float(gain[joint]), float(given.loss[: self.data.training, joint].sum() - self.data.noise[joint]))
+        return max(share, of(*given.fall_where_resolved(h, joint))) if self.data.floor else share
 
     def _open(self, h: Hypothesis, beside: Sequence[Hypothesis]) -> bool:
-        """Return whether a hypothesis may stand beside a set."""
-        dead = len(h.joints) == 1 and h.joints[0] in self.unknown
-        return not dead and h.label not in self.barred and not any(h.excludes(other) for other in beside)
+        """Return whether a hypothesis may stand beside a set; none may whose joint has an unknown cause."""
+        where = {*(h.joints if len(h.joints) == 1 else ()), *(() if h.effect.whole else (h.effect.joint,))}
+        if where & self.unknown or h.label in self.barred:
+            return False
+        return not any(h.excludes(other) for other in beside)
 
     def best_values(self, given: FittedSet) -> list[Hypothesis]:
         """Return every hypothesis at the values of its grid that gain most by the score test."""
@@ -318,7 +327,7 @@ class Search:
             rest = tuple(x for x in selected if x is not h)
             if not self.worthwhile(h, rest):
                 return rest
-            again = self.refinement.of(self.given(rest), h)
+            again = self._better_values(rest, h)
             ranked = self.ranked(rest, refine=3)
             best = ranked[0][1] if ranked else h
             better = self.objective([*rest, best]) < self.objective([*rest, again]) - _CLEARLY
@@ -327,6 +336,13 @@ class Search:
             if again is not h and self.objective([*rest, again]) < self.objective(selected) - 0.5:
                 return (*rest, again)
         return None
+
+    def _better_values(self, beside: Selected, h: Hypothesis) -> Hypothesis:
+        """Return an effect at better values of its nonlinear parameters: near its own, or near the best of its grid."""
+        given = self.given(beside)
+        grid = self.data.hypotheses[h.label][: self.data.grid.get(h.label, 0)]
+        near = [self.refinement.of(given, one) for one in (h, max(grid, key=given.gain, default=h))]
+        return max(near, key=given.gain)
 
     def _merged(self, selected: Selected) -> Selected | None:
         """Return the set with a joint's several effects replaced by one that predicts as well (`as_good`)."""

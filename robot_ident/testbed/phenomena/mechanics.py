@@ -256,6 +256,7 @@ class Cable(Physics):
     """
 
     name = "cable"
+    includes = ("torque_offset",)
     parameters = (
         Value("cable", "Nm/rad", "N/m"),
         Value("relaxed", "rad", "m"),

@@ -74,11 +74,13 @@ class Physics(ABC):
     against itself. A subclass states `name` and `parameters` and writes `typical` and `contribution`; one with memory
     also states its number of `states` and writes `advance`.
 
-    scope: where it may be; `either` means one joint or all. side: whether it acts on the motor or on the link, which
-    differ where a transmission gives. sizes: the parameters that its torque is in proportion to, at least nearly.
-    largest, smallest: factors of a usual size between which it is drawn. replaces: phenomena of the same joint whose
-    place it takes. loads_gear: the gear carries its torque. shaft: it lies between motor and link. slow: it changes
-    over many periods. reads: it changes what the encoder shows. step_rate [Hz]: how many steps a second it needs.
+    scope: where it may be; `either` means one joint or all. side: whether it acts on the motor or on the link,
+    which differ where a transmission gives. sizes: the parameters that its torque is in proportion to, at least
+    nearly. largest, smallest: factors of a usual size between which it is drawn. replaces: phenomena of the same
+    joint whose place it takes. includes: phenomena of the same joint whose torque is part of its own, so that
+    nothing could tell whether they are there besides. loads_gear: the gear carries its torque. shaft: it lies
+    between motor and link. slow: it changes over many periods. reads: it changes what the encoder shows. step_rate
+    [Hz]: how many steps a second it needs.
     """
 
     name: ClassVar[str]
@@ -90,6 +92,7 @@ class Physics(ABC):
     largest: ClassVar[float] = 8.0
     smallest: ClassVar[float] = 0.0
     replaces: ClassVar[tuple[str, ...]] = ()
+    includes: ClassVar[tuple[str, ...]] = ()
     loads_gear: ClassVar[bool] = False
     shaft: ClassVar[bool] = False
     slow: ClassVar[bool] = False
