@@ -145,7 +145,7 @@ class Search:
         by_joint = np.minimum(gain.sum(axis=0), given.excess_of_all()) * counts
         beyond = by_joint - np.clip(by_joint, 0.0, self.formula_error(beside))
         beyond -= np.clip(beyond, 0.0, self.least)
-        if beyond.sum() <= cost or self.share(h, beside) < (SHARE if self.data.floor else SHARE_OF_ALL):
+        if beyond.sum() <= cost or self._most_share(h, beside) < (SHARE if self.data.floor else SHARE_OF_ALL):
             return False
         return self._makes_sense(h, given)
 
@@ -158,21 +158,36 @@ class Search:
     def share(self, h: Hypothesis, beside: Sequence[Hypothesis]) -> float:
         """Return the share that a hypothesis explains of what others leave in excess of noise and their formulas'
         error, on the joint where it predicts most of motion that was not fitted.
-
-        The larger one of all rows' and of those rows' that no unresolved motion at reversals spoils. What is left
-        counts beyond the standard deviation of noise.
         """
-        given = self.given(beside)
-        gain = given.held_out_gain(h)[: self.data.training].sum(axis=0)
-        joint = max(h.joints, key=lambda j: float(gain[j] / self.dispersion[0, j]))
-        wrong, spread = float(self.formula_error(beside)[joint]), np.sqrt(2.0 * self.data.noise[joint])
+        fall, left = self._fall_and_left(h, beside, resolved=False)
+        return fall / max(fall + left, 1.0)
 
-        def of(fall: float, before: float) -> float:
-            left = before - fall - wrong
-            return fall / max(fall + left - float(np.clip(left, 0.0, spread)), 1.0)
+    def _most_share(self, h: Hypothesis, beside: Sequence[Hypothesis]) -> float:
+        """Return the same as large as it may be: less the standard deviation of noise, of all rows or of those that no
+        unresolved motion at reversals spoils.
+        """
+        out = []
+        for resolved in (False, True)[: 1 + self.data.floor]:
+            fall, left = self._fall_and_left(h, beside, resolved)
+            spread = np.sqrt(2.0 * self.data.noise[self._main(h, beside)])
+            out.append(fall / max(fall + left - float(np.clip(left, 0.0, spread)), 1.0))
+        return max(out)
 
-        share = of(float(gain[joint]), float(given.loss[: self.data.training, joint].sum() - self.data.noise[joint]))
-        return max(share, of(*given.fall_where_resolved(h, joint))) if self.data.floor else share
+    def _main(self, h: Hypothesis, beside: Sequence[Hypothesis]) -> int:
+        """Return the joint where a hypothesis predicts most of motion that was not fitted, in units of its error."""
+        gain = self.given(beside).held_out_gain(h)[: self.data.training].sum(axis=0)
+        return max(h.joints, key=lambda j: float(gain[j] / self.dispersion[0, j]))
+
+    def _fall_and_left(self, h: Hypothesis, beside: Sequence[Hypothesis], resolved: bool) -> tuple[float, float]:
+        """Return the fall of the squared error there, and what is left beyond noise and the others' formulas."""
+        given, joint = self.given(beside), self._main(h, beside)
+        if resolved:
+            fall, before = given.fall_where_resolved(h, joint)
+        else:
+            training = slice(0, self.data.training)
+            fall = float(given.held_out_gain(h)[training, joint].sum())
+            before = float(given.loss[training, joint].sum() - self.data.noise[joint])
+        return fall, before - fall - float(self.formula_error(beside)[joint])
 
     def _open(self, h: Hypothesis, beside: Sequence[Hypothesis]) -> bool:
         """Return whether a hypothesis may stand beside a set; none may whose joint has an unknown cause."""
