@@ -103,9 +103,16 @@ def test_a_curve_over_a_position_is_no_two_causes(bench: Any) -> None:
     assert f"these recordings do not tell the sets apart: either cable@joint_3, or {other}" in found.notes
 
 
-def test_an_effect_whose_size_is_vague_is_listed(bench: Any) -> None:
-    """Half a sample early: it shows in one sample before each reversal."""
-    found = by_sets(bench, bench.measure(("time_delay@joint_3:time_delay=-0.003",)))
+EARLY = "time_delay@joint_3:time_delay=-0.003"
+"""Half a sample early: it shows in one sample before each reversal."""
+
+
+def test_an_effect_whose_size_is_vague_is_named_where_it_explains_all(bench: Any) -> None:
+    assert labels(by_sets(bench, bench.measure((EARLY,)))) == {"time_delay@joint_3"}
+
+
+def test_an_effect_whose_size_is_vague_is_listed_next_to_an_unknown_cause(bench: Any) -> None:
+    found = by_sets(bench, bench.measure((EARLY, "unknown_product@joint_2:product=20,other=1")))
     assert found.verdict == "not_decidable" and not found.missing
     assert (found.others[0].label, found.others[0].probability) == ("time_delay@joint_3", None)
     assert any(note.startswith("time_delay@joint_3 may be missing: its size is known to ") for note in found.notes)

@@ -20,6 +20,10 @@ SIZE_ERROR = 0.11
 """Relative standard error, errors of a block taken together, to which the size of an effect must be known; of formulas
 that are less exact as much more."""
 
+COMPLETE_SIZE_ERROR = 0.2
+"""The same where the set leaves no joint more than formulas, the least torque and noise do: what stands in the place of
+an unknown cause explains it in part."""
+
 VAGUE = 0.5
 """The same from which on an effect is not listed either: zero lies within two standard errors."""
 

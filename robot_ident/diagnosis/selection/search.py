@@ -45,12 +45,14 @@ def names(selected: Sequence[Hypothesis]) -> tuple[str, ...]:
 class Search:
     """Searches sets on a data set; `unknown`: joints whose rows count for nothing, since what acts there is unknown.
 
-    barred: labels that are not tried.
+    barred: labels that are not tried. size_error: to which the size of an effect must be known, for a formula of the
+    usual error.
     """
 
-    def __init__(self, data: DataSet) -> None:
+    def __init__(self, data: DataSet, size_error: float = SIZE_ERROR) -> None:
         """Begin with the empty set, every joint counting."""
         self.data = data
+        self.size_error = size_error
         self.refinement = Refinement(data)
         self.dispersion = np.ones_like(data.power)
         self.unknown: set[int] = set()
@@ -110,7 +112,7 @@ class Search:
         """Return whether the size of a hypothesis is known as well as is asked of its formula, and of one that contains
         another the size of what it has more.
         """
-        least = SIZE_ERROR * h.formula_error / FORMULA_ERROR
+        least = self.size_error * h.formula_error / FORMULA_ERROR
         parts = [self.part_of(h, name) for name in type(h.effect).contains]
         sets = [beside, *([*beside, part] for part in parts if part is not None)]
         return all(self.given(one).size_error(h) < least for one in sets)

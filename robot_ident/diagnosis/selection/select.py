@@ -9,7 +9,14 @@ import numpy as np
 
 from robot_ident.diagnosis.progress import Tell, silent
 from robot_ident.diagnosis.selection.consistency import splits
-from robot_ident.diagnosis.selection.constants import FLEXIBLE_ERRORS, FLEXIBLE_SHARE, REMAINDER, STANDARD_ERRORS, VAGUE
+from robot_ident.diagnosis.selection.constants import (
+    COMPLETE_SIZE_ERROR,
+    FLEXIBLE_ERRORS,
+    FLEXIBLE_SHARE,
+    REMAINDER,
+    STANDARD_ERRORS,
+    VAGUE,
+)
 from robot_ident.diagnosis.selection.data_set import DataSet, Rows
 from robot_ident.diagnosis.selection.fitted_set import FittedSet, standard_errors
 from robot_ident.diagnosis.selection.hypotheses import Hypothesis
@@ -67,23 +74,45 @@ def select(
     data = DataSet(rows)
     search = Search(data)
     add_backlash(search)
-    withheld: list[Withheld] = []
-    while True:
-        tell(0.5, "searching for the set that predicts best")
-        selected = search.run()
-        unknown, barred, why = _Judged(search, selected).unknown()
-        withheld += why
-        if unknown <= search.unknown and barred <= search.barred:
-            break
-        search.unknown |= unknown
-        search.barred |= barred
-    selected = _without(selected, why)
-    tell(0.8, "weighing the alternatives")
-    election = elect(search, selected) if selected else None
-    if election is not None and election.winner != selected:
-        _, _, why = _Judged(search, election.winner).unknown()
-        selected, withheld = _without(election.winner, why), [*withheld, *why]
-    return Selection(selected, _vague(search, selected), election, fits, tuple(withheld), rows.tested, data, search)
+    tell(0.5, "searching for the set that predicts best")
+    settled = _Settled.of(search)
+    vague = _vague(search, settled.selected)
+    if vague and any(fit.fails for fit in fits):
+        wider = Search(data, COMPLETE_SIZE_ERROR)
+        complete = _Settled.of(wider)
+        if not complete.withheld and _Judged(wider, complete.selected).complete:
+            search, settled, vague = wider, complete, _vague(wider, complete.selected)
+    return Selection(
+        settled.selected, vague, settled.election, fits, settled.withheld, rows.tested, data=data, search=search
+    )
+
+
+@dataclass(frozen=True)
+class _Settled:
+    """The set that a search ends with, where no name of it is contradicted, and what was withheld on the way."""
+
+    selected: Selected
+    election: Election | None
+    withheld: tuple[Withheld, ...]
+
+    @classmethod
+    def of(cls, search: Search) -> _Settled:
+        """Search until no further joint has an unknown cause, and elect among the neighbours."""
+        withheld: list[Withheld] = []
+        while True:
+            selected = search.run()
+            unknown, barred, why = _Judged(search, selected).unknown()
+            withheld += why
+            if unknown <= search.unknown and barred <= search.barred:
+                break
+            search.unknown |= unknown
+            search.barred |= barred
+        selected = _without(selected, why)
+        election = elect(search, selected) if selected else None
+        if election is not None and election.winner != selected:
+            _, _, why = _Judged(search, election.winner).unknown()
+            selected, withheld = _without(election.winner, why), [*withheld, *why]
+        return cls(selected, election, tuple(withheld))
 
 
 def _vague(search: Search, selected: Selected) -> Selected:
@@ -123,6 +152,11 @@ class _Judged:
         self.least = least = data.weights[training].sum(axis=0) * data.least
         remainder = self.given.excess() / (wrong + least + 2.0 * np.sqrt(2.0 * np.maximum(dof, 1.0)))
         self.remainder = remainder * data.floor
+
+    @property
+    def complete(self) -> bool:
+        """Whether no joint has more left than formulas, the least torque and two standard deviations of noise."""
+        return bool(np.all(self.remainder <= 1.0))
 
     def _main(self, h: Hypothesis) -> int:
         """Return the joint on which a selected effect matters most."""
