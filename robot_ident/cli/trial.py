@@ -36,7 +36,7 @@ _ROWS = {
     "pair_found_nothing_else": "pairs: both found, nothing else",
     "same_joint_found_or_tied": "two of one joint: both found, or a set of them that is tied",
     "triple_found_or_tied": "three effects: all found, or a set of them that is tied",
-    "wrong_name_beside_several": "several effects: wrong name, not an indistinguishable alternative",
+    "wrong_name_among_several": "several effects: wrong name, not an indistinguishable alternative",
     "unexplained_though_known": "several effects: said that none of the known ones accounts for the error",
     "fault_named": "measurement fault named or indistinguishable",
     "invisible_fault_named": "effect named for an undetectable fault",

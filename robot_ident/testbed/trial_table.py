@@ -125,7 +125,7 @@ def rates(outcomes: Sequence[Outcome], least: float) -> list[Rate]:
         _Row("pair_found_nothing_else", lambda o: o.kind == "pair_other_joints", named_right),
         _Row("same_joint_found_or_tied", lambda o: o.kind == "same_joint", found_or_tied),
         _Row("triple_found_or_tied", lambda o: o.kind == "triple", found_or_tied),
-        _Row("wrong_name_beside_several", several, named_wrong, wanted=False),
+        _Row("wrong_name_among_several", several, named_wrong, wanted=False),
         _Row("unexplained_though_known", several, lambda o: o.verdict == "unexplained", wanted=False),
         _Row("fault_named", lambda o: fault(o, visible=True), in_tie_group),
         _Row("invisible_fault_named", lambda o: fault(o, visible=False), lambda o: bool(o.named), wanted=False),

@@ -78,6 +78,19 @@ def test_pairs_and_background() -> None:
     assert (found["named_right_with_background"].successes, found["named_right_with_background"].cases) == (3, 4)
 
 
+def test_several_effects_are_found_or_indistinguishable() -> None:
+    both = ("cable@joint_2", "stribeck@joint_2")
+    found_both = replace(RIGHT, kind="same_joint", truth=both, named=both, tied=((), ()))
+    one_set = replace(found_both, seed=2, named=(), tied=(), tied_sets=(("end_stop@joint_2",), both))
+    half = replace(found_both, seed=3, named=both[:1], tied=((),))
+    stranger = replace(found_both, seed=4, named=(*both, "backlash@joint_1"), tied=((), (), ()))
+    none = replace(found_both, seed=5, named=(), tied=(), verdict="unexplained")
+    found = {r.name: r for r in rates([found_both, one_set, half, stranger, none], least=1.0)}
+    assert (found["same_joint_found_or_tied"].successes, found["same_joint_found_or_tied"].exceptions) == (2, (3, 4, 5))
+    assert (found["wrong_name_among_several"].successes, found["wrong_name_among_several"].exceptions) == (1, (4,))
+    assert (found["unexplained_though_known"].successes, found["unexplained_though_known"].exceptions) == (1, (5,))
+
+
 def test_a_fault_counts_as_found_only_where_it_shows() -> None:
     found_one = replace(RIGHT, kind=MEASUREMENT, truth=("effort_gain@joint_2",), named=("effort_gain@joint_2",))
     rubs = replace(found_one, seed=2, named=("stribeck@joint_2",))

@@ -119,6 +119,12 @@ def test_same_seed_same_scenario(kuka: Robot) -> None:
     assert len(others) > 1
 
 
+def test_a_cable_and_an_offset_are_not_hidden_in_one_joint(kuka: Robot) -> None:
+    """The cable's torque holds an offset: nothing could tell whether there is another one."""
+    with pytest.raises(InputError, match="no effect leaves"):
+        draw_scenario(1, kuka, kinds=["same_joint"], names=["cable", "torque_offset"])
+
+
 @pytest.mark.parametrize("kind", KINDS)
 def test_kinds(kuka: Robot, kind: str) -> None:
     made = draw_scenario(11, kuka, kinds=[kind])

@@ -134,7 +134,7 @@ class FittedSet:
             out[j] += spent[j] * count / max(used[:, j].sum(), 1)
         return out
 
-    def excess_of_all(self) -> Array:
+    def largest_excess(self) -> Array:
         """Return by how much the squared error [n] of all folds, not fitted, may exceed noise: by one standard
         deviation of noise more than it does.
         """

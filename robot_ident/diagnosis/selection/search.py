@@ -28,6 +28,8 @@ from robot_ident.regression.gram import HELD
 from robot_ident.signals.motion import Array
 
 Selected = tuple[Hypothesis, ...]
+Ranked = list[tuple[float, Hypothesis]]
+"""Hypotheses and what they predict beyond their cost, best first."""
 
 _FIRST = 6  # hypotheses that are looked at in a step, the best by what they predict
 _KEPT = 24  # fitted sets that are remembered
@@ -135,7 +137,7 @@ class Search:
     def predicts(self, h: Hypothesis, beside: Sequence[Hypothesis]) -> bool:
         """Return whether a hypothesis predicts more than it costs and makes sense.
 
-        On each joint no more counts than is left beyond noise, and only what exceeds the error of the others' formulas
+        On each joint no more counts than the excess over noise, and only what exceeds the error of the others' formulas
         and the least torque worth a name; on the joint where it matters most it must explain half of what they leave.
         """
         given = self.given(beside)
@@ -144,7 +146,7 @@ class Search:
         if (gain / self.dispersion).sum() <= cost:
             return False
         counts = self.dispersion[0] < 0.1 * _WITHOUT_WEIGHT
-        by_joint = np.minimum(gain.sum(axis=0), given.excess_of_all()) * counts
+        by_joint = np.minimum(gain.sum(axis=0), given.largest_excess()) * counts
         beyond = by_joint - np.clip(by_joint, 0.0, self.formula_error(beside))
         beyond -= np.clip(beyond, 0.0, self.least)
         if beyond.sum() <= cost or self._most_share(h, beside) < (SHARE if self.data.floor else SHARE_OF_ALL):
@@ -169,7 +171,7 @@ class Search:
         unresolved motion at reversals spoils.
         """
         out = []
-        for resolved in (False, True)[: 1 + self.data.floor]:
+        for resolved in (False, True) if self.data.floor else (False,):
             fall, left = self._fall_and_left(h, beside, resolved)
             spread = np.sqrt(2.0 * self.data.noise[self._main(h, beside)])
             out.append(fall / max(fall + left - float(np.clip(left, 0.0, spread)), 1.0))
@@ -181,7 +183,7 @@ class Search:
         return max(h.joints, key=lambda j: float(gain[j] / self.dispersion[0, j]))
 
     def _fall_and_left(self, h: Hypothesis, beside: Sequence[Hypothesis], resolved: bool) -> tuple[float, float]:
-        """Return the fall of the squared error there, and what is left beyond noise and the others' formulas."""
+        """Return the fall of the squared error there, and what is left in excess of noise and the others' formulas."""
         given, joint = self.given(beside), self._main(h, beside)
         if resolved:
             fall, before = given.fall_where_resolved(h, joint)
@@ -221,7 +223,7 @@ class Search:
             out.append(best)
         return out
 
-    def ranked(self, beside: Sequence[Hypothesis], refine: int = REFINED) -> list[tuple[float, Hypothesis]]:
+    def ranked(self, beside: Sequence[Hypothesis], refine: int = REFINED) -> Ranked:
         """Return what every hypothesis predicts beside a set beyond its cost, best first, the best ones refined.
 
         What gains less than its cost on the fitted data themselves gets no held-out look (score test).
@@ -285,7 +287,8 @@ class Search:
         selected: Selected = ()
         while len(selected) < LARGEST_SET:
             self.weigh_by(selected)
-            options = [found for found in (self._single(selected), self._pair(selected)) if found is not None]
+            best = self.ranked(selected)[:_FIRST]
+            options = [found for found in (self._single(selected, best), self._pair(selected, best)) if found]
             if not options:
                 break
             grown = self.settled(min(options, key=self.objective))
@@ -295,24 +298,22 @@ class Search:
         self.weigh_by(selected)
         return selected
 
-    def _single(self, selected: Selected) -> Selected | None:
-        for gain, h in self.ranked(selected)[:_FIRST]:
+    def _single(self, selected: Selected, best: Ranked) -> Selected | None:
+        for gain, h in best:
             if gain > 0.0 and self.worthwhile(h, selected):
                 return (*selected, h)
         return None
 
-    def _pair(self, selected: Selected) -> Selected | None:
+    def _pair(self, selected: Selected, best: Ranked) -> Selected | None:
         """Return the set with the best two further effects, each worthwhile beside the other."""
-        best = None
-        for a, b in self._promising_pairs(selected):
+        out = []
+        for a, b in self._promising_pairs(selected, best):
             a, b = self.refined_pair(selected, a, b)
             if self.both_worthwhile(selected, a, b):
-                new = (*selected, a, b)
-                if best is None or self.objective(new) < self.objective(best):
-                    best = new
-        return best
+                out.append((*selected, a, b))
+        return min(out, key=self.objective, default=None)
 
-    def _promising_pairs(self, selected: Selected) -> Iterator[tuple[Hypothesis, Hypothesis]]:
+    def _promising_pairs(self, selected: Selected, best: Ranked) -> Iterator[tuple[Hypothesis, Hypothesis]]:
         """Yield pairs on one joint, and effects of several joints that are not worthwhile alone with what predicts best
         beside them.
         """
@@ -321,7 +322,7 @@ class Search:
             if joint not in self.unknown and given.loss[:, joint].sum() >= total[joint] + self.least[joint]:
                 for _, a, b in self.pairs(selected, joint, 2):
                     yield a, b
-        for gain, a in self.ranked(selected)[:_FIRST]:
+        for gain, a in best:
             if gain > 0.0 and len(a.joints) > 1 and not self.worthwhile(a, selected):
                 for more, b in self.ranked([*selected, a])[:2]:
                     if more > 0.0:
