@@ -20,6 +20,9 @@ from robot_ident.cli.design_bound import (
     until_bound,
     write_design_page,
 )
+from robot_ident.cli.design_iterate import check_iterate, run_iterate
+from robot_ident.cli.design_json import design_json
+from robot_ident.cli.design_validation import run_validation
 from robot_ident.cli.design_waypoints import add_waypoints, run_waypoints
 from robot_ident.cli.options import add_joints, held_for_design, held_note
 from robot_ident.cli.output import (
@@ -240,6 +243,11 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
         help="optimise K trajectories jointly; -o NAME.yaml writes NAME_1.yaml... (default: %(default)s)",
     )
     add_waypoints(motion)
+    motion.add_argument(
+        "--validation-motion",
+        action="store_true",
+        help="instead of an excitation, draw 20 random points with maximum acceleration and a full stop at each",
+    )
     limits = parser.add_argument_group("limits")
     limits.add_argument(
         "--from",
@@ -279,10 +287,15 @@ def _add_purpose(group: Options) -> None:
         "--criterion",
         default="d-optimal",
         help="d-optimal (log det of the covariance), condition (condition number) or crlb (d-optimal with position"
-        " noise, needs --model); default: %(default)s",
+        " noise, needs --model or --iterate); default: %(default)s",
     )
     group.add_argument(
         "--effect", action="extend", nargs="+", default=[], metavar="NAME@JOINT", help="additional effects to identify"
+    )
+    group.add_argument(
+        "--iterate",
+        action="store_true",
+        help="with --criterion crlb: measure the simulated robot, estimate, design again, until sigma no longer falls",
     )
     group.add_argument("--model", metavar="MODEL", help="model.yaml whose parameters to optimise for")
     group.add_argument(
@@ -311,13 +324,19 @@ def run(args: argparse.Namespace) -> int:
     if args.time_limit is not None and not args.time_limit > 0:
         raise InputError(f"--time-limit {args.time_limit}: must be above 0")
     check_bound_arguments(args)
+    if args.iterate:
+        check_iterate(args)
     band = bandwidth_of(args.bandwidth)
     model, whole = _model_and_robot(args)
     robot, held = held_for_design(args, whole)
     _check_model(args, model, robot)
     robot = within_runs(args, robot, whole)
+    if args.validation_motion:
+        return run_validation(args, _target(args, model, robot), files)
     if args.waypoints:
         return run_waypoints(args, _target(args, model, robot), files)
+    if args.iterate:
+        return run_iterate(args, robot, files)
     target = _target(args, model, robot)
     check_precision(args, target)
     prior = prior_information(args.prior, target, model, bound=args.criterion == "crlb")
@@ -347,8 +366,10 @@ def run(args: argparse.Namespace) -> int:
     if args.page:
         write_design_page(args, found, target, bound)
     if args.json:
-        more = {"bound": bound_json(bound, found), "page": args.page, "held": held, "waypoints": None}
-        print_json({**_json(found, files), **more, "precision": precision_json(needed)})
+        more = {"bound": bound_json(bound, found), "page": args.page, "held": held, "precision": precision_json(needed)}
+        print_json(
+            design_json(files, found, found.parameters, found.margins, found.seconds, found.notes, **more),
+        )
         refuse_unchecked(args, found.margins, files)
         return 0
     for note in (*held_note(whole, held), *found.notes):
@@ -484,21 +505,6 @@ def _with_sources(excitation: Excitation, args: argparse.Namespace) -> Excitatio
     return replace(
         excitation, reproduce={**excitation.reproduce, **{key: value for key, value in given.items() if value}}
     )
-
-
-def _json(found: DesignResult, files: Sequence[str]) -> dict[str, Any]:
-    return {
-        "schema": "robot_ident/design/1",
-        "files": list(files),
-        "log10_det_covariance": found.log10_det_covariance,
-        "condition_number": found.condition_number,
-        "seconds": found.seconds,
-        "margins": found.margins.to_json(),
-        "not_checked": list(found.margins.unknown),
-        "sigma": dict(zip(found.parameters, found.sigma.tolist(), strict=True)),
-        "notes": list(found.notes),
-        "tell": None,
-    }
 
 
 def process_start() -> float:

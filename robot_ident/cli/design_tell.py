@@ -6,6 +6,7 @@ import argparse
 from collections.abc import Callable, Sequence
 from typing import TYPE_CHECKING, Any
 
+from robot_ident.cli.design_json import design_json
 from robot_ident.cli.output import Progress, margin_table, print_json, refuse_unchecked, say, say_unchecked, tell
 from robot_ident.errors import InputError
 
@@ -75,29 +76,14 @@ def run_tell(
 def _tell_json(found: Telling, target: Target, files: Sequence[str], labels: Sequence[str]) -> dict[str, Any]:
     from robot_ident.design.discrimination import NEEDED
 
-    values = found.evaluation
-    return {
-        "schema": "robot_ident/design/1",
-        "files": list(files),
-        "log10_det_covariance": values.log10_det_covariance,
-        "condition_number": values.condition_number,
-        "seconds": found.seconds,
-        "margins": found.margins.to_json(),
-        "not_checked": list(found.margins.unknown),
-        "bound": None,
-        "page": None,
-        "held": {},
-        "waypoints": None,
-        "precision": None,
-        "sigma": dict(zip(found.parameters, values.sigma.tolist(), strict=True)),
-        "notes": list(target.notes),
-        "tell": {
-            "effects": list(labels),
-            "noncentrality": found.noncentrality,
-            "of_each": list(found.of_each),
-            "needed": NEEDED,
-            "separable": found.separable,
-            "motion": found.kind,
-            "otherwise": found.otherwise,
-        },
+    told = {
+        "effects": list(labels),
+        "noncentrality": found.noncentrality,
+        "of_each": list(found.of_each),
+        "needed": NEEDED,
+        "separable": found.separable,
+        "motion": found.kind,
+        "otherwise": found.otherwise,
     }
+    values, names = found.evaluation, found.parameters
+    return design_json(files, values, names, found.margins, found.seconds, target.notes, tell=told)

@@ -7,6 +7,7 @@ import time
 from collections.abc import Sequence
 from typing import TYPE_CHECKING
 
+from robot_ident.cli.design_json import design_json
 from robot_ident.cli.output import (
     Options,
     Progress,
@@ -52,6 +53,7 @@ def run_waypoints(args: argparse.Namespace, target: Target, files: Sequence[str]
     from robot_ident.design.tours import Waypoints, plan_tour
 
     forbidden = {
+        "--iterate": args.iterate,
         "--tell": args.tell,
         "--trajectories": args.trajectories > 1,
         "--symmetric": args.symmetric,
@@ -91,30 +93,14 @@ def run_waypoints(args: argparse.Namespace, target: Target, files: Sequence[str]
         )
     values, seconds = tour.evaluation, time.monotonic() - started
     if args.json:
-        print_json(
-            {
-                "schema": "robot_ident/design/1",
-                "files": list(files),
-                "log10_det_covariance": values.log10_det_covariance,
-                "condition_number": values.condition_number,
-                "seconds": seconds,
-                "margins": tour.margins.to_json(),
-                "not_checked": list(tour.margins.unknown),
-                "sigma": dict(zip(target.structure.names, values.sigma.tolist(), strict=True)),
-                "notes": notes,
-                "tell": None,
-                "bound": None,
-                "page": None,
-                "held": {},
-                "precision": None,
-                "waypoints": {
-                    "poses": list(tour.names),
-                    "paces": list(tour.paces),
-                    "repeats": args.repeats,
-                    "duration": tour.motion.duration,
-                },
-            }
-        )
+        planned = {
+            "poses": list(tour.names),
+            "paces": list(tour.paces),
+            "repeats": args.repeats,
+            "duration": tour.motion.duration,
+        }
+        names = target.structure.names
+        print_json(design_json(files, values, names, tour.margins, seconds, notes, waypoints=planned))
         refuse_unchecked(args, tour.margins)
         return 0
     for note in notes:

@@ -76,6 +76,7 @@ def design(
     deadline: float | None = None,
     seed: int = 0,
     determinant_floor: float | None = None,
+    start: Excitation | None = None,
     workers: int | None = None,
     progress: Callable[[Progress], None] | None = None,
     cancel: Callable[[], bool] | None = None,
@@ -91,6 +92,7 @@ def design(
     highest) Hz: only harmonics inside, at most `harmonics` (5) of them, spread evenly.
 
     time_limit [s] from now, or deadline on time.monotonic(); what is found before it is kept. starts: cold starts (12);
+    start: a motion of the same harmonics from which one motion is searched for too, and a quarter of the cold starts;
     with a time limit and no number of them the search goes on, from new starts too, until it gains nothing more.
     Without a time limit the result depends on the seed alone. Ctrl-C ends the search and keeps the best so far. Raises
     InputError when limits are missing or can't be met together.
@@ -118,7 +120,8 @@ def design(
     setting = replace(_setting(target, family, criterion), prior=prior)
     if np.isfinite(limit):
         run.deadline = limit - max(_FINISH, _SLOWER * trajectories * _verdict_seconds(target, setting, seed))
-    found = search(run, setting, trajectories, starts, seed, determinant_floor)
+    known = None if start is None else _coefficients(start, family)
+    found = search(run, setting, trajectories, starts, seed, determinant_floor, known)
     if not found:
         raise nothing_found(run, setting, determinant_floor)
     asked: dict[str, Any] = {
@@ -153,6 +156,17 @@ def _verdict_seconds(target: Target, setting: Setting, seed: int) -> float:
     certify(excitation, target.robot)
     target.judge([excitation], bound=setting.criterion == "crlb", prior=setting.prior)
     return time.monotonic() - began
+
+
+def _coefficients(start: Excitation, family: Family) -> Array:
+    """Return the coefficients [1 + 2 L, n] of a motion; InputError where it is of another family."""
+    series = start.series
+    if (series.base_frequency, series.harmonics) != (family.base_frequency, family.harmonics):
+        raise InputError(
+            f"the motion to start from has {series.harmonics} harmonics of {series.base_frequency:g} Hz, not"
+            f" {family.harmonics} of {family.base_frequency:g} Hz"
+        )
+    return np.vstack([series.q0, series.a.T, series.b.T])
 
 
 def _plain(robot: Robot, setting: Setting, found: Found) -> Excitation:

@@ -269,16 +269,27 @@ _ROUND_GAIN = 0.01
 _FIRST = 0.2  # share of a search for the condition number that first lowers the determinant
 
 
-def search(run: Run, setting: Setting, count: int, starts: int | None, seed: int, floor: float | None) -> list[Found]:
+def search(
+    run: Run,
+    setting: Setting,
+    count: int,
+    starts: int | None,
+    seed: int,
+    floor: float | None,
+    known: Array | None = None,
+) -> list[Found]:
     """Return the best of `count` motions for the criterion of the sum of their information and the prior; empty where
-    none was found.
+    none was found. known: coefficients [1 + 2 L, n] of a motion from which one motion is searched for too.
 
     Each is searched with the others' information as prior: first one after the other, then in turns from where it
     stands. The cost of the set never rises. run.best is the last one found, with the values of the whole set.
     """
     if count == 1:
         with _keeping_the_best(run):
-            search_one(run, setting, floor, starts, seed, run.deadline, [])
+            if known is not None and floor is None and setting.criterion == "condition":
+                floor = random_determinant(pickle.dumps(replace(setting, criterion="d-optimal")), FLOOR_DRAWS)
+            warm = [] if known is None else [_taken(run, Problem(replace(setting, floor=floor)), known)]
+            search_one(run, setting, floor, starts, seed, run.deadline, warm)
         return [] if run.best is None else [run.best]
     problem, found, told = Problem(setting), list[Found](), list[Array]()
     turn, gained = 0, True
@@ -308,6 +319,16 @@ def search(run: Run, setting: Setting, count: int, starts: int | None, seed: int
             run.take_over(best, recorded=len(found) == count)
         turn, gained = turn + 1, run.best.cost < before - _ROUND_GAIN
     return found
+
+
+def _taken(run: Run, problem: Problem, known: Array) -> Array:
+    """Return the variables of a known motion, which is the best so far where it is certified."""
+    from robot_ident.design import local_search
+
+    recorder = local_search.Recorder(problem)
+    recorder.examine(known)
+    run.take(recorder.best)
+    return problem.variables(known)
 
 
 def _stage(

@@ -1,0 +1,129 @@
+"""`robot_ident design --criterion crlb --iterate`: design, measure and estimate in turn, on the simulated robot."""
+
+from __future__ import annotations
+
+import argparse
+from collections.abc import Sequence
+from typing import TYPE_CHECKING, Any
+
+from robot_ident.cli.design_json import design_json
+from robot_ident.cli.output import Progress, margin_table, print_json, refuse_unchecked, say, say_unchecked, table
+from robot_ident.errors import InputError
+
+if TYPE_CHECKING:
+    from robot_ident.robot import Robot
+    from robot_ident.testbed.redesign import Redesigned, Round
+
+_NOT_WITH = {
+    "--model": "model",
+    "--prior": "prior",
+    "--tell": "tell",
+    "--only": "only",
+    "--waypoints": "waypoints",
+    "--symmetric": "symmetric",
+    "--bandwidth": "bandwidth",
+    "--bound": "bound",
+    "--page": "page",
+    "--precision": "precision",
+    "--joints": "joints",
+    "--from": "run_before",
+}
+
+
+def check_iterate(args: argparse.Namespace) -> None:
+    """Raise InputError where options of other designs are given."""
+    if args.criterion != "crlb":
+        raise InputError(
+            f"--iterate goes with --criterion crlb, which alone depends on the estimate (given: {args.criterion})"
+        )
+    given = [option for option, name in _NOT_WITH.items() if getattr(args, name)]
+    given += ["--trajectories"] if args.trajectories > 1 else []
+    if given:
+        raise InputError(f"--iterate does not go with {', '.join(given)}: it starts by the condition number")
+
+
+def run_iterate(args: argparse.Namespace, robot: Robot, files: Sequence[str]) -> int:
+    """Iterate, print the bound from round to round, write the last motion."""
+    from robot_ident.design.design import Progress as State
+    from robot_ident.testbed.redesign import redesign
+
+    with Progress("design", 1.0) as bar:
+
+        def show(number: int, state: State) -> None:
+            done = state.done / state.planned if state.planned else 0.0
+            if args.time_limit is not None:
+                done = state.seconds / args.time_limit
+            bar.reach(min(1.0, done), f"round {number + 1}: bound 10^{state.log10_det_covariance:.2f}")
+
+        found = redesign(
+            robot,
+            effects=args.effect,
+            harmonics=args.harmonics,
+            base_frequency=args.base_frequency,
+            sample_rate=args.sample_rate,
+            starts=args.starts,
+            time_limit=args.time_limit,
+            seed=args.seed,
+            progress=show,
+        )
+    for file in files:
+        found.last.excitation.write(file, force=args.force)
+    if args.json:
+        last, rounds = found.last, iterations_json(found)
+        print_json(design_json(files, last, last.parameters, last.margins, last.seconds, last.notes, iterations=rounds))
+        refuse_unchecked(args, found.last.margins, files)
+        return 0
+    say_unchecked(found.last.margins)
+    say(table(("motion", "log10 det of the bound", "log10 det of c2", "condition number", "sigma, mean"), _rows(found)))
+    say(rule_in_words(found))
+    say(margin_table(found.last.margins))
+    for file in files:
+        say(f"written: {file}")
+    refuse_unchecked(args, found.last.margins, files)
+    return 0
+
+
+def _rows(found: Redesigned) -> list[tuple[str, ...]]:
+    rows: list[tuple[str, ...]] = []
+    for one in found.rounds:
+        model = one.model
+        rows.append(
+            (
+                one.excitation.criterion or "given",
+                f"{one.log10_det_bound:.2f}",
+                f"{model.log10_det_covariance:.2f}",
+                f"{model.condition_number:.2f}",
+                f"{-100 * one.fall:+.1f} %" if one.fall else "",
+            )
+        )
+    return rows
+
+
+def rule_in_words(found: Redesigned) -> str:
+    """Return why the iteration ended."""
+    from robot_ident.testbed.redesign import ENOUGH
+
+    if found.converged:
+        return (
+            f"converged after {len(found.rounds)} measurements: the next motion would lower the mean sigma by"
+            f" {100 * max(0.0, found.next_fall):.1f} %, less than {100 * ENOUGH:g} %"
+        )
+    return f"not converged after {len(found.rounds)} measurements: sigma still falls by {100 * found.next_fall:.1f} %"
+
+
+def iterations_json(found: Redesigned) -> dict[str, Any]:
+    """Return the rounds as plain values."""
+    return {
+        "converged": found.converged,
+        "next_fall": found.next_fall,
+        "rounds": [_round_json(one) for one in found.rounds],
+    }
+
+
+def _round_json(one: Round) -> dict[str, Any]:
+    return {
+        "criterion": one.excitation.criterion,
+        "log10_det_bound": one.log10_det_bound,
+        "sigma": dict(zip(one.model.structure.names, one.sigma.tolist(), strict=False)),
+        "fall": one.fall,
+    }
