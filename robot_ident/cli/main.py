@@ -38,6 +38,7 @@ GROUPS: dict[str, dict[str, str]] = {
         "simulate": "record a simulated robot, faster than real time",
         "replay": "publish a recording on joint_states with its original timing",
         "info": "show what a recording holds: topics, joints, sample rate, periods, noise",
+        "filter": "identify the anti-alias filter of the torque channel from its frequency response",
         "recover": "rewrite a truncated bag as a complete one",
     },
     "Identify": {

@@ -5,13 +5,11 @@ from __future__ import annotations
 from dataclasses import dataclass
 
 import numpy as np
-from numpy.typing import NDArray
 
 from robot_ident.errors import InputError
-from robot_ident.robot.robot import AntiAlias, Robot
+from robot_ident.robot.anti_alias import AntiAlias, Response
+from robot_ident.robot.robot import Robot
 from robot_ident.signals.motion import Array
-
-Response = NDArray[np.complex128]
 
 LEAST_GAIN = 0.5  # of a filter that is inverted: beyond, noise would be more than doubled
 
@@ -36,12 +34,12 @@ class Chain:
     @property
     def bandwidth(self) -> float:
         """Frequency [Hz] up to which all filters pass at least half; inf without."""
-        return min((_bandwidth(kind) for kind in self.anti_alias if kind), default=float("inf"))
+        return min((kind.passes(LEAST_GAIN) for kind in self.anti_alias if kind), default=float("inf"))
 
     def response(self, frequency: Array) -> Response:
-        """Return H [K, n] at frequencies [K] Hz: Butterworth's poles, and exp(-i w delay)."""
+        """Return H [K, n] at frequencies [K] Hz: the filters' poles, and exp(-i w delay)."""
         lag = np.exp(-2j * np.pi * frequency[:, None] * self.delay)
-        gains = {kind: _gain(kind, frequency) for kind in set(self.anti_alias) if kind}
+        gains = {kind: kind.response(frequency) for kind in set(self.anti_alias) if kind}
         for joint, kind in enumerate(self.anti_alias):
             if kind:
                 lag[:, joint] *= gains[kind]
@@ -76,9 +74,7 @@ class Chain:
         parts = []
         kinds = [kind for kind in dict.fromkeys(self.anti_alias) if kind]
         if kinds:
-            told = ", ".join(f"of order {kind.order} at {kind.cutoff:g} Hz" for kind in kinds)
-            word = "filter" if len(kinds) == 1 else "filters"
-            parts.append(f"Butterworth {word} {told} undone to {self.bandwidth:.3g} Hz")
+            parts.append(f"{', '.join(kind.words for kind in kinds)} undone to {self.bandwidth:.3g} Hz")
         if self.delay.any():
             parts.append("delay of " + ", ".join(f"{1e3 * d:g}" for d in self.delay) + " ms undone")
         return "torque channel: " + ", ".join(parts) if parts else ""
@@ -106,18 +102,3 @@ def chain_of(robot: Robot, anti_alias: tuple[float, float] | None, source: str, 
             f" begins at {lowest:.3g} Hz; give the filter that was in the chain (--anti-alias ORDER:HZ, or none)"
         )
     return chain
-
-
-def _bandwidth(kind: AntiAlias) -> float:
-    """Return the frequency [Hz] up to which a filter passes at least half: (1/g^2 - 1)^(1 / 2 order) cutoff."""
-    return float(kind.cutoff * (1.0 / LEAST_GAIN**2 - 1.0) ** (0.5 / kind.order))
-
-
-def _gain(kind: AntiAlias, frequency: Array) -> Response:
-    """Return a Butterworth filter's H [K] at frequencies [K] Hz, by its poles."""
-    s = 2j * np.pi * frequency
-    gain = np.ones(len(frequency), dtype=complex)
-    angles = np.pi * (2.0 * np.arange(1, kind.order + 1) + kind.order - 1) / (2.0 * kind.order)
-    for pole in np.exp(1j * angles):
-        gain = gain / (s / (2.0 * np.pi * kind.cutoff) - pole)
-    return gain

@@ -11,6 +11,7 @@ from typing import Any, Literal
 import numpy as np
 
 from robot_ident.errors import InputError, did_you_mean
+from robot_ident.robot.anti_alias import AntiAlias
 from robot_ident.robot.drives import Efforts, Side
 from robot_ident.robot.geometry import Geometry
 from robot_ident.robot.rigid_body import RigidBody
@@ -58,16 +59,6 @@ class Spring:
 
     length: float
     lever: float
-
-
-@dataclass(frozen=True)
-class AntiAlias:
-    """Analogue low pass in front of the torque converter: a Butterworth filter of `order` with its -3 dB at `cutoff`
-    Hz.
-    """
-
-    order: int
-    cutoff: float
 
 
 @dataclass(frozen=True)

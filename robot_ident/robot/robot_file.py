@@ -7,17 +7,18 @@ from pathlib import Path
 from typing import Annotated, Any, Literal
 
 import numpy as np
-from pydantic import Field, ValidationInfo, field_validator
+from pydantic import Field, ValidationInfo, field_validator, model_validator
 
 from robot_ident.configuration import Closed, parse, read_yaml, schema
 from robot_ident.errors import InputError, did_you_mean
 from robot_ident.files import read_text
 from robot_ident.provenance import config_file
 from robot_ident.robot import workspace
+from robot_ident.robot.anti_alias import AntiAlias
 from robot_ident.robot.drives import EffortField, EffortFile, EffortsField, EffortsFile, efforts_of
 from robot_ident.robot.geometry import CLEARANCE, Geometry
 from robot_ident.robot.rigid_body import RigidBody
-from robot_ident.robot.robot import AntiAlias, Definition, Drives, Limits, Noise, Robot, Spring, at_every_joint
+from robot_ident.robot.robot import Definition, Drives, Limits, Noise, Robot, Spring, at_every_joint
 from robot_ident.robot.urdf import (
     ENDLESS,
     check_serial,
@@ -36,10 +37,30 @@ Gravity = Annotated[float, Field(ge=-30.0, le=30.0)]  # m/s^2 along one axis; th
 
 
 class AntiAliasFile(Closed):
-    """Analogue low pass of the torque channel."""
+    """Analogue low pass of the torque channel: a Butterworth filter, or the sections that `filter` identified."""
 
-    order: int = Field(8, ge=1, le=12, description="order of the Butterworth filter")
-    cutoff: Positive = Field(description="-3 dB frequency, Hz")
+    order: int | None = Field(None, ge=1, le=12, description="order of the Butterworth filter; default 8")
+    cutoff: Positive | None = Field(None, description="-3 dB frequency, Hz")
+    sections: list[tuple[Positive, Positive] | tuple[Positive]] | None = Field(
+        None,
+        min_length=1,
+        max_length=12,
+        description="in place of these: [natural frequency Hz, quality] of each pair of poles, [Hz] of a real one",
+    )
+
+    @model_validator(mode="after")
+    def _one_of_both(self) -> AntiAliasFile:
+        if (self.cutoff is None) == (self.sections is None) or (self.order is not None and self.sections is not None):
+            raise ValueError("either order and cutoff, or sections alone, were expected")
+        return self
+
+    @property
+    def filter(self) -> AntiAlias:
+        """The filter."""
+        if self.sections is not None:
+            return AntiAlias.of_sections(self.sections)
+        assert self.cutoff is not None
+        return AntiAlias(8 if self.order is None else self.order, self.cutoff)
 
 
 class JointFile(Closed):
@@ -287,8 +308,7 @@ def _build(file: RobotFile, text: str, path: Path, definition: Definition | None
         base_parameters=dict(file.base_parameters),
         minimum_speed=_column(record.minimum_speed for record in records),
         anti_alias=tuple(
-            AntiAlias(kind.order, kind.cutoff) if kind else None
-            for kind in (record.anti_alias or file.anti_alias for record in records)
+            kind.filter if kind else None for kind in (record.anti_alias or file.anti_alias for record in records)
         ),
         effort=efforts_of(
             file.effort, {name: record.effort for name, record in zip(joints, records, strict=True)}, joints, path

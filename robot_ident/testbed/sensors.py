@@ -12,7 +12,8 @@ import casadi as ca
 import numpy as np
 
 from robot_ident.errors import InputError
-from robot_ident.robot.robot import AntiAlias, Robot
+from robot_ident.robot.anti_alias import AntiAlias
+from robot_ident.robot.robot import Robot
 from robot_ident.signals.motion import Array, Motion
 from robot_ident.testbed.phenomena import Physics
 from robot_ident.testbed.phenomena.phenomenon import Instant
@@ -79,14 +80,15 @@ def anti_alias_of(robot: Robot, rate: float) -> tuple[AntiAlias | None, ...]:
 
 
 def low_pass(kind: AntiAlias, values: Array, rate: float) -> Array:
-    """Return values [N, n], sampled at `rate` [Hz], behind the Butterworth filter, which has settled on the first
-    value.
+    """Return values [N, n], sampled at `rate` [Hz], behind the filter, which has settled on the first value.
 
     Discretised by the bilinear rule with its -3 dB kept in place; `rate` far above the cutoff.
     """
     from scipy import signal
 
-    sections = signal.butter(kind.order, kind.cutoff, fs=rate, output="sos")
+    warp = rate / (np.pi * kind.cutoff) * np.tan(np.pi * kind.cutoff / rate)
+    poles = warp * kind.poles
+    sections = signal.zpk2sos(*signal.bilinear_zpk([], poles, np.real(np.prod(-poles)), rate))
     settled = signal.sosfilt_zi(sections)[:, :, None] * values[0]
     filtered, _ = signal.sosfilt(sections, values, axis=0, zi=settled)
     return np.asarray(filtered)

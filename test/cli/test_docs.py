@@ -7,6 +7,7 @@ from collections.abc import Callable, Iterator
 from pathlib import Path
 from typing import Any
 
+import numpy as np
 import pytest
 
 from robot_ident.cli.main import VERBS
@@ -85,11 +86,22 @@ def other(arm: Any, tmp_path: Path) -> Path:
     return tmp_path / "other.npz"
 
 
+def response_of_a_filter(path: Path) -> Path:
+    from robot_ident.robot.anti_alias import AntiAlias
+
+    frequency = np.geomspace(1.0, 100.0, 40)
+    values = AntiAlias(4, 30.0).response(frequency)
+    rows = zip(frequency, np.abs(values), np.rad2deg(np.angle(values)), strict=True)
+    path.write_text("frequency,gain,phase\n" + "".join(f"{f},{g},{p}\n" for f, g, p in rows))
+    return path
+
+
 WORDS: dict[str, list[str]] = {
     "init": ["--urdf", "URDF", "-o", "OUT"],
     "design": ["--starts", "1", "--time-limit", "6"],
     "check": ["EXC"],
     "simulate": ["EXC", "--periods", "2", "-o", "OUT"],
+    "filter": ["RESPONSE"],
     "recover": ["BAG", "-o", "OUT"],
     "info": ["BAG"],
     "identify": ["BAG"],
@@ -122,6 +134,7 @@ def test_every_key_is_documented(
         "MODEL": model,
         "OTHER": other,
         "OUT": tmp_path / "out",
+        "RESPONSE": response_of_a_filter(tmp_path / "response.csv"),
     }
     done = run(*verb.split(), *[places.get(word, word) for word in WORDS[verb]], "--json")
     assert done.code == 0, done.err

@@ -1,0 +1,120 @@
+"""`robot_ident filter`: the anti-alias filter of the torque channel, from its frequency response."""
+
+from __future__ import annotations
+
+import argparse
+from typing import TYPE_CHECKING
+
+from robot_ident.cli.output import add_json, add_robot, print_json, say, table, within
+from robot_ident.errors import InputError
+
+if TYPE_CHECKING:
+    from robot_ident.recording.filter_response import FrequencyResponse, IdentifiedFilter
+
+
+def add_arguments(parser: argparse.ArgumentParser) -> None:
+    """Add the command's options."""
+    parser.add_argument(
+        "response",
+        metavar="RESPONSE.csv",
+        nargs="?",
+        help="measured response: columns frequency [Hz], gain (ratio), phase [deg] and, where known, deviation",
+    )
+    parser.add_argument("--with", dest="behind", metavar="BAG", help="instead: recording of a motion with the filter")
+    parser.add_argument("--without", metavar="BAG", help="recording of the same motion without the filter")
+    add_robot(parser)
+    parser.add_argument("--joint", metavar="J", help="with two recordings: this joint only (default: all together)")
+    parser.add_argument(
+        "--order", type=within(1, 12, int), metavar="N", help="order of the filter (default: that of the least BIC)"
+    )
+    add_json(parser)
+
+
+def run(args: argparse.Namespace) -> int:
+    """Identify the filter and print the section for the robot YAML."""
+    from robot_ident.cli.identify import to_the_digit
+    from robot_ident.recording.filter_response import FrequencyResponse, identify_filter
+
+    if (args.response is None) == (args.behind is None and args.without is None) or (
+        (args.behind is None) != (args.without is None)
+    ):
+        raise InputError("either RESPONSE.csv, or --with BAG and --without BAG, were expected")
+    measured = FrequencyResponse.read(args.response) if args.response else _between(args)
+    found = identify_filter(measured, args.order)
+    if args.json:
+        print_json(_json(found, measured))
+        return 0
+    kind = found.filter
+    say(
+        f"{len(measured.frequency)} points, {measured.frequency[0]:.4g} to {measured.frequency[-1]:.4g} Hz:"
+        f" order {kind.order}, -3 dB at {kind.cutoff:.4g} Hz, delay of slow signals {1e3 * kind.delay:.3g} ms,"
+        f" undone up to {kind.passes(0.5):.4g} Hz"
+    )
+    rows: list[tuple[str, ...]] = []
+    for section, spread in zip(kind.sections, found.deviations, strict=True):
+        pairs = zip(section, spread, strict=True)
+        rows.append(
+            tuple(word for value, std in pairs for word in to_the_digit(value, std)) + ("", "") * (2 - len(section))
+        )
+    say(table(("frequency [Hz]", "sigma", "quality", "sigma"), rows))
+    say(f"residual {100 * found.misfit:.2g} % of the response{_test_in_words(found)}")
+    say(f"gain at rest {found.gain:.4f} +- {found.gain_deviation:.4f}: part of torque_constant, not undone here")
+    say(f"robot YAML: {_yaml(found)}")
+    return 0
+
+
+def _between(args: argparse.Namespace) -> FrequencyResponse:
+    """Return the response between the two recordings, of one joint or all."""
+    from dataclasses import replace
+
+    from robot_ident.bags import read_for
+    from robot_ident.recording.filter_response import between
+    from robot_ident.recording.process import process
+    from robot_ident.robot import load_robot
+
+    whole = load_robot(args.robot)
+    robot = replace(whole, anti_alias=())
+    behind, without = (process(read_for(bag, robot), robot) for bag in (args.behind, args.without))
+    joint = None if args.joint is None else robot.joint_index(args.joint)
+    return between(behind, without, joint)
+
+
+def _test_in_words(found: IdentifiedFilter) -> str:
+    if found.chi_square is None:
+        return ""
+    ratio = found.chi_square / found.dof
+    verdict = "as the deviations say" if ratio < 1.5 else "more than the deviations say: not this kind of filter alone"
+    return f"; chi-square / dof = {ratio:.2f}, {verdict}"
+
+
+def _yaml(found: IdentifiedFilter) -> str:
+    sections = ", ".join("[" + ", ".join(f"{value:.5g}" for value in one) + "]" for one in found.filter.sections)
+    return f"anti_alias: {{sections: [{sections}]}}"
+
+
+def _json(found: IdentifiedFilter, measured: FrequencyResponse) -> dict[str, object]:
+    sections = [
+        {
+            "frequency": section[0],
+            "frequency_std": spread[0],
+            "quality": section[1] if len(section) == 2 else None,
+            "quality_std": spread[1] if len(section) == 2 else None,
+        }
+        for section, spread in zip(found.filter.sections, found.deviations, strict=True)
+    ]
+    return {
+        "schema": "robot_ident/filter/1",
+        "points": len(measured.frequency),
+        "order": found.filter.order,
+        "cutoff": found.filter.cutoff,
+        "delay": found.filter.delay,
+        "undone_to": found.filter.passes(0.5),
+        "sections": sections,
+        "gain": found.gain,
+        "gain_std": found.gain_deviation,
+        "misfit": found.misfit,
+        "chi_square": found.chi_square,
+        "dof": found.dof,
+        "tried": [{"order": order, "bic": float(value)} for order, value in found.bic.items()],
+        "yaml": _yaml(found),
+    }
