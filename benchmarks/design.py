@@ -22,8 +22,8 @@ from typing import Any
 import numpy as np
 
 from robot_ident.design.target import Target
-from robot_ident.figures.parameter_bars import CONDITION, LOG10_DET
 from robot_ident.limits.certifier import Certifier
+from robot_ident.paper.printed import CONDITION, LOG10_DET
 from robot_ident.robot import load_robot
 from robot_ident.robot.robot import Robot
 from robot_ident.trajectories.excitation import Excitation

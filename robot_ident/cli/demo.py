@@ -252,7 +252,6 @@ def _to_dict(found: Findings, added: Additions, truth: Array, runs: list[Run], s
 
 
 TRAJECTORIES = 2
-_PAPER = -48.63  # log10 of the paper's determinant
 _SPEED = 2.0  # times real time, at most
 _COARSE = {"rate": 50.0, "ahead": 0.04}  # every step of time wakes every node, which does all that is due within it
 _PATIENCE = 300.0  # s of real time for which a motion may not move on, its start included
@@ -276,6 +275,7 @@ class Run:
 def design_motions(robot: Robot, folder: Path, *, periods: int, seconds: float, seed: int) -> list[Run]:
     """Design two excitations and draw a validation motion."""
     from robot_ident.design.design import design
+    from robot_ident.paper.printed import LOG10_DET
     from robot_ident.planning.blends import Playback
     from robot_ident.planning.validation_motion import validation_motion
 
@@ -288,7 +288,7 @@ def design_motions(robot: Robot, folder: Path, *, periods: int, seconds: float, 
                 found = design(
                     robot, seed=seed + k - 1, time_limit=more * limit, progress=partial(_show, bar, more * limit)
                 )
-            if found.log10_det_covariance < _PAPER:
+            if found.log10_det_covariance < LOG10_DET["d-optimal"]:
                 break
         file = folder / f"excitation_{k}.yaml"
         found.excitation.write(file)

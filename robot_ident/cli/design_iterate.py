@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import argparse
 from collections.abc import Sequence
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING
 
 from robot_ident.cli.design_json import design_json
 from robot_ident.cli.output import Progress, margin_table, print_json, refuse_unchecked, say, say_unchecked, table
@@ -12,7 +12,7 @@ from robot_ident.errors import InputError
 
 if TYPE_CHECKING:
     from robot_ident.robot import Robot
-    from robot_ident.testbed.redesign import Redesigned, Round
+    from robot_ident.testbed.redesign import Redesigned
 
 _NOT_WITH = {
     "--model": "model",
@@ -69,7 +69,7 @@ def run_iterate(args: argparse.Namespace, robot: Robot, files: Sequence[str]) ->
     for file in files:
         found.last.excitation.write(file, force=args.force)
     if args.json:
-        last, rounds = found.last, iterations_json(found)
+        last, rounds = found.last, found.to_dict()
         print_json(design_json(files, last, last.parameters, last.margins, last.seconds, last.notes, iterations=rounds))
         refuse_unchecked(args, found.last.margins, files)
         return 0
@@ -109,21 +109,3 @@ def rule_in_words(found: Redesigned) -> str:
             f" {100 * max(0.0, found.next_fall):.1f} %, less than {100 * ENOUGH:g} %"
         )
     return f"not converged after {len(found.rounds)} measurements: sigma still falls by {100 * found.next_fall:.1f} %"
-
-
-def iterations_json(found: Redesigned) -> dict[str, Any]:
-    """Return the rounds as plain values."""
-    return {
-        "converged": found.converged,
-        "next_fall": found.next_fall,
-        "rounds": [_round_json(one) for one in found.rounds],
-    }
-
-
-def _round_json(one: Round) -> dict[str, Any]:
-    return {
-        "criterion": one.excitation.criterion,
-        "log10_det_bound": one.log10_det_bound,
-        "sigma": dict(zip(one.model.structure.names, one.sigma.tolist(), strict=False)),
-        "fall": one.fall,
-    }

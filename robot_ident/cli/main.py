@@ -60,6 +60,7 @@ GROUPS: dict[str, dict[str, str]] = {
     },
     "Learn": {
         "demo": "run the end-to-end example: a simulated KUKA arm and the real ROS 2 nodes",
+        "paper": "compute Swevers et al. (1997) again: every table and figure next to the printed one, on one page",
         "trial": "hide effects in a simulated robot and count how often the diagnosis names them",
     },
 }
@@ -88,7 +89,7 @@ class Commands(Parser):
 VERBS = {name: text for commands in GROUPS.values() for name, text in commands.items()}
 """What each command does, in the order of the help."""
 
-EFFECTLESS = ("demo", "replay", "recover")
+EFFECTLESS = ("demo", "paper", "replay", "recover")
 """Commands that make no effect; all others take `--effects-from`."""
 
 

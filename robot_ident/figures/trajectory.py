@@ -4,16 +4,20 @@ the best value found over the time of a search, beside the bound and the paper's
 
 from __future__ import annotations
 
-from typing import TYPE_CHECKING
+from collections.abc import Mapping
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
 from robot_ident.design.bound import Bound
 from robot_ident.design.design import DesignResult
-from robot_ident.figures.parameter_bars import CONDITION, LOG10_DET, is_paper_model
+from robot_ident.figures.parameter_bars import is_paper_model
 from robot_ident.figures.theme import BLUE, GREEN, GREY, ORANGE, colour, dash, themed
+from robot_ident.paper.printed import CONDITION, LOG10_DET
 from robot_ident.robot.robot import Robot
+from robot_ident.signals.motion import Array
 from robot_ident.trajectories.excitation import Excitation
+from robot_ident.trajectories.point_to_point import PointToPoint
 
 if TYPE_CHECKING:
     from plotly.graph_objects import Figure
@@ -26,38 +30,72 @@ _QUANTITIES = ("position", "velocity", "acceleration")
 
 def trajectory_figure(excitation: Excitation, robot: Robot) -> Figure:
     """Return q, dq and ddq over one period in three panels; limits are dashed, in a joint's colour where it differs."""
-    from plotly.graph_objects import Scatter
+    return trajectories_figure({"": excitation}, robot)
+
+
+def trajectories_figure(excitations: Mapping[str, Excitation], robot: Robot) -> Figure:
+    """Return q, dq and ddq over one period, a column for each motion by its name; limits are dashed."""
     from plotly.subplots import make_subplots
 
-    t = np.linspace(0.0, excitation.period, _POINTS)
-    motion = excitation.series.motion(t)
-    figure = make_subplots(rows=3, cols=1, shared_xaxes=True, vertical_spacing=0.04)
-    for row, values in enumerate((motion.q, motion.dq, motion.ddq), 1):
-        for joint, name in enumerate(excitation.joints):
-            unit = _unit("m" if robot.prismatic[joint] else "rad", row - 1)
-            figure.add_trace(
-                Scatter(
-                    x=t,
-                    y=np.round(values[:, joint], 6),
-                    name=name,
-                    legendgroup=name,
-                    showlegend=row == 1,
-                    mode="lines",
-                    line={"color": colour(joint), "dash": dash(joint), "width": 2},
-                    hovertemplate=f"%{{y:.3f}} {unit}<extra>{name}</extra>",
-                ),
-                row=row,
-                col=1,
-            )
-        limits = _limits(robot, row - 1)
-        for value, shade in limits:
-            figure.add_hline(value, line={"color": shade, "dash": "dash", "width": 1}, row=row, col=1)
-        shown = [float(values.min()), float(values.max()), *(value for value, _ in limits)]
+    several = len(excitations) > 1
+    figure = make_subplots(
+        rows=3,
+        cols=len(excitations),
+        shared_xaxes=True,
+        shared_yaxes=several,
+        vertical_spacing=0.04,
+        horizontal_spacing=0.04,
+        column_titles=list(excitations) if several else None,
+    )
+    for column, excitation in enumerate(excitations.values(), 1):
+        t = np.linspace(0.0, excitation.period, _POINTS)
+        motion = excitation.series.motion(t)
+        for row, values in enumerate((motion.q, motion.dq, motion.ddq), 1):
+            place = {"row": row, "col": column}
+            for joint, name in enumerate(excitation.joints):
+                figure.add_trace(_curve(t, values[:, joint], robot, joint, name, row - 1, row + column == 2), **place)
+            for value, shade in _limits(robot, row - 1):
+                figure.add_hline(value, line={"color": shade, "dash": "dash", "width": 1}, **place)
+    for row in (1, 2, 3):
+        motions = [one.series.motion(np.linspace(0.0, one.period, _POINTS)) for one in excitations.values()]
+        reached = [float(v) for m in motions for x in ((m.q, m.dq, m.ddq)[row - 1],) for v in (x.min(), x.max())]
+        shown = [*reached, *(value for value, _ in _limits(robot, row - 1))]
         room = _ROOM * (max(shown) - min(shown))
-        figure.update_yaxes(range=[min(shown) - room, max(shown) + room], row=row, col=1)
+        figure.update_yaxes(range=[min(shown) - room, max(shown) + room], row=row)
         figure.update_yaxes(title_text=f"{_QUANTITIES[row - 1]} [{_units(robot, row - 1)}]", row=row, col=1)
-    figure.update_xaxes(title_text="time [s]", row=3, col=1)
-    return themed(figure, height=720, hovermode="x unified")
+    figure.update_xaxes(title_text="time [s]", row=3)
+    above = {"margin": {"t": 76}, "legend": {"y": 1.05}} if several else {}  # the columns' titles stand there
+    return themed(figure, height=720, hovermode="x unified", **above)
+
+
+def point_to_point_figure(motion: PointToPoint, robot: Robot) -> Figure:
+    """Return the positions over time of a motion from point to point."""
+    from plotly.graph_objects import Figure
+
+    figure = Figure()
+    t = np.linspace(0.0, motion.duration, 4 * _POINTS)
+    q = motion.reference(t).q
+    for joint, name in enumerate(motion.joints):
+        figure.add_trace(_curve(t, q[:, joint], robot, joint, name, 0, True))
+    figure.update_xaxes(title_text="time [s]")
+    figure.update_yaxes(title_text=f"position [{_units(robot, 0)}]")
+    return themed(figure, height=340, hovermode="x unified")
+
+
+def _curve(t: Array, values: Array, robot: Robot, joint: int, name: str, order: int, shown: bool) -> Any:
+    from plotly.graph_objects import Scatter
+
+    unit = _unit("m" if robot.prismatic[joint] else "rad", order)
+    return Scatter(
+        x=t,
+        y=np.round(values, 6),
+        name=name,
+        legendgroup=name,
+        showlegend=shown,
+        mode="lines",
+        line={"color": colour(joint), "dash": dash(joint), "width": 2},
+        hovertemplate=f"%{{y:.3f}} {unit}<extra>{name}</extra>",
+    )
 
 
 def trajectory_text(excitation: Excitation, robot: Robot) -> str:

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, Any
 
 from robot_ident.errors import InputError
 from robot_ident.robot.robot import Robot
@@ -45,6 +45,22 @@ class Redesigned:
     last: DesignResult
     next_fall: float
     converged: bool
+
+    def to_dict(self) -> dict[str, Any]:
+        """Return the rounds as plain values."""
+        return {
+            "converged": self.converged,
+            "next_fall": self.next_fall,
+            "rounds": [
+                {
+                    "criterion": one.excitation.criterion,
+                    "log10_det_bound": one.log10_det_bound,
+                    "sigma": dict(zip(one.model.structure.names, one.sigma.tolist(), strict=True)),
+                    "fall": one.fall,
+                }
+                for one in self.rounds
+            ],
+        }
 
 
 def redesign(

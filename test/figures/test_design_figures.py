@@ -9,10 +9,11 @@ import numpy as np
 import pytest
 
 from robot_ident.design.bound import Bound
-from robot_ident.figures.parameter_bars import LOG10_DET, PARAMETERS, SIGMA, sigma_figure, sigma_text
+from robot_ident.figures.parameter_bars import sigma_figure, sigma_text
 from robot_ident.figures.theme import COLOURS, SHADES
 from robot_ident.figures.tool_path import workspace_figure, workspace_text
 from robot_ident.figures.trajectory import convergence_figure, convergence_text, trajectory_figure, trajectory_text
+from robot_ident.paper.printed import LOG10_DET, PARAMETERS, SIGMA
 from robot_ident.robot import Robot, load_robot
 
 BOUND = Bound(-56.1, -55.9, 0.6, 21, 3, 1, 20, 60.0)
