@@ -15,7 +15,7 @@ from launch_ros.substitutions import FindPackageShare
 
 ARGUMENTS = {
     "trajectory": (None, "excitation.yaml or validation motion to play"),
-    "robot": ("kuka_ir361", "name of a robot, a robot YAML or a URDF"),
+    "robot": ("kuka_ir361_spring", "name of a robot, a robot YAML or a URDF"),
     "periods": ("16", "steady periods to play, after one transient period"),
     "speed": ("1.0", "share of the designed speed, for a rehearsal"),
     "output": (

@@ -14,7 +14,7 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
-from robot_ident.cli.demo import HIDDEN
+from robot_ident.cli.demo import HIDDEN, ROBOT
 from robot_ident.design.design import design
 from robot_ident.diagnosis.diagnose import diagnose
 from robot_ident.estimation.identify import estimate
@@ -40,12 +40,12 @@ if TYPE_CHECKING:
 WIDTH, HEIGHT = 1400, 500  # px
 JOINT, EFFECT = 2, "stribeck@joint_3"  # on the left
 PAGE = {"light": "#ffffff", "dark": "#0d1117"}
-NAMES = {"gravity_spring": "spring", "torque_offset": "offset", "stribeck": "Stribeck"}
+NAMES = {"load_friction": "load<br>friction", "torque_ripple": "ripple", "stribeck": "Stribeck"}
 
 
 def measured() -> list[Measurement]:
     """Return two designed motions of the demo's robot, averaged over 10 periods."""
-    robot = load_robot()
+    robot = load_robot(ROBOT)
     physics = plant_physics(robot, list(HIDDEN))
     series = [design(robot, seed=seed, starts=4).excitation.series for seed in (0, 1)]
     return [
@@ -55,7 +55,7 @@ def measured() -> list[Measurement]:
 
 def found(recordings: list[Measurement]) -> Additions:
     """Return what adding the effects that diagnose selects comes to."""
-    model = estimate(recordings, Structure.build(load_robot()))
+    model = estimate(recordings, Structure.build(load_robot(ROBOT)))
     first = diagnose(recordings, model.structure)
     inputs = Inputs((model,), ("model.yaml",), (), tuple(recordings), ())
     return add_until_adequate(first, inputs)

@@ -63,6 +63,7 @@ RATIO_INTERVAL = (0.923, 1.089)
 """As printed; the paper's own formula gives .919 to 1.084."""
 
 SPRING_DETERMINANT = {"d-optimal": 1.85e-56, "condition": 5.26e-46}
+SPRING_LOG10_DET = {criterion: math.log10(value) for criterion, value in SPRING_DETERMINANT.items()}
 SPRING_CONDITION = {"d-optimal": 111.7, "condition": 47.3}
 """Section V: both criteria with torque offsets and the spring of axis 2 among the parameters."""
 

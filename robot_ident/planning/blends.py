@@ -19,6 +19,7 @@ from robot_ident.trajectories.fourier_series import Extremes, FourierSeries, Mot
 __all__ = ["Playback", "approach", "stop_from"]
 
 _RAMPS = np.linspace(0.3, 1.0, 29)  # shares of the period tried as the duration of a ramp, the shortest first
+_LEADS = np.linspace(0.0, 0.95, 20)  # shares of the period for which it goes on at full rate before it comes to rest
 _TOLERANCE = 1e-4  # of the extremes of acceleration on a ramp, as a share of the limit
 
 
@@ -27,8 +28,8 @@ class Playback:
 
     It rests at a pose of the path, follows the path while the phase rate rises smoothly from 0 to 1 (so that position
     and workspace stay on the certified path), is at full rate when one period (`transient`) has passed, plays
-    `periods` periods and then comes to rest by the same law. For t in [transient, transient + periods T] the
-    reference is series.motion(t - transient).
+    `periods` periods and then comes to rest by the same law, at once or where the path allows it first. For t in
+    [transient, transient + periods T] the reference is series.motion(t - transient).
     """
 
     def __init__(self, excitation: Excitation, robot: Robot, periods: int, *, ramp: float | None = None) -> None:
@@ -53,10 +54,12 @@ class Playback:
         steady = self.excitation.series.extremes().ddq.largest
         allowed = np.maximum(limits.acceleration, steady)  # a ramp is no worse than an excitation that breaks its limit
         tried = _RAMPS * period if ramp is None else np.array([ramp])
-        for duration in tried:
-            candidate = Ramp(self.excitation.series, float(duration), period if rising else float(duration), rising)
-            if np.all(candidate.top_acceleration < allowed) or not np.all(np.isfinite(allowed)):
-                return candidate
+        for lead in _LEADS[:1] if rising or ramp is not None else _LEADS:
+            for duration in tried:
+                span = period if rising else lead * period + duration
+                candidate = Ramp(self.excitation.series, float(duration), float(span), rising)
+                if np.all(candidate.top_acceleration < allowed) or not np.all(np.isfinite(allowed)):
+                    return candidate
         what = "blend-in" if rising else "blend-out"
         raise InputError(
             f"no {what} of {tried[0]:.3g} to {tried[-1]:.3g} s keeps the acceleration limits of {self.robot.name}"
@@ -80,7 +83,7 @@ class Playback:
     @property
     def duration(self) -> float:
         """Duration from rest to rest [s]."""
-        return self.steady_end + self._fall.duration
+        return self.steady_end + self._fall.span
 
     @property
     def start_pose(self) -> Array:
@@ -129,7 +132,7 @@ class Ramp:
     """The path of a series with its phase rate going from 0 to 1 or back.
 
     r(u) = 10 u^3 - 15 u^4 + 6 u^5, u = t / duration. A rising ramp is followed by the full rate until `span` [s],
-    where the phase is that of t = 0; a falling one begins there.
+    where the phase is that of t = 0; a falling one begins there, the rest of its span at full rate first.
     """
 
     series: FourierSeries
@@ -139,12 +142,13 @@ class Ramp:
 
     def phase(self, t: Array) -> tuple[Array, Array, Array]:
         """Return the phase s [s], its rate r and dr/dt [1/s] at instants t [N] s of the ramp."""
-        u = np.clip((t if self.rising else self.duration - t) / self.duration, 0.0, 1.0)
+        u = np.clip((t if self.rising else self.span - t) / self.duration, 0.0, 1.0)
         integral = self.duration * u**4 * (2.5 - 3.0 * u + u**2)
         rate = u**3 * (10.0 - 15.0 * u + 6.0 * u**2)
         slope = 30.0 * u**2 * (1.0 - u) ** 2 / self.duration
         if not self.rising:
-            return 0.5 * self.duration - integral, rate, -slope
+            lead = self.span - self.duration
+            return lead + 0.5 * self.duration - integral - np.maximum(lead - t, 0.0), rate, -slope
         return integral + np.maximum(t - self.duration, 0.0) - (self.span - 0.5 * self.duration), rate, slope
 
     def motion(self, t: Array) -> Motion:
@@ -156,8 +160,8 @@ class Ramp:
     @cached_property
     def top_acceleration(self) -> Array:
         """A proven bound [n] of |ddq| while the rate changes."""
-        found = self._extremes(2, self.duration)
-        return found.largest
+        lead = 0.0 if self.rising else self.span - self.duration
+        return self._extremes(2, lead, lead + self.duration).largest
 
     @cached_property
     def extremes(self) -> MotionExtremes:
@@ -165,7 +169,7 @@ class Ramp:
         bound (the whole path's, at a rate of 1 at most), that one.
         """
         path = self.series.extremes()
-        found = [self._extremes(order, self.span) for order in range(3)]
+        found = [self._extremes(order, 0.0, self.span) for order in range(3)]
         steep = np.maximum(self.top_acceleration, path.ddq.largest)
         least = (path.q.lower, np.minimum(path.dq.lower, 0.0), -steep)
         most = (path.q.upper, np.maximum(path.dq.upper, 0.0), steep)
@@ -176,18 +180,23 @@ class Ramp:
             )
         )
 
-    def _extremes(self, order: int, end: float) -> Extremes:
-        """Return proven extremes of q (order 0), dq or ddq until `end` [s]."""
+    def _extremes(self, order: int, start: float, end: float) -> Extremes:
+        """Return proven extremes of q (order 0), dq or ddq from `start` to `end` [s]."""
         scale = self.series.extremes()[order].largest
         rows = [
-            [self._least(order, joint, sign, _TOLERANCE * float(scale[joint]) + 1e-12, end) for sign in (1.0, -1.0)]
+            [
+                self._least(order, joint, sign, _TOLERANCE * float(scale[joint]) + 1e-12, (start, end))
+                for sign in (1.0, -1.0)
+            ]
             for joint in range(self.series.joints)
         ]
         low, high = np.array(rows).transpose(1, 2, 0)
         return Extremes(low[0], low[1], -high[0], high[1])
 
-    def _least(self, order: int, joint: int, sign: float, tolerance: float, end: float) -> tuple[float, float]:
-        """Return a proven lower bound of sign * a derivative of a joint's position until `end` [s], and its time."""
+    def _least(
+        self, order: int, joint: int, sign: float, tolerance: float, ends: tuple[float, float]
+    ) -> tuple[float, float]:
+        """Return a proven lower bound of sign * a derivative of a joint's position between `ends` [s], and its time."""
         jerk = float(self.jerk_bound()[joint])
 
         def bound(centres: Array, halves: Array) -> tuple[Array, Array]:
@@ -199,7 +208,7 @@ class Ramp:
             values = sign * signals[order]
             return values, values - drop
 
-        found = certified_minimum(bound, 0.0, end, tolerance)
+        found = certified_minimum(bound, *ends, tolerance)
         return found.lower, found.time
 
     def jerk_bound(self) -> Array:

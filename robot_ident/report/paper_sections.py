@@ -578,7 +578,12 @@ def _missing(study: Study, found: Missing) -> PaperSection:
         (
             Plot(staircase_figure(found.steps), staircase_text(found.steps)),
             Table(
-                ("added", "residual, axes 1, 2, 3 [(Nm)^2]", "excess over the noise [Nm rms]", "20 points, 10 Hz [(Nm)^2]"),
+                (
+                    "added",
+                    "residual, axes 1, 2, 3 [(Nm)^2]",
+                    "excess over the noise [Nm rms]",
+                    "20 points, 10 Hz [(Nm)^2]",
+                ),
                 rows,
                 numeric=(1, 2, 3),
             ),

@@ -33,7 +33,7 @@ FREE = (
 NAMES = re.compile(r"p\d+|.*@.*|/.*")
 """Parameters, effects at a joint and topics: names as well."""
 
-LONG = ("demo", "replay", "workbench")
+LONG = ("demo", "paper", "replay", "workbench")
 """Verbs that are tested where their processes are."""
 
 

@@ -10,8 +10,10 @@ import pytest
 from robot_ident.errors import InputError
 from robot_ident.limits.certifier import Certifier
 from robot_ident.planning.blends import Playback
-from robot_ident.robot import Robot
+from robot_ident.provenance import config_file
+from robot_ident.robot import Robot, load_robot
 from robot_ident.trajectories.excitation import Excitation, Reference
+from robot_ident.trajectories.fourier_series import FourierSeries
 
 
 def check_continuous(reference: Reference, kuka: Robot, step: float = 2e-4) -> None:
@@ -93,3 +95,19 @@ def test_a_ramp_of_ones_own_must_keep_the_limits(kuka: Robot, random_excitation:
 def test_another_robot(gantry: Robot, random_excitation: Callable[..., Excitation]) -> None:
     with pytest.raises(InputError, match="another robot"):
         Playback(random_excitation(0), gantry, 1)
+
+
+def test_a_motion_is_played_wherever_its_period_begins() -> None:
+    robot = load_robot()
+    series = Excitation.read(config_file("paper", "c2.yaml")).series
+    later = 0
+    for shift in (0.0, 0.2, 0.45):
+        angle = 2.0 * np.pi * shift * np.arange(1, series.harmonics + 1)
+        a, b = series.a * np.cos(angle) + series.b * np.sin(angle), series.b * np.cos(angle) - series.a * np.sin(angle)
+        moved = FourierSeries(series.base_frequency, series.q0, a, b)
+        playback = Playback(Excitation(robot.name, robot.joints, moved, 150.0), robot, 2)
+        check_continuous(playback, robot)
+        assert Certifier(robot).keeps(playback)
+        soon = np.array([0.1])
+        later += bool(np.allclose(playback.reference(playback.steady_end + soon).dq, moved.motion(soon).dq, atol=1e-9))
+    assert later, "of some the way out begins only after the period has ended"
