@@ -65,10 +65,11 @@ def run(args: argparse.Namespace) -> int:
 
     study = Study(args.seed, args.quick, args.redesign, args.printed_table, told)
     sections = paper_sections(study, sorted(args.section))
-    how = "designed anew" if args.redesign else "as shipped"
+    how = "designed anew" if args.redesign else "as designed earlier and shipped"
     subtitle = (
         "Swevers, Ganseman, Bilgin Tükel, De Schutter, Van Brussel, IEEE Transactions on Robotics and Automation 13(5),"
-        f" 1997, computed again. Seed {args.seed}, trajectories {how}."
+        f" 1997. All figures that are not said to be the paper's were computed for this page (seed {args.seed}), on"
+        f" trajectories {how}."
     )
     title = "Optimal Robot Excitation and Identification"
     if Path(args.output).suffix == ".md":

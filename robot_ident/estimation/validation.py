@@ -21,7 +21,7 @@ from robot_ident.recording.process import process
 from robot_ident.recording.recording import Recording
 from robot_ident.robot.robot import Robot
 from robot_ident.signals.filters import SoftPeriodicLowPass, ZeroPhaseLowPass
-from robot_ident.signals.motion import Array, Motion
+from robot_ident.signals.motion import Array, Mask, Motion
 
 _BEYOND_NOISE = 4.0  # times the noise's variance: where a joint only holds still, error and torque are both noise
 _ABSURD = 10.0  # times the torque itself, by which a model errs where efforts are in another unit or of another side
@@ -155,14 +155,12 @@ def validate(model: Model, recording: Recording, *, low_pass: float | None = Non
     predicted = measured.passed(model.predict(measured.motion))
     torque = measured.passed(measured.torque)
     noise = _noise(model, measured) if measured.cycles is None else _noise_of_cycles(model, measured)
-    # the low pass carries the undetermined torque of a standstill into the samples around it
-    touched = measured.passed(measured.standstill.astype(float)) > _TOUCHED
-    used = measured.used[measured.rows]
+    counted = moving_rows(measured)
     moving, still = {}, {}
     for joint, name in enumerate(model.robot.joints):
         variance = np.full(len(torque), noise[joint])
         residual = torque[:, joint] - predicted[:, joint]
-        rows = used[:, joint] & ~touched[:, joint]
+        rows = counted[:, joint]
         if rows.any():
             moving[name] = fit(residual[rows], torque[rows, joint], variance[rows])
         rest = ~rows
@@ -173,6 +171,14 @@ def validate(model: Model, recording: Recording, *, low_pass: float | None = Non
     return Validation(
         cutoff, moving, still, (*measured.notes, *still_notes(measured)), unusable(model, recording.source, moving)
     )
+
+
+def moving_rows(measured: Measurement) -> Mask:
+    """Return the rows [R, n] that a validation counts: those at standstill, where stiction hides the torque, are left
+    out with the rows around into which the low pass carries it.
+    """
+    touched = measured.passed(measured.standstill.astype(float)) > _TOUCHED
+    return np.asarray(measured.used[measured.rows] & ~touched)
 
 
 def _measured(model: Model, recording: Recording, cutoff: float) -> Measurement:

@@ -3,14 +3,15 @@
 from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from functools import cached_property
 from typing import Any
 
 import numpy as np
 
 from robot_ident.estimation.identify import estimate
-from robot_ident.estimation.validation import validate
+from robot_ident.estimation.prediction import measured_for
+from robot_ident.estimation.validation import moving_rows, validate
 from robot_ident.model.model import Model
 from robot_ident.model.structure import Structure
 from robot_ident.paper import printed
@@ -18,6 +19,7 @@ from robot_ident.paper.robots import FRICTION, robot_of_section_v, without_known
 from robot_ident.planning.validation_motion import validation_motion
 from robot_ident.recording.process import process
 from robot_ident.recording.recording import Recording
+from robot_ident.residuals.beside import Beside, beside
 from robot_ident.signals.motion import Array
 from robot_ident.testbed.phenomena import plant_physics
 from robot_ident.testbed.simulation import Play, simulate
@@ -79,7 +81,8 @@ class Friction:
 
     models: 1 from the c1-optimal trajectory, 2 from the c2-optimal one, model 2 without the spring, and that of a
     trajectory with the least condition number whatever the determinant. validation:
-    mean squared residual [n] (Nm)^2 of each on the validation recording, everything low-passed at 10 Hz.
+    mean squared residual [n] (Nm)^2 of each on the validation recording, everything low-passed at 10 Hz. likelihood:
+    model 2 by maximum likelihood, with the Fourier coefficients of the motion among the unknowns.
     """
 
     models: Mapping[str, Model]
@@ -88,6 +91,14 @@ class Friction:
     validation_recording: Recording
     validation: Mapping[str, Array]
     draws: Draws
+    likelihood: Model
+
+    @property
+    def likelihood_moves(self) -> float:
+        """The largest difference of a parameter between maximum likelihood and least squares, in its sigma."""
+        two = self.models["model 2"]
+        count = len(two.linear)
+        return float(np.max(np.abs(self.likelihood.linear - two.linear) / two.std[:count]))
 
     @property
     def joints(self) -> tuple[str, ...]:
@@ -118,6 +129,7 @@ class Friction:
             "validation_mse": list(printed.VALIDATION),
             "model_1_worse_on_joint_1": printed.MODEL_1_WORSE,
         }
+        out["maximum_likelihood_moves_sigma"] = self.likelihood_moves
         out["draws"] = {
             "count": len(self.draws.model_1),
             "model_1_worse_median": np.median(self.draws.worse, axis=0).tolist(),
@@ -161,7 +173,15 @@ def friction(real: RealRobot, motion: PointToPoint, slow: Excitation, *, draws: 
         recorded,
         {name: _mse(model, recorded) for name, model in models.items()},
         Draws(table[:, 0], table[:, 1]),
+        estimate([process(recordings["d-optimal"], robot)], Structure.build(robot), estimator="ml"),
     )
+
+
+def validated(model: Model, recording: Recording) -> Beside:
+    """Return a model beside the mean of 16 runs of a validation motion, in the rows that the validation counts."""
+    measured = measured_for(model, recording)
+    found = beside(model, measured)
+    return replace(found, used=moving_rows(measured), sigma=found.sigma / np.sqrt(PERIODS))
 
 
 def _mse(model: Model, recording: Recording) -> Array:

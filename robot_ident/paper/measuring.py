@@ -44,7 +44,8 @@ class MeasuringChain:
     """The real filter of the simulated robot, its measured response, what was identified, and what undoing is worth.
 
     noise [n]: variance of the averaged period with the right divisor, (16 - 1) 1500; noise_paper [n]: with the paper's,
-    16 x 1500 - 1. rows: of the averaged period, all joints.
+    16 x 1500 - 1. rows: of the averaged period, all joints. likelihood_moves: the largest
+    difference of a parameter between maximum likelihood and weighted least squares without the filter, in its sigma.
     """
 
     robot: Robot
@@ -55,6 +56,7 @@ class MeasuringChain:
     noise: Array
     noise_paper: Array
     rows: int
+    likelihood_moves: float
 
     @property
     def false_alarm(self) -> float:
@@ -84,6 +86,7 @@ class MeasuringChain:
             "noise_variance": self.noise.tolist(),
             "noise_variance_paper_divisor": self.noise_paper.tolist(),
             "noise_variance_printed": list(printed.NOISE),
+            "maximum_likelihood_moves_sigma": self.likelihood_moves,
             "false_alarm_sigma": self.false_alarm,
         }
 
@@ -125,10 +128,15 @@ def measuring_chain(robot: Robot, excitation: Excitation, *, seed: int) -> Measu
         model = estimate([process(recording, known)], Structure.build(known))
         undone.append(_judged(name, model))
     plain = simulate(robot, played, sample_rate=excitation.sample_rate, steady=steady, seed=seed).recording
-    noise = np.asarray(process(plain, robot).torque_variance) / PERIODS
+    measured = process(plain, robot)
+    noise = np.asarray(measured.torque_variance) / PERIODS
+    least, most = (estimate([measured], Structure.build(robot), estimator=name) for name in ("wls", "ml"))
+    moved = float(np.max(np.abs(most.linear - least.linear) / least.std[: len(least.linear)]))
     samples = round(excitation.period * excitation.sample_rate)
     divisor = (PERIODS - 1) * samples / (PERIODS * samples - 1)
-    return MeasuringChain(robot, real, response, identified, tuple(undone), noise, noise * divisor, samples * robot.n)
+    return MeasuringChain(
+        robot, real, response, identified, tuple(undone), noise, noise * divisor, samples * robot.n, moved
+    )
 
 
 def _judged(name: str, model: Model) -> Undone:

@@ -32,13 +32,15 @@ class Missing:
     """Section VI on the simulated robot: what it has that the 21 parameters lack, what was named, and each step.
 
     truth: the effects of the simulated robot beyond the 21 parameters, as `name@joint`. said: every diagnosis.
-    chosen: the set of effects that was taken where the first one could not decide between sets.
+    chosen: the set of effects that was taken where the first one could not decide between sets. known: the model of
+    section V with spring and torque offsets, 25 parameters, on the same recordings.
     """
 
     truth: tuple[str, ...]
     said: tuple[Diagnosis, ...]
     chosen: tuple[str, ...]
     steps: tuple[Step, ...]
+    known: Step
     recordings: tuple[Recording, ...]
     validation_recording: Recording
 
@@ -72,16 +74,18 @@ class Missing:
             "right": list(self.right),
             "wrong": list(self.wrong),
             "verdict": self.said[-1].verdict,
-            "steps": [
-                {
-                    "added": list(step.added),
-                    "residual_mse": [level.mse for level in step.training.values()],
-                    "noise_variance": [level.noise_variance for level in step.training.values()],
-                    "validation_mse": [level.mse for level in step.validation.values()],
-                }
-                for step in self.steps
-            ],
+            "steps": [_step_dict(step) for step in self.steps],
+            "with_spring_and_offsets": _step_dict(self.known),
         }
+
+
+def _step_dict(step: Step) -> dict[str, Any]:
+    return {
+        "added": list(step.added),
+        "residual_mse": [level.mse for level in step.training.values()],
+        "noise_variance": [level.noise_variance for level in step.training.values()],
+        "validation_mse": [level.mse for level in step.validation.values()],
+    }
 
 
 def missing(real: RealRobot, motion: PointToPoint) -> Missing:
@@ -113,11 +117,14 @@ def missing(real: RealRobot, motion: PointToPoint) -> Missing:
     models = [(f"model {number}", one.model) for number, one in enumerate((*steps, *added.steps[1:]), 1)]
     sources = [Source(one.source, "", one, two) for one, two in zip(fitted, measured, strict=True)]
     hidden = (*real.robot.known_effects, *(text.partition(":")[0] for text in real.hidden))
-    way = tuple(
+    whole = estimate([process(recording, real.robot) for recording in fitted], Structure.build(real.robot))
+    aside_source = [Source(unseen.source, "", unseen, aside[0])]
+    way = [
         replace(step, validation={joint: _averaged(level) for joint, level in step.validation.items()})
-        for step in staircase(models, sources, [Source(unseen.source, "", unseen, aside[0])])
-    )
-    return Missing(hidden, (said, *added.said), chosen, way, tuple(fitted), unseen)
+        for some in ([("25 parameters", whole)], models)
+        for step in staircase(some, sources, aside_source)
+    ]
+    return Missing(hidden, (said, *added.said), chosen, tuple(way[1:]), way[0], tuple(fitted), unseen)
 
 
 def _averaged(level: Level) -> Level:

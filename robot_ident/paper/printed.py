@@ -21,14 +21,14 @@ TABLE_I: tuple[float, ...] = (
 """Table I, in the order of PARAMETERS: kg m^2, kg m, Nm s/rad, Nm."""
 
 MEANING: tuple[str, ...] = (
-    "Izz1 + Iyy2 + l^2 m3 + Iyy3",
+    "Izz1 + Iyy2 + l^2 m3 + Iyy3, and rotor 1",
     "m2 lx2 + l m3",
     "m2 ly2",
     "Ixx2 - Iyy2 - l^2 m3",
     "Ixy2",
     "Ixz2 - l m3 lz3",
     "Iyz2",
-    "Izz2 + l^2 m3",
+    "Izz2 + l^2 m3, and rotor 2",
     "m3 lx3",
     "m3 ly3",
     "Ixx3 - Iyy3",
@@ -66,6 +66,9 @@ SPRING_DETERMINANT = {"d-optimal": 1.85e-56, "condition": 5.26e-46}
 SPRING_LOG10_DET = {criterion: math.log10(value) for criterion, value in SPRING_DETERMINANT.items()}
 SPRING_CONDITION = {"d-optimal": 111.7, "condition": 47.3}
 """Section V: both criteria with torque offsets and the spring of axis 2 among the parameters."""
+
+POSITION_VARIANCE = (1.1223e-10, 8.2822e-11, 2.9061e-10)
+"""Section V: noise variance of the positions after averaging 16 periods, rad^2, by joint."""
 
 FILTER_ORDER, FILTER_CUTOFF = 8, 40.0
 """Section V-A: Butterworth filters on the motor currents, cutoff in Hz."""
