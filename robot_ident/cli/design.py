@@ -21,7 +21,7 @@ from robot_ident.cli.design_bound import (
     write_design_page,
 )
 from robot_ident.cli.design_iterate import check_iterate, run_iterate
-from robot_ident.cli.design_json import design_json
+from robot_ident.cli.design_kinds import design_json
 from robot_ident.cli.design_validation import run_validation
 from robot_ident.cli.design_waypoints import add_waypoints, run_waypoints
 from robot_ident.cli.options import add_joints, held_for_design, held_note
@@ -295,7 +295,8 @@ def _add_purpose(group: Options) -> None:
     group.add_argument(
         "--iterate",
         action="store_true",
-        help="with --criterion crlb: measure the simulated robot, estimate, design again, until sigma no longer falls",
+        help="with --criterion crlb: measure the simulated robot, estimate, design again until sigma no longer falls;"
+        " --starts and --time-limit are those of each design",
     )
     group.add_argument("--model", metavar="MODEL", help="model.yaml whose parameters to optimise for")
     group.add_argument(
@@ -367,9 +368,7 @@ def run(args: argparse.Namespace) -> int:
         write_design_page(args, found, target, bound)
     if args.json:
         more = {"bound": bound_json(bound, found), "page": args.page, "held": held, "precision": precision_json(needed)}
-        print_json(
-            design_json(files, found, found.parameters, found.margins, found.seconds, found.notes, **more),
-        )
+        print_json(design_json(files, found, found.parameters, found.margins, found.seconds, found.notes, **more))
         refuse_unchecked(args, found.margins, files)
         return 0
     for note in (*held_note(whole, held), *found.notes):

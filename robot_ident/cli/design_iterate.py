@@ -6,7 +6,7 @@ import argparse
 from collections.abc import Sequence
 from typing import TYPE_CHECKING
 
-from robot_ident.cli.design_json import design_json
+from robot_ident.cli.design_kinds import design_json, refuse_with
 from robot_ident.cli.output import Progress, margin_table, print_json, refuse_unchecked, say, say_unchecked, table
 from robot_ident.errors import InputError
 
@@ -14,20 +14,10 @@ if TYPE_CHECKING:
     from robot_ident.robot import Robot
     from robot_ident.testbed.redesign import Redesigned
 
-_NOT_WITH = {
-    "--model": "model",
-    "--prior": "prior",
-    "--tell": "tell",
-    "--only": "only",
-    "--waypoints": "waypoints",
-    "--symmetric": "symmetric",
-    "--bandwidth": "bandwidth",
-    "--bound": "bound",
-    "--page": "page",
-    "--precision": "precision",
-    "--joints": "joints",
-    "--from": "run_before",
-}
+_NOT_WITH = (
+    *("--model", "--prior", "--tell", "--only", "--waypoints", "--symmetric", "--bandwidth", "--bound", "--page"),
+    *("--precision", "--joints", "--from", "--trajectories"),
+)
 
 
 def check_iterate(args: argparse.Namespace) -> None:
@@ -36,10 +26,7 @@ def check_iterate(args: argparse.Namespace) -> None:
         raise InputError(
             f"--iterate goes with --criterion crlb, which alone depends on the estimate (given: {args.criterion})"
         )
-    given = [option for option, name in _NOT_WITH.items() if getattr(args, name)]
-    given += ["--trajectories"] if args.trajectories > 1 else []
-    if given:
-        raise InputError(f"--iterate does not go with {', '.join(given)}: it starts by the condition number")
+    refuse_with(args, "--iterate", _NOT_WITH)
 
 
 def run_iterate(args: argparse.Namespace, robot: Robot, files: Sequence[str]) -> int:
@@ -75,7 +62,7 @@ def run_iterate(args: argparse.Namespace, robot: Robot, files: Sequence[str]) ->
         return 0
     say_unchecked(found.last.margins)
     say(table(("motion", "log10 det of the bound", "log10 det of c2", "condition number", "sigma, mean"), _rows(found)))
-    say(rule_in_words(found))
+    say(found.in_words)
     say(margin_table(found.last.margins))
     for file in files:
         say(f"written: {file}")
@@ -97,15 +84,3 @@ def _rows(found: Redesigned) -> list[tuple[str, ...]]:
             )
         )
     return rows
-
-
-def rule_in_words(found: Redesigned) -> str:
-    """Return why the iteration ended."""
-    from robot_ident.testbed.redesign import ENOUGH
-
-    if found.converged:
-        return (
-            f"converged after {len(found.rounds)} measurements: the next motion would lower the mean sigma by"
-            f" {100 * max(0.0, found.next_fall):.1f} %, less than {100 * ENOUGH:g} %"
-        )
-    return f"not converged after {len(found.rounds)} measurements: sigma still falls by {100 * found.next_fall:.1f} %"

@@ -6,7 +6,7 @@ import argparse
 from collections.abc import Callable, Sequence
 from typing import TYPE_CHECKING, Any
 
-from robot_ident.cli.design_json import design_json
+from robot_ident.cli.design_kinds import design_json
 from robot_ident.cli.output import Progress, margin_table, print_json, refuse_unchecked, say, say_unchecked, tell
 from robot_ident.errors import InputError
 

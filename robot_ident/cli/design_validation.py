@@ -7,30 +7,27 @@ import time
 from collections.abc import Sequence
 from typing import TYPE_CHECKING
 
-from robot_ident.cli.design_json import design_json
+from robot_ident.cli.design_kinds import design_json, refuse_with
 from robot_ident.cli.output import margin_table, print_json, refuse_unchecked, say, say_unchecked
-from robot_ident.errors import InputError
 
 if TYPE_CHECKING:
     from robot_ident.design.target import Target
 
 # Options that ask for an excitation: a validation motion has neither harmonics nor a criterion.
-_OF_EXCITATIONS = {
-    "--waypoints": "waypoints",
-    "--tell": "tell",
-    "--only": "only",
-    "--iterate": "iterate",
-    "--prior": "prior",
-    "--symmetric": "symmetric",
-    "--bandwidth": "bandwidth",
-    "--harmonics": "harmonics",
-    "--starts": "starts",
-    "--time-limit": "time_limit",
-    "--bound": "bound",
-    "--page": "page",
-    "--precision": "precision",
-    "--joints": "joints",
-}
+_NOT_WITH = (
+    *(
+        "--waypoints",
+        "--tell",
+        "--only",
+        "--iterate",
+        "--prior",
+        "--symmetric",
+        "--bandwidth",
+        "--harmonics",
+        "--starts",
+    ),
+    *("--time-limit", "--bound", "--page", "--precision", "--joints", "--trajectories"),
+)
 
 
 def run_validation(args: argparse.Namespace, target: Target, files: Sequence[str]) -> int:
@@ -41,11 +38,7 @@ def run_validation(args: argparse.Namespace, target: Target, files: Sequence[str
     from robot_ident.limits.certifier import certify
     from robot_ident.planning.validation_motion import validation_motion
 
-    given = [option for option, name in _OF_EXCITATIONS.items() if getattr(args, name)]
-    if args.trajectories > 1:
-        given.append("--trajectories")
-    if given:
-        raise InputError(f"--validation-motion does not go with {', '.join(given)}")
+    refuse_with(args, "--validation-motion", _NOT_WITH)
     started = time.monotonic()
     motion = validation_motion(target.robot, seed=args.seed)
     margins = certify(motion, target.robot)

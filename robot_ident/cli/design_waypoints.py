@@ -7,7 +7,7 @@ import time
 from collections.abc import Sequence
 from typing import TYPE_CHECKING
 
-from robot_ident.cli.design_json import design_json
+from robot_ident.cli.design_kinds import design_json, refuse_with
 from robot_ident.cli.output import (
     Options,
     Progress,
@@ -19,10 +19,15 @@ from robot_ident.cli.output import (
     tell,
     within,
 )
-from robot_ident.errors import InputError
 
 if TYPE_CHECKING:
     from robot_ident.design.target import Target
+
+
+_NOT_WITH = (
+    *("--iterate", "--tell", "--trajectories", "--symmetric", "--bandwidth", "--bound", "--page", "--prior"),
+    *("--precision", "--joints"),
+)
 
 
 def add_waypoints(parser: Options) -> None:
@@ -52,21 +57,7 @@ def run_waypoints(args: argparse.Namespace, target: Target, files: Sequence[str]
     """Plan a tour, and write it as a point-to-point motion."""
     from robot_ident.design.tours import Waypoints, plan_tour
 
-    forbidden = {
-        "--iterate": args.iterate,
-        "--tell": args.tell,
-        "--trajectories": args.trajectories > 1,
-        "--symmetric": args.symmetric,
-        "--bandwidth": args.bandwidth,
-        "--bound": args.bound,
-        "--page": args.page,
-        "--prior": args.prior,
-        "--precision": args.precision,
-        "--joints": args.joints,
-    }
-    given = [option for option, value in forbidden.items() if value]
-    if given:
-        raise InputError(f"--waypoints does not go with {', '.join(given)}")
+    refuse_with(args, "--waypoints", _NOT_WITH)
     started = time.monotonic()
     waypoints = Waypoints.read(args.waypoints, target.robot)
     with Progress("tour", 1.0) as bar:

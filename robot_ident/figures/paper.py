@@ -23,6 +23,7 @@ if TYPE_CHECKING:
 
 
 _ARROW = 0.22  # m, of an axis of a frame
+_LABELS = ("top right", "bottom right", "top left")  # by frame: those of axes 1 and 2 coincide
 _BENT = (0.0, 0.7, 0.5)  # rad, the second pose
 
 
@@ -48,7 +49,7 @@ def robot_figure(robot: Robot) -> Figure:
                 tip = origin + _ARROW * axes[:, axis]
                 if np.hypot(*(tip - origin)[[0, 2]]) < 0.1 * _ARROW:
                     continue  # it points to the reader or away
-                figure.add_trace(_arrow(origin, tip, f"{'xyz'[axis]}{number + 1}", shade), **place)
+                figure.add_trace(_arrow(origin, tip, f"{'xyz'[axis]}{number + 1}", shade, _LABELS[number]), **place)
             spot = {"size": 11, "color": colour(number), "line": {"width": 2, "color": GREY}}
             words = f"{name}: z {_toward(axes[:, 2])}<extra></extra>"
             point = {"x": [origin[0]], "y": [origin[2]], "mode": "markers", "marker": spot, "name": name}
@@ -78,7 +79,7 @@ def _frames(robot: Robot, q: Array) -> list[tuple[str, Array, Array]]:
     return [(name, np.array(place.translation), np.array(place.rotation)) for name, place in places]
 
 
-def _arrow(origin: Array, tip: Array, name: str, shade: str) -> Any:
+def _arrow(origin: Array, tip: Array, name: str, shade: str, place: str) -> Any:
     from plotly.graph_objects import Scatter
 
     return Scatter(
@@ -88,7 +89,7 @@ def _arrow(origin: Array, tip: Array, name: str, shade: str) -> Any:
         line={"color": shade, "width": 3},
         marker={"size": [0, 8], "symbol": "arrow", "angleref": "previous", "color": shade},
         text=["", name],
-        textposition="top right",
+        textposition=place,
         textfont={"color": shade},
         showlegend=False,
         hoverinfo="skip",

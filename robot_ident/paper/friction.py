@@ -15,6 +15,7 @@ from robot_ident.estimation.validation import moving_rows, validate
 from robot_ident.model.model import Model
 from robot_ident.model.structure import Structure
 from robot_ident.paper import printed
+from robot_ident.paper.excitation import CRITERIA
 from robot_ident.paper.robots import FRICTION, robot_of_section_v, without_known_effects
 from robot_ident.planning.validation_motion import validation_motion
 from robot_ident.recording.process import process
@@ -49,7 +50,7 @@ class RealRobot:
 
     def measured(self, criterion: str, draw: int = 0) -> Recording:
         """Return 16 periods of a trajectory; each draw has noise of its own."""
-        return self._plays[criterion].record(PERIODS, seed=_seed(self.seed, draw, len(criterion)))
+        return self._plays[criterion].record(PERIODS, seed=_seed(self.seed, draw, CRITERIA.index(criterion)))
 
     def validation(self, motion: PointToPoint, draw: int = 0) -> Recording:
         """Return the mean of 16 runs of a validation motion."""
@@ -164,7 +165,7 @@ def friction(real: RealRobot, motion: PointToPoint, slow: Excitation, *, draws: 
     for draw in range(1, draws + 1):
         drawn = validation_motion(robot, seed=_seed(real.seed, draw))
         seen = real.validation(drawn, draw)
-        errors.append([_mse(fitted(criterion, draw), seen) for criterion in ("condition", "d-optimal")])
+        errors.append([_mse(fitted(criterion, draw), seen) for criterion in CRITERIA])
     table = np.array(errors).reshape(draws, 2, robot.n)
     return Friction(
         models,

@@ -29,12 +29,12 @@ _POINTS = 100
 
 @dataclass(frozen=True)
 class Undone:
-    """The 25 parameters from one recording behind the real filter: chi-square over its degrees of freedom, and the
-    largest error of a parameter in units of its standard deviation.
+    """The 25 parameters from one recording behind the real filter: the mean squared residual over the noise variance,
+    mean of all joints, and the largest error of a parameter in units of its standard deviation.
     """
 
     name: str
-    chi_square_ratio: float
+    residual_ratio: float
     largest_error: float
     parameter: str
 
@@ -77,7 +77,7 @@ class MeasuringChain:
             "misfit": self.identified.misfit,
             "undone": {
                 one.name: {
-                    "chi_square_ratio": one.chi_square_ratio,
+                    "residual_ratio": one.residual_ratio,
                     "largest_error_sigma": one.largest_error,
                     "parameter": one.parameter,
                 }
@@ -143,5 +143,5 @@ def _judged(name: str, model: Model) -> Undone:
     true = model.structure.true_values()
     error = (model.linear - true) / model.std[: len(true)]
     worst = int(np.argmax(np.abs(error)))
-    assert model.chi_square is not None and model.dof is not None
-    return Undone(name, model.chi_square / model.dof, float(error[worst]), model.structure.names[worst])
+    ratios = [fit.mse / fit.noise_variance for fit in model.residual.values() if fit.noise_variance]
+    return Undone(name, float(np.mean(ratios)), float(error[worst]), model.structure.names[worst])

@@ -108,9 +108,8 @@ def missing(real: RealRobot, motion: PointToPoint) -> Missing:
         inputs = Inputs((first,), ("model.yaml",), tuple(map(str, paths[:-1])), measured, aside, (str(paths[-1]),))
         said = find_missing(first, measured, aside)
         chosen = _chosen(said)
-        effects = [suspect.effect for suspect in said.missing if not suspect.effect.measuring]
-        known = {effect.label for effect in effects}
-        effects += [make_effect(label, bare) for label in chosen if label not in known]
+        named = {finding.label: finding.effect for finding in said.missing if not finding.effect.measuring}
+        effects = [named[label] if label in named else make_effect(label, bare) for label in chosen or named]
         steps = steps_of(inputs, effects)
         longer = inputs.with_model(steps[-1].model)
         added = add_until_adequate(find_missing(longer.models[0], longer.measurements, longer.validation), longer)

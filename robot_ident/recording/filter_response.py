@@ -81,19 +81,6 @@ class FrequencyResponse:
         kept = gain > _LEAST_GAIN * gain.max()
         return cls(frequency[kept], value[kept], told[kept], None if deviation is None else deviation[kept], str(path))
 
-    def text(self) -> str:
-        """Return the CSV that `read` reads."""
-        out = io.StringIO()
-        writer = csv.writer(out, lineterminator="\n")
-        writer.writerow([*COLUMNS, *([] if self.deviation is None else ["deviation"])])
-        phase = np.rad2deg(np.angle(self.value))
-        for k, frequency in enumerate(self.frequency):
-            row = [f"{frequency:.9g}", f"{abs(self.value[k]):.9g}", f"{phase[k]:.9g}" if self.with_phase[k] else ""]
-            writer.writerow(
-                [*row, *([] if self.deviation is None else [f"{self.deviation[k] * abs(self.value[k]):.4g}"])]
-            )
-        return out.getvalue()
-
 
 def between(with_filter: Measurement, without: Measurement, joint: int | None = None) -> FrequencyResponse:
     """Return the response between two periodic recordings of one motion, one with the filter and one without.

@@ -104,9 +104,9 @@ def excitation_section(study: Study, found: Excitations) -> PaperSection:
         " its covariance (F' S^-1 F)^-1, eq. (9). Criterion c1 is the condition number of S^-1/2 F with columns of"
         " length one, c2 the determinant of the covariance. After 10,000 iterations of sequential quadratic"
         " programming c1 has condition number 4.15 and determinant 1.76e-43, c2 5.94 and 2.36e-49. 200 identifications"
-        " with simulated noise: the means of 16 of 21 parameters lie within sigma / sqrt(200) of the truth, the"
-        " standard deviations of 19 of 21 inside their 90 % interval. With 500 samples instead of 1500 the estimates"
-        " are said to be biased.",
+        f" with simulated noise: the means of {printed.MEANS_INSIDE} of 21 parameters lie within sigma / sqrt(200) of"
+        f" the truth, the standard deviations of {printed.RATIOS_INSIDE} of 21 inside their 90 % interval. With 500"
+        " samples instead of 1500 the estimates are said to be biased.",
         (
             "One period of 1500 samples at 150 Hz, torque noise of variance 25, 26, 10 (Nm)^2 (an average of 16"
             " periods), joint angles exact, as in the paper. Limits: |q| < 1.6, 1.2, 1.2 rad, 1.45 rad/s, 3 rad/s^2,"
@@ -164,8 +164,8 @@ def excitation_section(study: Study, found: Excitations) -> PaperSection:
                 (
                     "trajectory",
                     "samples",
-                    "means inside (paper: 16)",
-                    "ratios inside (paper: 19)",
+                    f"means inside (paper: {printed.MEANS_INSIDE})",
+                    f"ratios inside (paper: {printed.RATIOS_INSIDE})",
                     "interval of the ratio",
                     "bias (99.8 % interval)",
                     "spread (3 sigma)",
@@ -177,8 +177,8 @@ def excitation_section(study: Study, found: Excitations) -> PaperSection:
         "Better trajectories by a multi-start search of a smooth problem with exact derivatives; the estimates behave"
         " as the paper finds. Three slips: the text prints -log det of the covariance as c2, which would be maximised;"
         " the interval of the ratio of standard deviations is .919 to 1.084 by the"
-        " paper's formula (.923 to 1.089 are printed), and the bias with 500 samples can't be, unless the regressor is"
-        " noisy.",
+        f" paper's formula ({printed.RATIO_INTERVAL[0]:.3f} to {printed.RATIO_INTERVAL[1]:.3f} are printed), and the"
+        " bias with 500 samples can't be, unless the regressor is noisy.",
         again(
             study,
             2,
@@ -252,12 +252,6 @@ def iteration_section(study: Study) -> PaperSection:
         )
         for number, one in enumerate(found.rounds, 1)
     ]
-    ended = (
-        f"After {len(found.rounds)} measurements the next trajectory would lower the mean sigma by"
-        f" {100 * max(0.0, found.next_fall):.1f} %, less than the 2 % of the stop rule."
-        if found.converged
-        else f"After {len(found.rounds)} measurements sigma still falls by {100 * found.next_fall:.1f} %."
-    )
     last = found.rounds[-1].sigma
     apart = float(np.exp(np.mean(np.log(last / study.excitations.optimal["d-optimal"].runs.sigma))))
     gain = float(np.max(np.abs(study.excitations.sigma_cr / study.excitations.optimal["d-optimal"].runs.sigma - 1.0)))
@@ -270,9 +264,9 @@ def iteration_section(study: Study) -> PaperSection:
         " design by c1, measure, estimate, minimise the bound at that estimate, measure again, until nothing changes."
         " No figures are given.",
         (
-            ended,
-            "The noise of the averaged positions (variance 1.1223e-10, 8.2822e-11, 2.9061e-10 rad^2) changes the"
-            f" standard deviations of Table II by at most {gain:.0e} of themselves (there: column Cramér-Rao). The"
+            f"The iteration {found.in_words}.",
+            f"The noise of the averaged positions (variance {numbers(printed.POSITION_VARIANCE, 'g')} rad^2) changes"
+            f" the standard deviations of Table II by at most {gain:.0e} of themselves (there: column Cramér-Rao). The"
             " bound is therefore that of c2, and the iteration is a second search for a c2-optimal trajectory: its"
             f" mean sigma differs by {100 * (apart - 1):+.1f} % from that of section 2, where the search was longer.",
             "The estimates: on the robot that the model describes (section 4) maximum likelihood moves no parameter by"

@@ -48,8 +48,8 @@ def test_our_figures_are_as_good_as_the_paper_s(made: Any) -> None:
     assert friction["draws"]["model_1_worse_median"][0] > 0.0
     assert friction["model 2 without the spring"]["residual_mse"][1] > 1.2 * friction["model 2"]["residual_mse"][1]
     undone = made.data["measuring"]["undone"]
-    assert undone["ignored"]["chi_square_ratio"] > 2.0
-    assert 0.9 < undone["identified"]["chi_square_ratio"] < 1.1
+    assert undone["ignored"]["residual_ratio"] > 2.0
+    assert 0.9 < undone["identified"]["residual_ratio"] < 1.1
     ratio = np.array(made.data["measuring"]["noise_variance"]) / made.data["measuring"]["noise_variance_paper_divisor"]
     np.testing.assert_allclose(ratio, (16 * 1500 - 1) / (15 * 1500))
 

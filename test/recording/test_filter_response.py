@@ -83,7 +83,11 @@ def cheby() -> Any:
 def test_a_file_is_read_as_it_was_written(tmp_path: Path) -> None:
     path = tmp_path / "response.csv"
     made = replace(measured(TRUE, 3), deviation=np.full(120, 0.005))
-    path.write_text(made.text())
+    gain, phase = np.abs(made.value), np.rad2deg(np.angle(made.value))
+    rows = zip(made.frequency, gain, phase, 0.005 * gain, strict=True)
+    path.write_text(
+        "frequency,gain,phase,deviation\n" + "".join(f"{','.join(map(repr, map(float, row)))}\n" for row in rows)
+    )
     read = FrequencyResponse.read(path)
     np.testing.assert_allclose(read.value, made.value, rtol=1e-6)
     found = identify_filter(read)

@@ -1,14 +1,31 @@
-"""What every kind of `robot_ident design` prints with --json."""
+"""What the kinds of `robot_ident design` share: refusing the options of the others, and what --json prints."""
 
 from __future__ import annotations
 
+import argparse
 from collections.abc import Sequence
 from typing import TYPE_CHECKING, Any
+
+from robot_ident.errors import InputError
 
 if TYPE_CHECKING:
     from robot_ident.design.criteria import Evaluation
     from robot_ident.design.design import DesignResult
     from robot_ident.limits.certifier import Margins
+
+
+def refuse_with(args: argparse.Namespace, kind: str, options: Sequence[str]) -> None:
+    """Raise InputError where options are given that a kind of design (its option) would not heed."""
+    given = [option for option in options if _is_given(args, option)]
+    if given:
+        raise InputError(f"{kind} does not go with {', '.join(given)}")
+
+
+def _is_given(args: argparse.Namespace, option: str) -> bool:
+    if option == "--trajectories":
+        return bool(args.trajectories > 1)
+    name = "run_before" if option == "--from" else option.lstrip("-").replace("-", "_")
+    return bool(getattr(args, name))
 
 
 def design_json(
