@@ -30,19 +30,19 @@ def least_torque(evidence: Evidence, joint: int) -> float:
     return LEAST * (limit if np.isfinite(limit) else 400.0) / 400.0
 
 
-def too_little(best: float, evidence: Evidence) -> str:
+def too_little(best: float, evidence: Evidence) -> tuple[str, ...]:
     """Return how much more data would tell, where the model misfits by too little for any effect to stand out.
 
     best: what the best effect gains, in units of chi-square; it grows in proportion to the periods that are averaged.
     Empty where more data wouldn't help: some effect gains enough as it is, and yet none explains the error.
     """
     if not 0.0 < best < ENOUGH:
-        return ""
+        return ()
     periods = min(t.measured.periods for t in evidence.trajectories)
     more = max(1, ceil(periods * ENOUGH / best) - periods)
     return (
         f"too little data for a verdict: the model misfits, but the best effect gains {best:.0f} where {ENOUGH:.0f} are"
-        f" needed; record about {more} more periods of each motion, or another motion"
+        f" needed; record about {more} more periods of each motion, or another motion",
     )
 
 

@@ -53,6 +53,12 @@ class TimeDelay(Effect):
         return [{j: (course.at(x.total[j], -shift) - x.total[j]) / (1000.0 * shift) for j in joints}]
 
     @property
+    def ranges(self) -> tuple[tuple[float, float], ...]:
+        """Half the shift to half as much again: a small part of a large shift is no delay."""
+        one, two = 500.0 * self._shift, 1500.0 * self._shift
+        return ((min(one, two), max(one, two)),)
+
+    @property
     def _shift(self) -> float:
         """The shift [s], kept off zero, where the quotient would lose its digits."""
         shift = self.setting["shift"]

@@ -120,7 +120,7 @@ def test_too_little_data_says_how_much_more(bench: Any) -> None:
     from robot_ident.regression.evidence import gather
 
     evidence, best = gather(bench.measure(()), bench.structure), 11.0
-    said = too_little(best, evidence)
+    (said,) = too_little(best, evidence)
     more = int(said.partition("about ")[2].partition(" ")[0])
     periods = evidence.trajectories[0].measured.periods
     assert (periods + more) * best / periods >= ENOUGH > (periods + more - 1) * best / periods

@@ -107,6 +107,39 @@ EARLY = "time_delay@joint_3:time_delay=-0.003"
 """Half a sample early: it shows in one sample before each reversal."""
 
 
+def test_one_effect_beside_another_may_be_two(bench: Any) -> None:
+    """A cable beside a third effect of its joint may be a spring and an offset."""
+    spring = "gravity_spring@joint_2:stiffness=3000"
+    hidden = (spring, "torque_offset@joint_2:torque_offset=-5.3", "stribeck@joint_2:stribeck=44,speed=0.03")
+    found = by_sets(bench, bench.measure(hidden, noise=1.0))
+    assert ("gravity_spring@joint_2", "stribeck@joint_2", "torque_offset@joint_2") in found.tied_sets
+
+
+def test_what_a_formula_may_err_counts_in_the_model_as_in_the_set(bench: Any) -> None:
+    measured = bench.measure((STRIBECK,))
+    bare = DataSet(Rows.of(measured, bench.structure))
+    h = bare.hypotheses["stribeck@joint_2"][0]
+    given = Search(bare).given([h])
+    longer = DataSet(Rows.of(measured, bench.structure.with_further([h.effect])))
+    assert bare.known_errors == {}
+    of_set = h.formula_error**2 * given.contribution(h)
+    np.testing.assert_allclose(longer.known_errors["stribeck@joint_2"], of_set, rtol=0.02)
+
+
+def test_what_formulas_of_the_model_may_have_left_is_said(bench: Any) -> None:
+    """Stribeck friction in the model at a speed that is a fifth off."""
+    measured = bench.measure(("stribeck@joint_2:stribeck=60,speed=0.08",))
+    known = make_effect("stribeck@joint_2", bench.robot).at({"vs": 0.1})
+    found = diagnose(measured, bench.structure.with_further([known]))
+    assert found.verdict == "not_decidable" and found.missing == ()
+    assert any("the formulas of effects that the model has (stribeck@joint_2)" in note for note in found.notes)
+
+
+def test_a_small_part_of_a_large_shift_is_no_delay(bench: Any) -> None:
+    lower, upper = make_effect("time_delay@joint_2", bench.robot).at({"shift": -0.02}).ranges[0]
+    assert lower < -20.0 < upper < -2.0
+
+
 def test_an_effect_whose_size_is_vague_is_named_where_it_explains_all(bench: Any) -> None:
     assert labels(by_sets(bench, bench.measure((EARLY,)))) == {"time_delay@joint_3"}
 

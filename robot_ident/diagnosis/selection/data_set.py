@@ -11,7 +11,7 @@ from numpy.typing import NDArray
 from robot_ident.diagnosis.power import least_torque
 from robot_ident.diagnosis.selection.constants import BLOCK
 from robot_ident.diagnosis.selection.gram_pool import GramPool
-from robot_ident.diagnosis.selection.hypotheses import Hypothesis, hypotheses_of
+from robot_ident.diagnosis.selection.hypotheses import Hypothesis, formula_error, hypotheses_of
 from robot_ident.diagnosis.selection.reversals import near_reversals, unresolved_rows
 from robot_ident.diagnosis.selection.unseen_reactions import with_unseen_reactions
 from robot_ident.effects import Effect, Torques
@@ -19,7 +19,7 @@ from robot_ident.effects.effort_filter import EffortFilter
 from robot_ident.model.structure import Structure
 from robot_ident.recording.measurement import Measurement
 from robot_ident.regression.evidence import Evidence, Trajectory, fitted, gather, split, trajectory
-from robot_ident.regression.gram import FAINT
+from robot_ident.regression.gram import FAINT, pseudo_inverse
 from robot_ident.regression.spectrum import white_lines, whitened
 from robot_ident.regression.weighed_by_residual import tells_noise, weighed_alike, weighed_by_residual
 from robot_ident.signals.motion import Array, Mask, joined
@@ -114,6 +114,8 @@ class DataSet:
     The first `training` folds are fitted, each of them left out in turn; the others only validate. base [n][F] of [N,
     p], y [n][F] of [N], dof [F, n] independent rows, blocks [F] of [N]: the block of each row. base_own [F, n, p, p],
     base_torque [F, n, p], power [F, n]: inner products. least [n]: the squared error of the least torque worth a name.
+    known_errors: of each effect that the model has already, the squared error [n] that its formula may make of the
+    first.
     """
 
     def __init__(self, rows: Rows, effects: Sequence[Effect] | None = None) -> None:
@@ -140,6 +142,7 @@ class DataSet:
         ]
         self.weights = np.array([np.sum(t.weight**2, axis=0) for t in self.folds])
         self.least = np.array([least_torque(evidence, j) ** 2 for j in range(self.n)])
+        self.known_errors = self._errors_of_known(evidence.values)
         self.pools = [GramPool(*pair) for pair in zip(self.base, self.y, strict=True)]
         self.hypotheses: dict[str, list[Hypothesis]] = {}
         self._add_all(evidence, effects)
@@ -153,6 +156,23 @@ class DataSet:
             phi.append(t.weighed(self.structure.columns(t.motion, evidence.values, rigid)))
             torques.append(self.structure.torques(t.motion, evidence.values, rigid))
         return torques, phi
+
+    def _errors_of_known(self, values: Array) -> dict[str, Array]:
+        """Return by label the squared error [n] that formulas of added effects may make of the training folds: a share
+        of what the parameters of the model without them can't take.
+        """
+        own = self.base_own[: self.training].sum(axis=0)
+        added = {effect.label for effect in self.structure.added}
+        rest = ~self.structure.places_of(lambda effect: effect.label in added)
+        square = pseudo_inverse(own[:, rest][:, :, rest].sum(axis=0))
+        out = {}
+        for effect, at in self.structure.placed:
+            if effect.label in added:
+                c = np.zeros(self.p)
+                c[at] = values[at]
+                c[rest] = -square @ (own[:, rest][:, :, at].sum(axis=0) @ values[at])
+                out[effect.label] = formula_error(effect) ** 2 * np.einsum("p,jpq,q->j", c, own, c)
+        return out
 
     def kept(self, fold: int, joint: int) -> Mask:
         """Return the rows [N] of a joint that count and that no unresolved motion at reversals spoils."""

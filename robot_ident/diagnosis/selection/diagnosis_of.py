@@ -107,8 +107,8 @@ def _beyond_noise(found: Selection, named: Selected, unsure: Selected, validatio
         notes.append(unseen_below(evidence))
     elif verdict == "unexplained":
         notes += stiction_note(rest, with_all) if rest is not None else []
-        more = "" if found.withheld else too_little(_best_gain(found), evidence)
-        verdict, notes = ("not_decidable", [*notes, more]) if more else (verdict, notes)
+        more = [] if found.withheld else found.within_formulas() or list(too_little(_best_gain(found), evidence))
+        verdict, notes = ("not_decidable", [*notes, *more]) if more else (verdict, notes)
     whole = Diagnosis(
         verdict,
         (*(_finding(found, h, validation) for h in named), *drifts),

@@ -18,6 +18,11 @@ TIMING = frozenset({"time_delay", "effort_filter"})
 """Forms of one cause: how late an effort is."""
 
 
+def formula_error(effect: Effect) -> float:
+    """Return the relative rms error of an effect's formula."""
+    return FIRST_ORDER_ERROR.get(effect.name, FORMULA_ERROR)
+
+
 @dataclass(frozen=True, eq=False)
 class Hypothesis:
     """An effect at one value of its nonlinear parameters; at: places of its columns in each joint's pool.
@@ -47,7 +52,7 @@ class Hypothesis:
     @property
     def formula_error(self) -> float:
         """Relative rms error of its formula."""
-        return FIRST_ORDER_ERROR.get(self.effect.name, FORMULA_ERROR)
+        return formula_error(self.effect)
 
     def excludes(self, other: Hypothesis) -> bool:
         """Return whether both are forms of one cause at one place, of which at most one can be."""

@@ -100,9 +100,10 @@ def _neighbours(search: Search, selected: Selected) -> dict[tuple[str, ...], Sel
             for _, h in search.ranked(rest)[:4]:
                 if joint in h.at:
                     put((*rest, h))
-        if 1 <= len(mine) <= 2:
-            for _, a, b in search.pairs(rest, joint, 6):
-                a, b = search.refined_pair(rest, a, b)
-                if len(mine) == 2 or search.both_worthwhile(rest, a, b):
-                    put((*rest, a, b))
+    for joint, replaced in search.replaceable(selected):
+        rest = tuple(h for h in selected if h not in replaced)
+        for _, a, b in search.pairs(rest, joint, 6):
+            a, b = search.refined_pair(rest, a, b)
+            if len(replaced) == 2 or search.both_worthwhile(rest, a, b):
+                put((*rest, a, b))
     return out

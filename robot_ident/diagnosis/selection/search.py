@@ -7,7 +7,8 @@ stands for, k parameters, B blocks (risk inflation, Foster and George 1994; BIC,
 
 from __future__ import annotations
 
-from collections.abc import Collection, Iterator, Sequence
+from collections.abc import Callable, Collection, Iterator, Sequence
+from itertools import combinations
 
 import numpy as np
 
@@ -31,7 +32,10 @@ Selected = tuple[Hypothesis, ...]
 Ranked = list[tuple[float, Hypothesis]]
 """Hypotheses and what they predict beyond their cost, best first."""
 
+Move = Callable[[Selected, Ranked], Selected | None]
+
 _FIRST = 6  # hypotheses that are looked at in a step, the best by what they predict
+_TOGETHER = 3  # effects of a joint at most of which some are replaced by a pair
 _KEPT = 24  # fitted sets that are remembered
 _CLEARLY = 2.0  # of J, by which another set must be better to take the place of one
 _LEAST_DISPERSION = 1e-9  # of what the model without any effect leaves, where noise is not known
@@ -60,6 +64,7 @@ class Search:
         self.unknown: set[int] = set()
         self.barred: set[str] = set()
         self._fitted: dict[object, FittedSet] = {}
+        self._looked: dict[object, list[tuple[float, Hypothesis, Hypothesis]]] = {}
         self._choices = 2.0 * np.log(max(2, len(data.hypotheses)))
         self._per_parameter = np.log(max(2, data.block_count))
         self.least = data.weights.sum(axis=0) * data.least
@@ -93,13 +98,15 @@ class Search:
         return float((self.given(selected).loss / self.dispersion).sum()) + sum(self.cost(h) for h in selected)
 
     def formula_error(self, selected: Sequence[Hypothesis]) -> Array:
-        """Return the squared error [n] of all folds that the formulas of a set and unseen reactions may make."""
+        """Return the squared error [n] of all folds that the formulas of a set and of what the model has already, and
+        unseen reactions, may make.
+        """
         given, data = self.given(selected), self.data
         scale = len(data.folds) / data.training
-        out = data.unseen.sum(axis=0)
+        out = data.unseen.sum(axis=0) + scale * sum(data.known_errors.values())
         for h in given.selected:
             out += scale * h.formula_error**2 * given.contribution(h)
-        return out
+        return np.asarray(out)
 
     def as_good(self, fewer: Sequence[Hypothesis], more: Sequence[Hypothesis], joint: int) -> bool:
         """Return whether fewer effects on a joint predict it as well as more do, but for what their formulas err."""
@@ -160,11 +167,12 @@ class Search:
         return not h.effect.contradicts_itself(given.coefficients(-1, h)[0], along)
 
     def share(self, h: Hypothesis, beside: Sequence[Hypothesis]) -> float:
-        """Return the share that a hypothesis explains of what others leave in excess of noise and their formulas'
-        error, on the joint where it predicts most of motion that was not fitted.
+        """Return the share that a hypothesis explains of what others leave in excess of noise, on the joint where it
+        predicts most of motion that was not fitted.
         """
         fall, left = self._fall_and_left(h, beside, resolved=False)
-        return fall / max(fall + left, 1.0)
+        formulas = float(self.formula_error(beside)[self._main(h, beside)])
+        return fall / max(fall + left + formulas, 1.0)
 
     def _most_share(self, h: Hypothesis, beside: Sequence[Hypothesis]) -> float:
         """Return the same as large as it may be: less the standard deviation of noise, of all rows or of those that no
@@ -255,13 +263,19 @@ class Search:
         By the score test of two columns on the joint's projected inner products; the best get a held-out look.
         """
         given = self.given(beside)
+        key = (tuple(sorted(id(h) for h in beside)), joint, self.dispersion.tobytes(), *sorted(self.barred))
+        if key not in self._looked:
+            self._looked[key] = self._pairs(given, joint)
+        return self._looked[key][:keep]
+
+    def _pairs(self, given: FittedSet, joint: int) -> list[tuple[float, Hypothesis, Hypothesis]]:
         square, right, size = given.pair_matrix(joint)
         live = [
             h
             for settings in self.data.hypotheses.values()
             for h in settings
             if h.joints == (joint,)
-            and self._open(h, beside)
+            and self._open(h, given.selected)
             and all(square[k, k] > HELD * size[k] for k in h.at[joint])
         ]
         scores = _PairScores(square, right, size, joint, live)
@@ -269,7 +283,7 @@ class Search:
         for a, b in scores.best(PAIRS):
             gain = self._held_out(given, a, b) - self.cost(a) - self.cost(b)
             looked.append((gain, a, b))
-        return sorted(looked, key=lambda found: -found[0])[:keep]
+        return sorted(looked, key=lambda found: -found[0])
 
     def refined_pair(self, beside: Sequence[Hypothesis], a: Hypothesis, b: Hypothesis) -> tuple[Hypothesis, Hypothesis]:
         """Return a pair refined in each other's light."""
@@ -288,7 +302,8 @@ class Search:
         while len(selected) < LARGEST_SET:
             self.weigh_by(selected)
             best = self.ranked(selected)[:_FIRST]
-            options = [found for found in (self._single(selected, best), self._pair(selected, best)) if found]
+            moves: Sequence[Sequence[Move]] = ((self._single, self._pair), (self._pair_across,))
+            options = next((found for kind in moves if (found := self._found(kind, selected, best))), [])
             if not options:
                 break
             grown = self.settled(min(options, key=self.objective))
@@ -297,6 +312,10 @@ class Search:
             selected = grown
         self.weigh_by(selected)
         return selected
+
+    @staticmethod
+    def _found(moves: Sequence[Move], selected: Selected, best: Ranked) -> list[Selected]:
+        return [found for move in moves if (found := move(selected, best))]
 
     def _single(self, selected: Selected, best: Ranked) -> Selected | None:
         for gain, h in best:
@@ -311,6 +330,18 @@ class Search:
             a, b = self.refined_pair(selected, a, b)
             if self.both_worthwhile(selected, a, b):
                 out.append((*selected, a, b))
+        return min(out, key=self.objective, default=None)
+
+    def _pair_across(self, selected: Selected, best: Ranked) -> Selected | None:
+        """Return the set with the best two further effects of two joints, each worthwhile beside the other: gravity
+        couples joints, so that an offset that is missing on one makes that of another differ from motion to motion.
+        """
+        out = []
+        for gain, a in best:
+            if gain > 0.0 and len(a.joints) == 1:
+                for more, b in self.ranked([*selected, a])[:2]:
+                    if more > 0.0 and a.joints[0] not in b.joints and self.both_worthwhile(selected, a, b):
+                        out.append((*selected, a, b))
         return min(out, key=self.objective, default=None)
 
     def _promising_pairs(self, selected: Selected, best: Ranked) -> Iterator[tuple[Hypothesis, Hypothesis]]:
@@ -392,20 +423,25 @@ class Search:
 
     def _other_pair(self, selected: Selected) -> Selected | None:
         """Return the set with one or two effects of a joint replaced by another pair."""
-        for joint in range(self.data.n):
-            mine = [h for h in selected if h.joints == (joint,)]
-            if not 1 <= len(mine) <= 2:
-                continue
-            rest = tuple(h for h in selected if h not in mine)
+        for joint, replaced in self.replaceable(selected):
+            rest = tuple(h for h in selected if h not in replaced)
             for _, a, b in self.pairs(rest, joint, 3):
-                if {a.label, b.label} == {h.label for h in mine}:
+                if {a.label, b.label} == {h.label for h in replaced}:
                     continue
                 a, b = self.refined_pair(rest, a, b)
                 better = self.objective([*rest, a, b]) < self.objective(selected) - _CLEARLY
-                better = better and not (len(mine) == 1 and self.as_good(selected, [*rest, a, b], joint))
+                better = better and not (len(replaced) == 1 and self.as_good(selected, [*rest, a, b], joint))
                 if better and self.both_worthwhile(rest, a, b):
                     return (*rest, a, b)
         return None
+
+    def replaceable(self, selected: Selected) -> Iterator[tuple[int, Selected]]:
+        """Yield the effects of a joint that a pair may replace: any one or two of at most three."""
+        for joint in range(self.data.n):
+            mine = [h for h in selected if h.joints == (joint,)]
+            for count in (1, 2) if len(mine) <= _TOGETHER else ():
+                for replaced in combinations(mine, count):
+                    yield joint, replaced
 
 
 class _PairScores:

@@ -30,6 +30,8 @@ from robot_ident.regression.evidence import Evidence
 from robot_ident.regression.gram import base_gram
 from robot_ident.regression.lack_of_fit import LackOfFit, lack_of_fit
 
+_MUCH = 0.1  # of the largest error of a formula on a joint, from which on that of another effect is told
+
 
 @dataclass(frozen=True)
 class Withheld:
@@ -55,6 +57,24 @@ class Selection:
     tested: Evidence = field(repr=False)
     data: DataSet = field(repr=False)
     search: Search = field(repr=False)
+
+    def within_formulas(self) -> list[str]:
+        """Return a line for each joint that fails where effects of the model may have left all of it by their formulas;
+        none where a joint is left more.
+        """
+        judged, names = _Judged(self.search, self.selected), self.data.structure.robot.joints
+        failing = [j for j, fit in enumerate(self.fits) if fit.fails]
+        errors = {j: {label: float(error[j]) for label, error in self.data.known_errors.items()} for j in failing}
+        if not judged.complete or not all(any(of.values()) for of in errors.values()):
+            return []
+        out = []
+        for j, of in errors.items():
+            much = [label for label, error in of.items() if error > _MUCH * max(of.values())]
+            out.append(
+                f"{names[j]}: what is left is {judged.remainder[j]:.2g} times what the formulas of effects that the"
+                f" model has ({', '.join(much)}) and noise may leave"
+            )
+        return out
 
     def probability(self, label: str) -> float:
         """Return the probability of a selected effect."""
