@@ -103,7 +103,7 @@ def picture(recordings: list[Measurement], added: Additions, shade: str) -> Figu
     """Return the picture on a light or a dark page."""
     from plotly.subplots import make_subplots
 
-    suspect = next(one for said in added.said for one in said.missing if one.label == EFFECT)
+    finding = next(one for said in added.said for one in said.missing if one.label == EFFECT)
     figure = make_subplots(1, 2, column_widths=[0.42, 0.58], horizontal_spacing=0.27)
     residual(figure, recordings, before(added))
     history(figure, recordings, added)
@@ -123,7 +123,7 @@ def picture(recordings: list[Measurement], added: Additions, shade: str) -> Figu
     figure.update_xaxes(title={"text": "velocity [rad/s]"}, range=(-1.5, 1.5), dtick=1.0, tick0=0.0, col=1)
     figure.update_yaxes(title={"text": "Nm"}, range=(-33, 33), dtick=10, col=1)
     figure.update_yaxes(title={"text": "Nm rms"}, rangemode="tozero", col=2)
-    notes(figure, shade, f"{100 * suspect.explained:.0f} %")
+    notes(figure, shade, f"{100 * finding.explained:.0f} %")
     return figure
 
 

@@ -33,7 +33,7 @@ def run_case(seed: int, kind: str, files: list[Path]) -> Outcome:
     seconds = time.process_time() - started
     errors = None
     if found.missing and kind == "known":
-        longer = Structure.build(robot, [suspect.effect for suspect in found.missing])
+        longer = Structure.build(robot, [finding.effect for finding in found.missing])
         before, after = (_errors(training, s, unseen) for s in (structure, longer))
         errors = (before, after)
     return outcome(

@@ -196,7 +196,7 @@ def _without_noise(model: Model, runs: list[Run], hidden: Sequence[str]) -> Arra
 def _summary(found: Findings, added: Additions, truth: Array) -> str:
     """Return the excess over noise from step to step, and what it comes to in words."""
     joints, steps = found.robot.joints, found.steps
-    explained = {suspect.label: suspect.explained for said in added.said for suspect in said.missing}
+    explained = {finding.label: finding.explained for said in added.said for finding in said.missing}
     rows: list[tuple[object, ...]] = []
     for step in steps:
         name = " ".join(f"+ {label}" for label in step.added) or "paper's model"

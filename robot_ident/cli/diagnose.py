@@ -10,7 +10,7 @@ from robot_ident.cli.output import add_json, add_output, print_json, say, table,
 from robot_ident.errors import InputError
 
 if TYPE_CHECKING:
-    from robot_ident.diagnosis.diagnosis import Diagnosis, Suspect
+    from robot_ident.diagnosis.diagnosis import Diagnosis, Finding
     from robot_ident.model.model import Model
     from robot_ident.robot.robot import Robot
     from robot_ident.workflow.inputs import Inputs
@@ -103,8 +103,8 @@ def _write(model: Model, args: argparse.Namespace) -> None:
 def _print(found: Diagnosis, inputs: Inputs) -> None:
     robot = inputs.models[0].robot
     say(found.in_words)
-    for suspect in found.missing:
-        _print_named(suspect, inputs)
+    for finding in found.missing:
+        _print_named(finding, inputs)
     if found.unexplained is not None and found.verdict == "missing":
         say(f"\nunexplained: {found.unexplained.joint}, {found.unexplained.where}")
     floors = _floors(inputs)
@@ -137,31 +137,31 @@ def _print(found: Diagnosis, inputs: Inputs) -> None:
         tell(f"note: {note}")
 
 
-def _print_named(suspect: Suspect, inputs: Inputs) -> None:
+def _print_named(finding: Finding, inputs: Inputs) -> None:
     """Say what an effect is, how large, and what adding it will do."""
-    joint = suspect.place
+    joint = finding.place
     unit = inputs.models[0].robot.torque_unit(inputs.models[0].robot.joint_index(joint))
-    sure = "" if suspect.probability is None else f" (probability {suspect.probability:.2f})"
-    say(f"\n{suspect.label}: {suspect.effect.meaning}{sure}")
-    for p in suspect.parameters:
+    sure = "" if finding.probability is None else f" (probability {finding.probability:.2f})"
+    say(f"\n{finding.label}: {finding.effect.meaning}{sure}")
+    for p in finding.parameters:
         say(f"  {p.in_words}")
-    kinds = [] if suspect.effect.trends else [("on the data", suspect.mse_before, suspect.mse_after)]
-    if suspect.validation_before is not None and suspect.validation_after is not None:
-        kinds.append(("on the validation", suspect.validation_before, suspect.validation_after))
+    kinds = [] if finding.effect.trends else [("on the data", finding.mse_before, finding.mse_after)]
+    if finding.validation_before is not None and finding.validation_after is not None:
+        kinds.append(("on the validation", finding.validation_before, finding.validation_after))
     falls = [f"{kind} {before[joint] ** 0.5:.3g} -> {after[joint] ** 0.5:.3g} {unit}" for kind, before, after in kinds]
-    doing = "correcting it" if suspect.effect.measuring else "adding it"
+    doing = "correcting it" if finding.effect.measuring else "adding it"
     if falls:
         say(f"  {doing}: rms at {joint} {', '.join(falls)}")
-    if suspect.fix:
-        say(f"  to change: {suspect.fix}")
-    if suspect.tied_with:
-        common = f" (all {suspect.family})" if suspect.family else ""
-        say(f"  these recordings cannot discriminate it from {', '.join(suspect.tied_with)}{common}")
-    if suspect.tied_with and suspect.experiment:
-        say(f"  experiment: {suspect.experiment}")
+    if finding.fix:
+        say(f"  to change: {finding.fix}")
+    if finding.tied_with:
+        common = f" (all {finding.family})" if finding.family else ""
+        say(f"  these recordings cannot discriminate it from {', '.join(finding.tied_with)}{common}")
+    if finding.tied_with and finding.experiment:
+        say(f"  experiment: {finding.experiment}")
 
 
-def _row(rank: int, s: Suspect, named: bool, robot: Robot) -> tuple[object, ...]:
+def _row(rank: int, s: Finding, named: bool, robot: Robot) -> tuple[object, ...]:
     from robot_ident.regression.more_than_noise import chance
 
     joint = s.place

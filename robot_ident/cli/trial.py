@@ -39,7 +39,7 @@ _ROWS = {
     "wrong_name_among_several": "several effects: wrong name, not an indistinguishable alternative",
     "unexplained_though_known": "several effects: said that none of the known ones accounts for the error",
     "fault_named": "measurement fault named or indistinguishable",
-    "invisible_fault_named": "effect named for an undetectable fault",
+    "wrong_name_for_faint_fault": "wrong name for a fault too faint to be asked for",
     "friction_named_for_fault": "friction named for a measurement fault",
     "named_right_with_background": "named right with three background effects of 30 %",
 }

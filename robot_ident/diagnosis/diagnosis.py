@@ -68,7 +68,7 @@ class Estimate:
 
 
 @dataclass(frozen=True)
-class Suspect:
+class Finding:
     """One candidate: how much it explains and what adding it does.
 
     explained: share of the excess squared error on its joints that it removes on trajectories left out of the fit.
@@ -158,13 +158,13 @@ def either(sets: Sequence[Sequence[str]]) -> str:
     return f"either {', or '.join(told)}{more}"
 
 
-def _or_tied(suspect: Suspect) -> str:
+def _or_tied(finding: Finding) -> str:
     """Return an effect and, in brackets, those that recordings can't tell from it, two of them by name."""
-    tied = suspect.tied_with
+    tied = finding.tied_with
     if not tied:
-        return suspect.label
+        return finding.label
     more = f" or {len(tied) - _TIED_NAMED} more" if len(tied) > _TIED_NAMED else ""
-    return f"{suspect.label} (or {', '.join(tied[:_TIED_NAMED])}{more})"
+    return f"{finding.label} (or {', '.join(tied[:_TIED_NAMED])}{more})"
 
 
 @dataclass(frozen=True)
@@ -178,8 +178,8 @@ class Diagnosis:
     """
 
     verdict: Verdict
-    missing: tuple[Suspect, ...]
-    others: tuple[Suspect, ...]
+    missing: tuple[Finding, ...]
+    others: tuple[Finding, ...]
     remaining_rms: Mapping[str, float]
     unexplained: Unexplained | None
     notes: tuple[str, ...] = ()
@@ -201,7 +201,7 @@ class Diagnosis:
             )
             return f"adequate: what is left over is noise{more}"
         if self.verdict == "missing":
-            return "missing: " + ", ".join(_or_tied(suspect) for suspect in self.missing)
+            return "missing: " + ", ".join(_or_tied(finding) for finding in self.missing)
         if self.verdict == "not_decidable":
             return "not decidable from these recordings" + (f": {either(self.tied_sets)}" if self.tied_sets else "")
         where = f"; {self.unexplained.joint}: {self.unexplained.where}" if self.unexplained else ""
@@ -226,13 +226,13 @@ class Diagnosis:
         rows = [
             (
                 rank,
-                suspect.label,
-                "missing" if suspect in self.missing else "",
-                f"{100 * suspect.explained:.0f} %",
-                "; ".join(p.in_words for p in suspect.parameters),
-                ", ".join(suspect.tied_with),
+                finding.label,
+                "missing" if finding in self.missing else "",
+                f"{100 * finding.explained:.0f} %",
+                "; ".join(p.in_words for p in finding.parameters),
+                ", ".join(finding.tied_with),
             )
-            for rank, suspect in enumerate((*self.missing, *self.others), start=1)
+            for rank, finding in enumerate((*self.missing, *self.others), start=1)
         ]
         found = table(("rank", "effect", "named", "explains", "size", "tied with"), rows) if rows else ""
         rest = table(("joint", "remains, Nm rms beyond noise"), list(self.remaining_rms.items()))
@@ -246,7 +246,7 @@ class Diagnosis:
             "verdict": self.verdict,
             "remaining_rms": dict(self.remaining_rms),
             "missing": [{"effect": s.effect.name, "joint": s.effect.place} for s in self.missing],
-            "candidates": [suspect.to_dict(rank) for rank, suspect in enumerate(listed, start=1)],
+            "candidates": [finding.to_dict(rank) for rank, finding in enumerate(listed, start=1)],
             "unexplained": None
             if self.unexplained is None
             else {

@@ -8,7 +8,7 @@ from dataclasses import dataclass, replace
 import numpy as np
 
 from robot_ident.diagnosis.before_after import errors, estimates, mean_squares
-from robot_ident.diagnosis.diagnosis import Suspect
+from robot_ident.diagnosis.diagnosis import Finding
 from robot_ident.diagnosis.power import least_torque
 from robot_ident.diagnosis.selection.refinement import best_values
 from robot_ident.effects import Effect, make_effect
@@ -160,7 +160,7 @@ def without_trends(
     return [less(m) for m in measurements], Structure.build(structure.robot, kept), [less(m) for m in validation]
 
 
-def drift_suspect(evidence: Evidence, joint: int, test: DriftTest, validation: Sequence[Measurement]) -> Suspect:
+def drift_finding(evidence: Evidence, joint: int, test: DriftTest, validation: Sequence[Measurement]) -> Finding:
     """Return the drift of a joint's friction that its test tells of, fitted to the periods taken apart.
 
     Its mean squares are those of averages, which hide it; a validation recording that begins as cold shows its fall.
@@ -171,7 +171,7 @@ def drift_suspect(evidence: Evidence, joint: int, test: DriftTest, validation: S
     best = best_values(effect, single)
     found, gain = (effect, 0.0) if best is None else best
     after = extended(single, [found])
-    return Suspect(
+    return Finding(
         effect=found,
         p_value=test.p_value,
         explained=float(np.clip(gain / test.gain, 0.0, 1.0)),

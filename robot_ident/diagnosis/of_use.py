@@ -11,7 +11,7 @@ from dataclasses import replace
 
 import numpy as np
 
-from robot_ident.diagnosis.diagnosis import Diagnosis, Suspect
+from robot_ident.diagnosis.diagnosis import Diagnosis, Finding
 from robot_ident.model.model import is_poor
 from robot_ident.recording.measurement import Measurement
 from robot_ident.signals.motion import Array
@@ -42,8 +42,8 @@ def of_use(found: Diagnosis, measurements: Sequence[Measurement]) -> Diagnosis:
             )
     if not useless:
         return found
-    left = tuple(one for one in found.missing if one not in [suspect for suspect, _ in useless])
-    others: tuple[Suspect, ...] = (*(suspect for suspect, _ in useless), *found.others)
+    left = tuple(one for one in found.missing if one not in [finding for finding, _ in useless])
+    others: tuple[Finding, ...] = (*(finding for finding, _ in useless), *found.others)
     notes = (*found.notes, *(note for _, note in useless))
     return replace(found, verdict="missing" if left else "unexplained", missing=left, others=others, notes=notes)
 

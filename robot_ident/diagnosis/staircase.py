@@ -117,17 +117,17 @@ def foresee(step: Step, found: Diagnosis, validation: Sequence[Source] = ()) -> 
     """
     if not found.missing:
         return None
-    suspect = found.missing[0]  # its `after` holds all that is named
+    finding = found.missing[0]  # its `after` holds all that is named
     joints = step.model.robot.joints
-    if all(suspect.mse_after[joint] >= step.training[joint].mse for joint in joints):
+    if all(finding.mse_after[joint] >= step.training[joint].mse for joint in joints):
         return None
-    training = {joint: Level(suspect.mse_after[joint], step.training[joint].noise_variance) for joint in joints}
+    training = {joint: Level(finding.mse_after[joint], step.training[joint].noise_variance) for joint in joints}
     unseen: dict[str, Level] = {}
-    if suspect.validation_after is not None and step.validation:
+    if finding.validation_after is not None and step.validation:
         each = [mean_square_errors(step.model, source.measured) for source in validation]
         for number, joint in enumerate(joints):
             # the diagnosis counts rows near standstill too: its ratio is carried over
-            ratio = suspect.validation_after[joint] / float(sum(one[number] for one in each) / len(each))
+            ratio = finding.validation_after[joint] / float(sum(one[number] for one in each) / len(each))
             unseen[joint] = Level(step.validation[joint].mse * ratio, step.validation[joint].noise_variance)
     return Foreseen(tuple(one.label for one in found.missing), training, unseen)
 

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from typing import TYPE_CHECKING
 
-from robot_ident.diagnosis.diagnosis import Diagnosis, Suspect
+from robot_ident.diagnosis.diagnosis import Diagnosis, Finding
 from robot_ident.figures.theme import BLUE, GREY, plain, themed
 
 if TYPE_CHECKING:
@@ -21,25 +21,25 @@ def candidates_figure(found: Diagnosis) -> Figure:
     from plotly.graph_objects import Bar, Figure
 
     figure = Figure()
-    for label, suspects, colour, pattern in (
+    for label, findings, colour, pattern in (
         ("named missing", found.missing, BLUE, ""),
         ("not named", found.others, GREY, "/"),
     ):
-        if suspects:
+        if findings:
             figure.add_trace(
                 Bar(
-                    y=[plain(suspect.label) for suspect in suspects],
-                    x=[100.0 * suspect.explained for suspect in suspects],
+                    y=[plain(finding.label) for finding in findings],
+                    x=[100.0 * finding.explained for finding in findings],
                     orientation="h",
                     name=label,
-                    text=[_share(suspect) for suspect in suspects],
+                    text=[_share(finding) for finding in findings],
                     textposition="outside",
                     cliponaxis=False,
                     marker={"color": colour, "pattern": {"shape": pattern}},
                     hovertemplate="%{y}: %{x:.1f} %<extra>" + label + "</extra>",
                 )
             )
-    order = [plain(suspect.label) for suspect in (*found.missing, *found.others)]
+    order = [plain(finding.label) for finding in (*found.missing, *found.others)]
     figure.update_yaxes(categoryorder="array", categoryarray=order[::-1], automargin=True, showgrid=False)
     figure.update_xaxes(
         title_text="of the excess error explained on motion left out [%]",
@@ -49,14 +49,14 @@ def candidates_figure(found: Diagnosis) -> Figure:
     return themed(figure, height=130 + _BAR * len(order))
 
 
-def _share(suspect: Suspect) -> str:
-    tied = f", {len(suspect.tied_with)} indistinguishable" if suspect.tied_with else ""
-    return f"{100 * suspect.explained:.0f} %{tied}"
+def _share(finding: Finding) -> str:
+    tied = f", {len(finding.tied_with)} indistinguishable" if finding.tied_with else ""
+    return f"{100 * finding.explained:.0f} %{tied}"
 
 
 def candidates_text(found: Diagnosis) -> str:
     """Return the candidates with their shares, in their order."""
-    listed = [(suspect, "named") for suspect in found.missing] + [(suspect, "not named") for suspect in found.others]
+    listed = [(finding, "named") for finding in found.missing] + [(finding, "not named") for finding in found.others]
     if not listed:
         return "No candidate explains anything."
     return "; ".join(f"{s.label}, {word}: {100 * s.explained:.0f} %" for s, word in listed) + " of the excess."

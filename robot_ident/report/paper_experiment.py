@@ -6,6 +6,7 @@ from collections.abc import Mapping, Sequence
 
 import numpy as np
 
+from robot_ident.diagnosis.selection.constants import FORMULA_ERROR
 from robot_ident.diagnosis.staircase import Level
 from robot_ident.estimation.prediction import measured_for
 from robot_ident.figures import paper as figures
@@ -266,20 +267,27 @@ def missing_section(study: Study, found: Missing) -> PaperSection:
         f" diagnose says: {found.said[0].in_words}.",
     ]
     if found.chosen:
-        paragraphs.append(
-            f"What acts over the position of axis 2 these recordings can't decide alone: either {tied} (a cable pulls"
-            " with play, offset and stiffness of its own). Here a person has to decide: a spring can be seen on the"
-            f" arm, the set with {SEEN} is added by name, and diagnose is asked again."
+        why = (
+            f"all hold {SEEN}, and the likeliest of them is added"
+            if SEEN in common
+            else f"a spring can be seen on the arm, the set with {SEEN} is added by name"
         )
+        paragraphs.append(
+            f"Some of it these recordings can't decide alone: either {tied} (a cable pulls with play, offset and"
+            f" stiffness of its own). Here a person has to decide: {why}, and diagnose is asked again."
+        )
+    end = found.said[-1]
+    why = f" ({end.notes[0]})" if end.verdict == "not_decidable" and end.notes else ""
     paragraphs.append(
-        f"At the end: {found.said[-1].in_words}. Of {len(found.truth)} effects that the robot has, {len(found.right)}"
+        f"At the end: {end.in_words}{why}. Of {len(found.truth)} effects that the robot has, {len(found.right)}"
         " are in the model" + (f"; wrong: {', '.join(found.wrong)}." if found.wrong else ", and none that it has not.")
     )
     paragraphs.append(
         "What is left: where a joint turns round, friction jumps, and noise of 1e-5 rad in the positions hides on which"
         f" side of the turn a row lies. {_near_reversals(pair['with all that was added'])} The simulated Stribeck"
-        " curve, 2 e / (1 + e^2) with e = exp(-|dq| / speed), is on purpose not the formula of the model: of what the"
-        " formula misses a diagnosis of the longer model may make a further name."
+        " curve, 2 e / (1 + e^2) with e = exp(-|dq| / speed), is on purpose not the formula of the model: what it"
+        " misses stays, and is no further effect up to"
+        f" {100 * FORMULA_ERROR:.0f} % of its torque."
     )
     paragraphs.append(
         f"The truth: {', '.join((*found.truth[: -len(study.real.hidden)], *study.real.hidden))} (Nm, rad/s)."

@@ -11,7 +11,7 @@ from pathlib import Path
 from typing import Any
 
 from robot_ident import __version__
-from robot_ident.diagnosis.diagnosis import Diagnosis, Suspect
+from robot_ident.diagnosis.diagnosis import Diagnosis, Finding
 from robot_ident.diagnosis.staircase import Level, Step
 from robot_ident.effects.own import is_own
 from robot_ident.figures.candidate_bars import candidates_figure, candidates_text
@@ -54,27 +54,27 @@ class Candidates(Section):
                     "verdict": diagnosis.in_words,
                     "figure": Plot(candidates_figure(diagnosis), candidates_text(diagnosis)) if listed else None,
                     "figures": Table(_HEADER, [_row(s, diagnosis) for s in listed], numeric=(2, 3, 5, 6, 7, 8)),
-                    "named": [self._named(suspect, step) for suspect in diagnosis.missing],
+                    "named": [self._named(finding, step) for finding in diagnosis.missing],
                     "remains": self._remains(diagnosis),
                     "unexplained": _unexplained(diagnosis),
                 }
             )
         return {"models": models, "several": len(self.found.training) > 1}
 
-    def _named(self, suspect: Suspect, step: Step) -> dict[str, Any]:
+    def _named(self, finding: Finding, step: Step) -> dict[str, Any]:
         """Return a named effect with its size, its ties and the command that adds it."""
         bags = [source.path for source in self.found.training]
         unseen = [word for source in self.found.validation for word in ("--validation", source.path)]
-        add = ["robot_ident", "add", step.path, suspect.label, "--bag", *bags, *unseen, "-o", "model_with_it.yaml"]
-        effect = suspect.effect
+        add = ["robot_ident", "add", step.path, finding.label, "--bag", *bags, *unseen, "-o", "model_with_it.yaml"]
+        effect = finding.effect
         return {
-            "label": suspect.label,
+            "label": finding.label,
             "meaning": effect.meaning,
             "equation": effect.equation,
-            "sizes": [p.in_words for p in suspect.parameters],
-            "tied": list(suspect.tied_with),
-            "experiment": suspect.experiment or effect.experiment,
-            "tell": _tell(suspect, step),
+            "sizes": [p.in_words for p in finding.parameters],
+            "tied": list(finding.tied_with),
+            "experiment": finding.experiment or effect.experiment,
+            "tell": _tell(finding, step),
             "add": "" if effect.measuring else shlex.join(add),
         }
 
@@ -87,28 +87,28 @@ class Candidates(Section):
         ]
 
 
-def _row(suspect: Suspect, diagnosis: Diagnosis) -> tuple[str, ...]:
-    joint = suspect.effect.place or max(suspect.mse_before, key=lambda j: suspect.mse_before[j] - suspect.mse_after[j])
+def _row(finding: Finding, diagnosis: Diagnosis) -> tuple[str, ...]:
+    joint = finding.effect.place or max(finding.mse_before, key=lambda j: finding.mse_before[j] - finding.mse_after[j])
     unseen = [NOTHING, NOTHING]
-    if suspect.validation_before is not None and suspect.validation_after is not None:
-        unseen = [short(suspect.validation_before[joint] ** 0.5), short(suspect.validation_after[joint] ** 0.5)]
+    if finding.validation_before is not None and finding.validation_after is not None:
+        unseen = [short(finding.validation_before[joint] ** 0.5), short(finding.validation_after[joint] ** 0.5)]
     return (
-        suspect.label,
-        "missing" if suspect in diagnosis.missing else "",
-        percent(suspect.explained),
-        f"{suspect.p_value:.1g}" if suspect.p_value else "< 1e-300",
+        finding.label,
+        "missing" if finding in diagnosis.missing else "",
+        percent(finding.explained),
+        f"{finding.p_value:.1g}" if finding.p_value else "< 1e-300",
         joint,
-        short(suspect.mse_before[joint] ** 0.5),
-        short(suspect.mse_after[joint] ** 0.5),
+        short(finding.mse_before[joint] ** 0.5),
+        short(finding.mse_after[joint] ** 0.5),
         *unseen,
     )
 
 
-def _tell(suspect: Suspect, step: Step) -> str:
+def _tell(finding: Finding, step: Step) -> str:
     """Return the command that designs the motion which tells an effect from the first that it is tied with."""
-    if not suspect.tied_with:
+    if not finding.tied_with:
         return ""
-    words = ["robot_ident", "design", "--model", step.path, "--tell", suspect.label, suspect.tied_with[0]]
+    words = ["robot_ident", "design", "--model", step.path, "--tell", finding.label, finding.tied_with[0]]
     return shlex.join([*words, "-o", "tell.yaml"])
 
 

@@ -5,7 +5,7 @@ from __future__ import annotations
 import math
 from collections.abc import Sequence
 
-from robot_ident.diagnosis.diagnosis import Diagnosis, Suspect
+from robot_ident.diagnosis.diagnosis import Diagnosis, Finding
 from robot_ident.diagnosis.staircase import Level, Step
 from robot_ident.residuals.comparison import JointComparison
 from robot_ident.robot.robot import Robot
@@ -111,8 +111,8 @@ def _as_good_as_can_be(joint: JointComparison, diagnosis: Diagnosis) -> bool:
 
 
 def _missing(diagnosis: Diagnosis, last: Step, robot: Robot) -> str:
-    names = [suspect.label for suspect in diagnosis.missing]
-    named = {name for suspect in diagnosis.missing for name in suspect.tied_with} - {*names}
+    names = [finding.label for finding in diagnosis.missing]
+    named = {name for finding in diagnosis.missing for name in finding.tied_with} - {*names}
     tied = f" (or {joined(sorted(named))}, indistinguishable on these recordings)" if named else ""
     text = f"the model lacks {joined(names)}{tied}"
     predicted = _predicted(diagnosis.missing, last, robot)
@@ -126,7 +126,7 @@ def _missing(diagnosis: Diagnosis, last: Step, robot: Robot) -> str:
     return text + predicted
 
 
-def _predicted(missing: Sequence[Suspect], last: Step, robot: Robot) -> str:
+def _predicted(missing: Sequence[Finding], last: Step, robot: Robot) -> str:
     """Return the predicted fall of the joint that gains most, nothing where no column shows the effect."""
     before, after = last.training, missing[0].mse_after
     joint = max(after, key=lambda name: (before[name].mse - after[name]) / before[name].mse)

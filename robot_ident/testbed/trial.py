@@ -233,7 +233,7 @@ def _errors(
     measurements: list[Measurement], structure: Structure, found: Diagnosis, unseen: TrueMotion
 ) -> tuple[Errors | None, str]:
     """Return the errors on the unseen motion before and after what was named is added, or why it couldn't be."""
-    named = [suspect.effect for suspect in found.missing if not suspect.effect.measuring]
+    named = [finding.effect for finding in found.missing if not finding.effect.measuring]
     if not named:
         return None, ""
     try:

@@ -128,7 +128,7 @@ def rates(outcomes: Sequence[Outcome], least: float) -> list[Rate]:
         _Row("wrong_name_among_several", several, named_wrong, wanted=False),
         _Row("unexplained_though_known", several, lambda o: o.verdict == "unexplained", wanted=False),
         _Row("fault_named", lambda o: fault(o, visible=True), in_tie_group),
-        _Row("invisible_fault_named", lambda o: fault(o, visible=False), lambda o: bool(o.named), wanted=False),
+        _Row("wrong_name_for_faint_fault", lambda o: fault(o, visible=False), named_wrong, wanted=False),
         _Row("friction_named_for_fault", lambda o: o.kind == MEASUREMENT, friction_named, wanted=False),
         _Row("named_right_with_background", lambda o: o.kind == "single_with_background", found_beside_background),
     )

@@ -93,13 +93,13 @@ def diagnosis(found: Diagnosis, saved: Mapping[str, str]) -> dict[str, Any]:
     saved: what a file that a command names is called once it was saved.
     """
     data = found.to_dict()
-    for suspect, candidate in zip((*found.missing, *found.others), data["candidates"], strict=True):
-        effect = suspect.effect
+    for finding, candidate in zip((*found.missing, *found.others), data["candidates"], strict=True):
+        effect = finding.effect
         candidate |= {"label": effect.label, "meaning": effect.meaning, "equation": effect.equation}
         candidate |= {"can_be_added": effect.regression, "evidence": effect.evidence}
         for path, name in saved.items():
             candidate["experiment"] = candidate["experiment"] and candidate["experiment"].replace(path, name)
-    return {**data, "in_words": found.in_words, "named": [suspect.label for suspect in found.missing]}
+    return {**data, "in_words": found.in_words, "named": [finding.label for finding in found.missing]}
 
 
 def preview_of(preview: Preview) -> dict[str, Any]:

@@ -87,9 +87,9 @@ class Work:
         found = find_missing(model, training, validation, _part(tell, 0.3, 0.8))
         listed = [s for s in (*found.missing, *found.others) if s.effect.regression]
         forecast = Forecast(training, model.structure, validation)
-        for place, suspect in enumerate(listed):
-            tell(0.8 + 0.2 * place / len(listed), f"what {suspect.label} would do")
-            self._write_preview(number, forecast.of(suspect.effect), model)
+        for place, finding in enumerate(listed):
+            tell(0.8 + 0.2 * place / len(listed), f"what {finding.label} would do")
+            self._write_preview(number, forecast.of(finding.effect), model)
         saved = model_name(self.session, len(self.session.added(number)))
         told = records.diagnosis(found, {str(self.session.model_file(number)): saved})
         records.write_json(self.session.step_folder(number) / "diagnosis.json", told)

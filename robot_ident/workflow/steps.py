@@ -132,7 +132,7 @@ def add_until_adequate(
 
 
 def _columns(found: Diagnosis) -> list[Effect]:
-    return [suspect.effect for suspect in found.missing if not suspect.effect.measuring]
+    return [finding.effect for finding in found.missing if not finding.effect.measuring]
 
 
 def _listed(effects: Sequence[Effect]) -> str:

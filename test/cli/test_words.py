@@ -19,7 +19,7 @@ INSTEAD = {
     r"most telling": "most informative",
     r"telling": "informative",
     r"untold": "unidentifiable, unspecified",
-    r"suspects?": "finding",
+    r"findings?": "finding",
     r"fellows?": "other selected effects",
     r"rivals?|tied": "indistinguishable alternatives, next candidate, second publisher",
     r"misfits?": "lack of fit",

@@ -11,7 +11,7 @@ import pytest
 
 from robot_ident.diagnosis.diagnose import diagnose
 from robot_ident.diagnosis.measuring.axes import wirings, wrong_axes
-from robot_ident.diagnosis.measuring.finding import Finding
+from robot_ident.diagnosis.measuring.fitted_fault import FittedFault
 from robot_ident.model.structure import Structure
 from robot_ident.recording import Recording, process
 from robot_ident.regression.evidence import gather
@@ -64,7 +64,7 @@ def exchanged(a: int, b: int, *, position: bool = True, effort: bool = True) -> 
     return write
 
 
-def found_in(bench: Any, recordings: Any, write: Any) -> list[Finding]:
+def found_in(bench: Any, recordings: Any, write: Any) -> list[FittedFault]:
     """Return what the test for such mistakes finds, best first."""
     evidence = gather([process(write(r), bench.robot) for r in recordings], bench.structure)
     return sorted(wrong_axes(evidence, base_gram(evidence)), key=lambda f: -f.held_out)

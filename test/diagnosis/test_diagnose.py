@@ -44,7 +44,7 @@ def test_nothing_hidden_is_adequate(bench: Any, seed: int) -> None:
 def test_what_is_hidden_is_named(bench: Any, effects: tuple[str, ...]) -> None:
     found = bench.diagnose(effects)
     assert found.verdict == "missing"
-    assert {suspect.label for suspect in found.missing} == labels(effects)
+    assert {finding.label for finding in found.missing} == labels(effects)
 
 
 @pytest.mark.parametrize("joint", ["joint_1", "joint_3"])
@@ -70,13 +70,13 @@ def test_an_unknown_phenomenon_gets_no_name_but_a_place(bench: Any) -> None:
 
 
 def test_adding_lowers_the_error_on_motion_that_no_fit_has_seen(bench: Any) -> None:
-    (suspect,) = bench.diagnose((STRIBECK,)).missing
-    assert suspect.validation_after["joint_2"] < 0.7 * suspect.validation_before["joint_2"]
-    assert suspect.mse_after["joint_2"] < 0.7 * suspect.mse_before["joint_2"]
-    assert suspect.explained > 0.8
+    (finding,) = bench.diagnose((STRIBECK,)).missing
+    assert finding.validation_after["joint_2"] < 0.7 * finding.validation_before["joint_2"]
+    assert finding.mse_after["joint_2"] < 0.7 * finding.mse_before["joint_2"]
+    assert finding.explained > 0.8
     measured, (unseen,) = bench.measure((STRIBECK,)), bench.measure((STRIBECK,), [3], noise=1e-3)
     errors = []
-    for structure in (bench.structure, Structure.build(bench.robot, [suspect.effect])):
+    for structure in (bench.structure, Structure.build(bench.robot, [finding.effect])):
         model = estimate(measured, structure)
         errors.append(np.mean((unseen.torque - model.predict(unseen.motion))[unseen.used[:, 1], 1] ** 2))
     # what stays is the jerk of the breakaway: lines of its acceleration lie below the noise of the position
@@ -84,14 +84,14 @@ def test_adding_lowers_the_error_on_motion_that_no_fit_has_seen(bench: Any) -> N
 
 
 def test_size_is_that_of_the_truth(bench: Any) -> None:
-    (suspect,) = bench.diagnose((OFFSET,)).missing
-    (parameter,) = suspect.parameters
+    (finding,) = bench.diagnose((OFFSET,)).missing
+    (parameter,) = finding.parameters
     assert parameter.value == pytest.approx(5.0, abs=max(0.2, 5 * parameter.std))
 
 
 def test_one_recording_works_and_is_said_to_be_weaker(bench: Any) -> None:
     found = diagnose(bench.measure((OFFSET,), [0]), bench.structure)
-    assert [suspect.label for suspect in found.missing] == ["torque_offset@joint_3"]
+    assert [finding.label for finding in found.missing] == ["torque_offset@joint_3"]
     assert any("one trajectory only" in note for note in found.notes)
 
 

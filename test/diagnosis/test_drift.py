@@ -26,13 +26,13 @@ COLUMN = "temperature_drift@joint_1"
 def test_drift_is_found_added_and_gone(bench: Any) -> None:
     measured, (unseen,) = bench.measure(DRIFT, noise=1.0), bench.measure(DRIFT, [3])
     found = diagnose(measured, bench.structure, [unseen])
-    (suspect,) = found.missing
-    assert suspect.label == COLUMN
-    assert suspect.validation_after["joint_1"] < suspect.validation_before["joint_1"]
-    level, span = suspect.parameters
+    (finding,) = found.missing
+    assert finding.label == COLUMN
+    assert finding.validation_after["joint_1"] < finding.validation_before["joint_1"]
+    level, span = finding.parameters
     assert level.value == pytest.approx(8.0, abs=4.0 * level.std)
     assert span.value == pytest.approx(40.0, abs=4.0 * span.std)
-    plain, longer = (estimate(measured, s) for s in (bench.structure, Structure.build(bench.robot, [suspect.effect])))
+    plain, longer = (estimate(measured, s) for s in (bench.structure, Structure.build(bench.robot, [finding.effect])))
     assert longer.residual["joint_1"].noise_variance == pytest.approx(plain.residual["joint_1"].noise_variance)
     began = replace(unseen.motion, began=unseen.motion.began[:1])
     assert unseen.period_torque is not None

@@ -42,7 +42,7 @@ def with_law(measured: Measurement, label: str, law: Law) -> Measurement:
 @pytest.mark.parametrize("label", LAWS)
 def test_other_formulas_get_the_name_of_their_cause(bench: Any, label: str) -> None:
     found = diagnose([with_law(m, label, LAWS[label]) for m in bench.measure(())], bench.structure)
-    assert [suspect.label for suspect in found.missing] == [label]
+    assert [finding.label for finding in found.missing] == [label]
 
 
 def test_friction_that_sets_in_rises_and_what_bends_at_speed_may_bend_either_way(bench: Any) -> None:

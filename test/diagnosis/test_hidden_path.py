@@ -91,4 +91,4 @@ def test_a_drive_that_gives_way_lacks_nothing(bench: Any, reversing: list[Measur
 
 
 def test_a_ripple_that_shakes_its_drive_is_no_delay_as_well(bench: Any) -> None:
-    assert [suspect.label for suspect in bench.diagnose((RIPPLE,)).missing] == ["torque_ripple@joint_2"]
+    assert [finding.label for finding in bench.diagnose((RIPPLE,)).missing] == ["torque_ripple@joint_2"]

@@ -54,14 +54,14 @@ def test_stiction_alone_gets_no_name(found: Callable[[Hidden], Diagnosis]) -> No
 
 @pytest.mark.parametrize("delay", [-0.012, 0.012])
 def test_a_delay_of_a_joint_is_named(found: Callable[[Hidden], Diagnosis], delay: float) -> None:
-    (suspect,) = found(late(slice(0, 1), delay)).missing
-    assert suspect.label == "time_delay@joint_1"
-    (size,) = [p.value for p in suspect.parameters if p.name == "time_delay.delay@joint_1"]
+    (finding,) = found(late(slice(0, 1), delay)).missing
+    assert finding.label == "time_delay@joint_1"
+    (size,) = [p.value for p in finding.parameters if p.name == "time_delay.delay@joint_1"]
     assert size == pytest.approx(1e3 * delay, rel=0.4)
 
 
 def test_a_delay_of_all_joints_is_not_named_twice(found: Callable[[Hidden], Diagnosis]) -> None:
-    assert [suspect.label for suspect in found(late(slice(None), 0.007)).missing] == ["time_delay"]
+    assert [finding.label for finding in found(late(slice(None), 0.007)).missing] == ["time_delay"]
 
 
 def test_a_remainder_at_reversals_says_how_to_leave_them_out(bench: Any) -> None:

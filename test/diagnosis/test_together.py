@@ -18,22 +18,22 @@ AS_OF_16 = 6.0 / 16.0  # of the noise: six periods tell as much as sixteen of th
 
 def test_what_else_a_rattling_joint_lacks_is_found_beside_its_gap(bench: Any) -> None:
     found = diagnose(bench.measure((GAP, OFFSET), noise=1.0), bench.structure)
-    assert {suspect.label for suspect in found.missing} == {GAP, "torque_offset@joint_1"}
+    assert {finding.label for finding in found.missing} == {GAP, "torque_offset@joint_1"}
 
 
 def test_two_gaps_are_told_apart(bench: Any) -> None:
     effects = tuple(f"backlash@{joint}:gap={gap!r}" for joint, gap in GAPS.items())
     found = diagnose(bench.measure(effects, [0, 1], noise=AS_OF_16), bench.structure)
-    assert {suspect.label for suspect in found.missing} == {f"backlash@{joint}" for joint in GAPS}
-    for suspect in found.missing:
-        play = next(p for p in suspect.parameters if p.name.startswith("backlash.gap"))
-        assert play.value == pytest.approx(1e3 * GAPS[suspect.label.partition("@")[2]], rel=0.45)
+    assert {finding.label for finding in found.missing} == {f"backlash@{joint}" for joint in GAPS}
+    for finding in found.missing:
+        play = next(p for p in finding.parameters if p.name.startswith("backlash.gap"))
+        assert play.value == pytest.approx(1e3 * GAPS[finding.label.partition("@")[2]], rel=0.45)
 
 
 def test_an_effect_is_not_held_to_what_another_joint_lacks(bench: Any) -> None:
     measured = bench.measure(("backlash@joint_3:gap=0.0011", ECCENTRIC), noise=AS_OF_16)
     found = diagnose(measured, bench.structure)
-    assert {suspect.label for suspect in found.missing} == {"backlash@joint_3", "encoder_eccentricity@joint_2"}
+    assert {finding.label for finding in found.missing} == {"backlash@joint_3", "encoder_eccentricity@joint_2"}
 
 
 def test_a_stop_that_one_motion_reaches_is_named_where_another_kept_aside_does(bench: Any) -> None:
@@ -45,9 +45,9 @@ def test_a_stop_that_one_motion_reaches_is_named_where_another_kept_aside_does(b
     training = bench.measure(stop, [int(order[k]) for k in (0, 2, 3)], noise=0.1)
     aside = bench.measure(stop, [int(order[1])], noise=0.1)
     told = diagnose(training, bench.structure, aside)
-    assert [suspect.label for suspect in told.missing] == ["end_stop@joint_1"]
-    (suspect,) = told.missing
-    assert suspect.validation_after["joint_1"] < suspect.validation_before["joint_1"]
+    assert [finding.label for finding in told.missing] == ["end_stop@joint_1"]
+    (finding,) = told.missing
+    assert finding.validation_after["joint_1"] < finding.validation_before["joint_1"]
 
 
 @pytest.mark.parametrize("seed", [21, 22])

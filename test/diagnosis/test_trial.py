@@ -96,9 +96,11 @@ def test_a_fault_counts_as_found_only_where_it_shows() -> None:
     rubs = replace(found_one, seed=2, named=("stribeck@joint_2",))
     faint = replace(found_one, seed=3, truth=("link_length@joint_2",), named=(), tied=(), visible={"joint_1": 0.1})
     invented = replace(faint, seed=4, named=("stribeck@joint_2",), tied=((),))
-    found = {r.name: r for r in rates([found_one, rubs, faint, invented], least=1.0)}
+    seen = replace(faint, seed=5, named=faint.truth, tied=((),))
+    found = {r.name: r for r in rates([found_one, rubs, faint, invented, seen], least=1.0)}
     assert (found["fault_named"].successes, found["fault_named"].exceptions) == (1, (2,))
-    assert (found["invisible_fault_named"].successes, found["invisible_fault_named"].cases) == (1, 2)
+    wrong = found["wrong_name_for_faint_fault"]
+    assert (wrong.successes, wrong.cases, wrong.exceptions) == (1, 3, (4,))
     assert (found["friction_named_for_fault"].successes, found["friction_named_for_fault"].exceptions) == (2, (2, 4))
 
 

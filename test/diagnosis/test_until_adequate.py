@@ -26,7 +26,7 @@ def inputs(bench: Any) -> Inputs:
 def half(bench: Any) -> Diagnosis:
     """A diagnosis that has seen one of the two only."""
     found = bench.diagnose(HIDDEN)
-    assert {suspect.label for suspect in found.missing} == {"stribeck@joint_2", "torque_offset@joint_3"}
+    assert {finding.label for finding in found.missing} == {"stribeck@joint_2", "torque_offset@joint_3"}
     return replace(found, missing=tuple(s for s in found.missing if s.label == "stribeck@joint_2"))
 
 

@@ -79,8 +79,8 @@ class Process:
 
 
 def environment(package: Path) -> dict[str, str]:
-    """Return the environment of a node that is run from this package."""
-    return {**os.environ, "PYTHONPATH": os.pathsep.join([str(package.parent), *sys.path])}
+    """Return the environment of a node that is run from this package; a crash in compiled code tells where it was."""
+    return {**os.environ, "PYTHONFAULTHANDLER": "1", "PYTHONPATH": os.pathsep.join([str(package.parent), *sys.path])}
 
 
 def wait_until(condition: Callable[[], Any], timeout: float = LONG) -> Any:

@@ -69,7 +69,7 @@ def judge_emps(found: Diagnosis, emps: Emps, low_pass: float) -> None:
     assert found.verdict == "missing"
     assert found.missing[0].label == "viscous_asymmetric@slide"
     first, second, pulses = (emps.measured(r, low_pass) for r in (emps.first, emps.second, emps.pulses))
-    named = [suspect.effect for suspect in found.missing]
+    named = [finding.effect for finding in found.missing]
     for fitted, tested, least in ((first, second, 0.15), (second, first, 0.15), (first, pulses, 0.1)):
         without = relative(fitted, tested, emps.robot, [])
         assert relative(fitted, tested, emps.robot, named[:1]) < (1 - least) * without
@@ -104,9 +104,9 @@ def test_emps_periods_list_the_same(emps: Emps) -> None:
 def test_the_validation_counts_as_evidence(emps: Emps) -> None:
     pulses = emps.measured(emps.pulses)
     found = diagnose([emps.measured(emps.whole)], Structure.build(emps.robot), [pulses])
-    for suspect in found.missing:
-        assert suspect.validation_before is not None and suspect.validation_after is not None
-        assert suspect.validation_after["slide"] < suspect.validation_before["slide"]
+    for finding in found.missing:
+        assert finding.validation_before is not None and finding.validation_after is not None
+        assert finding.validation_after["slide"] < finding.validation_before["slide"]
 
 
 def test_pulses_are_not_taken_for_noise(emps: Emps) -> None:
@@ -129,14 +129,14 @@ def test_staubli_is_given_only_what_lowers_the_error_on_held_out_parts(
     known = tuple(e for e in robot.known_effects if not e.startswith("wrist_coupling"))
     uncoupled = replace(robot, known_effects=known)
     found = diagnose([measured], Structure.build(uncoupled))
-    assert "wrist_coupling@joint_6" in [suspect.label for suspect in found.missing]
+    assert "wrist_coupling@joint_6" in [finding.label for finding in found.missing]
     before = along(measured, Structure.build(uncoupled))
     after = along(measured, Structure.build(uncoupled, [s.effect for s in found.missing]))
     for parts, size in ((2, None), (3, None), (5, 0.4), (2, 2.5)):  # none but the first chose the effects
         without, together = held_out(measured, before, parts, size), held_out(measured, after, parts, size)
-        for suspect in found.missing:
-            joint = suspect.effect.joint
-            assert together[joint] < 0.95 * without[joint], (suspect.label, parts, size)
+        for finding in found.missing:
+            joint = finding.effect.joint
+            assert together[joint] < 0.95 * without[joint], (finding.label, parts, size)
 
 
 def along(measured: Measurement, structure: Structure) -> Array:

@@ -103,7 +103,7 @@ def test_the_cause_is_named_from_the_work_of_the_simulated_robot(arm: Any) -> No
     model = estimate([measured], arm.structure)
     assert model.residual["joint_1"].noise_variance is not None
     assert model.residual["joint_1"].mse < 1.3 * model.residual["joint_1"].noise_variance
-    assert [suspect.label for suspect in diagnose([measured], model.structure).missing] == ["stribeck@joint_2"]
+    assert [finding.label for finding in diagnose([measured], model.structure).missing] == ["stribeck@joint_2"]
 
 
 def test_starts_that_jitter_little_are_no_period(arm: Any) -> None:

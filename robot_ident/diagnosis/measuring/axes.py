@@ -15,7 +15,7 @@ from itertools import combinations
 import numpy as np
 
 from robot_ident.diagnosis.diagnosis import Estimate
-from robot_ident.diagnosis.measuring.finding import Finding, fitted_loss, folds, weighed
+from robot_ident.diagnosis.measuring.fitted_fault import FittedFault, fitted_loss, folds, weighed
 from robot_ident.effects import Effect
 from robot_ident.effects.catalogue import CATALOGUE
 from robot_ident.regression.evidence import Evidence
@@ -77,7 +77,7 @@ def wirings(robot: Robot) -> Iterator[Wiring]:
         yield Wiring(plain, ones, other, ones, (a, b), ("effort",))
 
 
-def wrong_axes(evidence: Evidence, base: BaseGram) -> list[Finding]:
+def wrong_axes(evidence: Evidence, base: BaseGram) -> list[FittedFault]:
     """Return the turned or exchanged joints with which nearly all of a gross misfit goes; mostly none."""
     everything = range(len(base.power))
     dof = sum(float(t.dof.sum()) for t in evidence.trajectories)
@@ -92,7 +92,7 @@ def wrong_axes(evidence: Evidence, base: BaseGram) -> list[Finding]:
         if held <= NEARLY * (held_before - dof) or _is_sign_of_effort(wiring, evidence, held_before - held):
             continue
         columns = partial(_columns, wiring=wiring)
-        out.append(Finding(_effect(wiring, robot), gain, held, _told(wiring, robot), columns, _fix(wiring, robot)))
+        out.append(FittedFault(_effect(wiring, robot), gain, held, _told(wiring, robot), columns, _fix(wiring, robot)))
     return out
 
 

@@ -13,8 +13,8 @@ import numpy as np
 from numpy.typing import NDArray
 
 from robot_ident.diagnosis.diagnosis import Estimate
-from robot_ident.diagnosis.measuring.finding import (
-    Finding,
+from robot_ident.diagnosis.measuring.fitted_fault import (
+    FittedFault,
     chosen,
     curvature_std,
     fitted_loss,
@@ -177,7 +177,7 @@ class Passages:
         return 1.0 / (t.motion.dt or t.measured.dt)
 
 
-def filters(evidence: Evidence, base: BaseGram) -> list[Finding]:
+def filters(evidence: Evidence, base: BaseGram) -> list[FittedFault]:
     """Return the best low pass of every joint and of all, over the grid alone."""
     if any(t.measured.base_frequency is None for t in evidence.trajectories):
         return []
@@ -190,7 +190,7 @@ def filters(evidence: Evidence, base: BaseGram) -> list[Finding]:
     return [finding for finding in out if finding.gain > 0.0]
 
 
-def exact(found: Finding, evidence: Evidence, base: BaseGram) -> Finding:
+def exact(found: FittedFault, evidence: Evidence, base: BaseGram) -> FittedFault:
     """Return a low pass at its exact frequency, of the form among `LOW_PASSES` that leaves least."""
     model = Passages.of(evidence, base)
     joints, start = joints_of(found, base), _passage_of(found)
@@ -202,7 +202,7 @@ def exact(found: Finding, evidence: Evidence, base: BaseGram) -> Finding:
     std = curvature_std(
         lambda x: model.loss(Passage(passage.form, float(np.exp(x))), joints), np.log(passage.at), _STEP
     )
-    better = _finding(model, passage, declared, found.effect.place, passage.at * std)
+    better = _fault(model, passage, declared, found.effect.place, passage.at * std)
     return better if better.gain > found.gain else found
 
 
@@ -215,12 +215,12 @@ def _forms(evidence: Evidence, joints: Sequence[int]) -> list[str]:
     return [form for form in LOW_PASSES if coloured or form not in WITHOUT_PHASE]
 
 
-def joints_of(found: Finding, base: BaseGram) -> list[int]:
+def joints_of(found: FittedFault, base: BaseGram) -> list[int]:
     """Return the joints whose effort passes."""
     return list(range(base.power.shape[1])) if found.effect.place is None else [found.effect.joint]
 
 
-def _of_grid(model: Passages, passes: Mapping[Passage, BaseGram], place: int | None) -> Finding:
+def _of_grid(model: Passages, passes: Mapping[Passage, BaseGram], place: int | None) -> FittedFault:
     joints = list(range(model.base.power.shape[1])) if place is None else [place]
     forms = _forms(model.evidence, joints)
     mixed = {passage: chosen(model.base, made, joints) for passage, made in passes.items() if passage.form in forms}
@@ -228,18 +228,18 @@ def _of_grid(model: Passages, passes: Mapping[Passage, BaseGram], place: int | N
     best = min(losses, key=losses.__getitem__)
     near = sorted(CUTOFFS, key=lambda f: abs(np.log(f / best.at)))[1]
     names = model.evidence.structure.robot.joints
-    found = _finding(model, best, best, None if place is None else names[place], abs(near - best.at) / 2.0)
+    found = _fault(model, best, best, None if place is None else names[place], abs(near - best.at) / 2.0)
     return replace(found, held_out=_held_fall(model.base, list(mixed.values())))
 
 
-def _finding(model: Passages, passage: Passage, declared: Passage, place: str | None, std: float) -> Finding:
+def _fault(model: Passages, passage: Passage, declared: Passage, place: str | None, std: float) -> FittedFault:
     """Return a low pass as a fault; declared: the best of those that a robot YAML can tell."""
     robot = model.evidence.structure.robot
     effect = CATALOGUE[NAME](robot, None if place is None else robot.joint_index(place))
     joints = list(range(robot.n)) if place is None else [effect.joint]
     after = model.through(passage, joints)
     everything = range(len(model.base.power))
-    return Finding(
+    return FittedFault(
         effect,
         fitted_loss(model.base, everything) - fitted_loss(after, everything),
         _held_fall(model.base, [after]),
@@ -250,7 +250,7 @@ def _finding(model: Passages, passage: Passage, declared: Passage, place: str | 
     )
 
 
-def _passage_of(found: Finding) -> Passage:
+def _passage_of(found: FittedFault) -> Passage:
     """Return the passage of a finding of this file."""
     assert isinstance(found.columns, partial)
     passage = found.columns.keywords["passage"]

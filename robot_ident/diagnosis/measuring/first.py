@@ -13,10 +13,10 @@ from dataclasses import dataclass, replace
 import numpy as np
 
 from robot_ident.diagnosis.before_after import mean_squares
-from robot_ident.diagnosis.diagnosis import Suspect
+from robot_ident.diagnosis.diagnosis import Finding
 from robot_ident.diagnosis.measuring.axes import wrong_axes
 from robot_ident.diagnosis.measuring.filtered import NAME, exact, filters
-from robot_ident.diagnosis.measuring.finding import Finding, fitted_loss, with_columns
+from robot_ident.diagnosis.measuring.fitted_fault import FittedFault, fitted_loss, with_columns
 from robot_ident.diagnosis.measuring.further import link_lengths, payloads
 from robot_ident.diagnosis.measuring.gain import gains, single_gains, undecidable_gains
 from robot_ident.effects import Effect
@@ -34,14 +34,14 @@ _Z = 2.0  # standard deviations of a difference of two gains that are no lead
 
 @dataclass(frozen=True)
 class Fault:
-    """A fault of what is measured: as a suspect, what it leaves by joint [Nm rms beyond the noise], and a note."""
+    """A fault of what is measured: as a finding, what it leaves by joint [Nm rms beyond the noise], and a note."""
 
-    suspect: Suspect
+    finding: Finding
     remaining: Mapping[str, float]
     note: str
 
 
-def exact_fault(effect: Effect, evidence: Evidence) -> Finding | None:
+def exact_fault(effect: Effect, evidence: Evidence) -> FittedFault | None:
     """Return the gain or the low pass of an effort as a fault at its exact values; None of any other effect.
 
     evidence: on the model with all other effects, whose parameters are fitted again.
@@ -86,7 +86,7 @@ def fault_beyond(
     return _fault(best, found, evidence, excess, validation)
 
 
-def _best_first(evidence: Evidence, given: Folds, passes: Sequence[Finding]) -> list[Finding]:
+def _best_first(evidence: Evidence, given: Folds, passes: Sequence[FittedFault]) -> list[FittedFault]:
     """Return some low passes and all other faults, those first that gain most on trajectories left out."""
     base = given.base
     found = [*gains(evidence, base), *passes, *link_lengths(evidence, given), *payloads(evidence, base)]
@@ -94,14 +94,14 @@ def _best_first(evidence: Evidence, given: Folds, passes: Sequence[Finding]) -> 
     return sorted(found, key=lambda f: -f.held_out)
 
 
-def _sharpened(found: Sequence[Finding], evidence: Evidence, folds: Folds) -> list[Finding]:
+def _sharpened(found: Sequence[FittedFault], evidence: Evidence, folds: Folds) -> list[FittedFault]:
     """Return the findings, best first, with low passes that come near the best at their exact values."""
     least = found[0].held_out - _lead(found[0])
     sharp = (exact(f, evidence, folds.base) if f.effect.name == NAME and f.held_out >= least else f for f in found)
     return sorted(sharp, key=lambda f: -f.held_out)
 
 
-def _excess(found: Finding, evidence: Evidence, held_out: float) -> float:
+def _excess(found: FittedFault, evidence: Evidence, held_out: float) -> float:
     """Return the squared error beyond the noise: of all data where no trajectory left out can tell of the fault."""
     if found.single is None:
         return max(held_out, 0.0)
@@ -109,13 +109,13 @@ def _excess(found: Finding, evidence: Evidence, held_out: float) -> float:
     return max(sum(float(np.sum(r**2)) for r in evidence.residual) - dof, 0.0)
 
 
-def _lead(found: Finding) -> float:
+def _lead(found: FittedFault) -> float:
     return max(LEAD * found.held_out, _Z * float(np.sqrt(max(found.held_out, 0.0))))
 
 
 def _fault(
-    best: Finding,
-    found: Sequence[Finding],
+    best: FittedFault,
+    found: Sequence[FittedFault],
     evidence: Evidence,
     excess: float,
     validation: Sequence[Measurement],
@@ -129,7 +129,7 @@ def _fault(
     near = [f.label for f in found[1:] if best.held_out - f.held_out < _lead(best) and f.label != best.label]
     alone = f" in recording {best.single} alone" if best.single is not None else ""
     before_seen, after_seen = validated(best, evidence, after, validation)
-    suspect = Suspect(
+    finding = Finding(
         effect=best.effect,
         p_value=min(1.0, float(chdtrc(best.more, best.gain)) * len(found)),
         explained=float(np.clip(best.held_out / own, 0.0, 1.0)) if own > 0.0 else 1.0,
@@ -143,14 +143,14 @@ def _fault(
         fix=best.fix,
     )
     return Fault(
-        suspect,
+        finding,
         {name: float(np.sqrt(fit.excess)) for name, fit in zip(names, rest, strict=True)},
         f"{best.label}{alone}{CORRECT}; until then no effect is named, since what it leaves looks like many",
     )
 
 
 def validated(
-    best: Finding, evidence: Evidence, after: Evidence, validation: Sequence[Measurement]
+    best: FittedFault, evidence: Evidence, after: Evidence, validation: Sequence[Measurement]
 ) -> tuple[dict[str, float] | None, dict[str, float] | None]:
     """Return the mean squares of recordings that no fit has seen, before and after; None where nobody knows whether
     they have the fault.

@@ -7,7 +7,7 @@ from functools import partial
 import numpy as np
 
 from robot_ident.diagnosis.diagnosis import Estimate
-from robot_ident.diagnosis.measuring.finding import Finding, fitted_loss, with_columns
+from robot_ident.diagnosis.measuring.fitted_fault import FittedFault, fitted_loss, with_columns
 from robot_ident.effects.catalogue import CATALOGUE
 from robot_ident.regression.evidence import Evidence
 from robot_ident.regression.gram import BaseGram, Columns, Folds, add, base_gram, columns_of, gram, loss_with
@@ -17,7 +17,7 @@ _SIGMA = 2.0
 _FARTHEST = 250.0  # mm by which a link may be longer or shorter than described; more, and the robot is another one
 
 
-def link_lengths(evidence: Evidence, folds: Folds) -> list[Finding]:
+def link_lengths(evidence: Evidence, folds: Folds) -> list[FittedFault]:
     """Return for every joint but the first where its origin may lie, by the torque's derivative with it."""
     robot, out = evidence.structure.robot, []
     for joint in range(1, robot.n):
@@ -40,7 +40,7 @@ def link_lengths(evidence: Evidence, folds: Folds) -> list[Finding]:
             f"the URDF, joint {robot.joints[joint]}: its origin xyz by {' '.join(f'{1e-3 * v:.4f}' for v in values)} m"
             " (only what the torque tells of it)"
         )
-        out.append(Finding(effect, gain, held_out, told, partial(_moved, joint=joint), fix, 3))
+        out.append(FittedFault(effect, gain, held_out, told, partial(_moved, joint=joint), fix, 3))
     return out
 
 
@@ -51,7 +51,7 @@ def _falls(columns: Columns, evidence: Evidence, folds: Folds) -> tuple[float, f
     return add(inner, folds.whole, free).gain, float(folds.loss.sum() - np.sum(left_out))
 
 
-def payloads(evidence: Evidence, base: BaseGram) -> list[Finding]:
+def payloads(evidence: Evidence, base: BaseGram) -> list[FittedFault]:
     """Return for every recording the load by which it differs from the others; needs two recordings."""
     sources = evidence.recordings
     if len(sources) < 2:
@@ -71,7 +71,7 @@ def payloads(evidence: Evidence, base: BaseGram) -> list[Finding]:
         )
         told = (Estimate(f"mass change in recording {place + 1}", weight, std, "kg"),) if np.isfinite(std) else ()
         effect = CATALOGUE["payload"](robot, None)
-        out.append(Finding(effect, gain, gain - 10.0, told, columns, fix, 10, place + 1))
+        out.append(FittedFault(effect, gain, gain - 10.0, told, columns, fix, 10, place + 1))
     return out
 
 

@@ -12,7 +12,7 @@ from functools import partial
 import numpy as np
 
 from robot_ident.diagnosis.diagnosis import Estimate
-from robot_ident.diagnosis.measuring.finding import Finding, curvature_std, fitted_loss, folds, multiplied
+from robot_ident.diagnosis.measuring.fitted_fault import FittedFault, curvature_std, fitted_loss, folds, multiplied
 from robot_ident.effects.catalogue import CATALOGUE
 from robot_ident.recording.measurement import Measurement
 from robot_ident.regression.evidence import Evidence
@@ -26,7 +26,7 @@ VAGUE = 0.05
 """Standard deviation of a gain from which on it is called not decidable."""
 
 
-def gains(evidence: Evidence, base: BaseGram) -> list[Finding]:
+def gains(evidence: Evidence, base: BaseGram) -> list[FittedFault]:
     """Return the best gain of every joint that lowers the error on trajectories left out."""
     joints, count = evidence.structure.robot.joints, len(base.power)
     before = fitted_loss(base, range(count))
@@ -46,11 +46,11 @@ def gains(evidence: Evidence, base: BaseGram) -> list[Finding]:
         std = curvature_std(profile, gain, 1e-3 * abs(gain))
         value = Estimate(f"gain of {joints[joint]}", gain, std, "times too large")
         columns = partial(_columns, joint=joint, gain=gain)
-        out.append(Finding(effect, fall, held_fall, (value,), columns, _fix(evidence, joint, gain)))
+        out.append(FittedFault(effect, fall, held_fall, (value,), columns, _fix(evidence, joint, gain)))
     return out
 
 
-def single_gains(evidence: Evidence, base: BaseGram) -> list[Finding]:
+def single_gains(evidence: Evidence, base: BaseGram) -> list[FittedFault]:
     """Return for every recording and joint the gain by which the effort of that recording alone differs."""
     joints, everything = evidence.structure.robot.joints, range(len(base.power))
     sources = evidence.recordings
@@ -71,7 +71,7 @@ def single_gains(evidence: Evidence, base: BaseGram) -> list[Finding]:
             told = Estimate(f"gain of {name} in recording {place + 1}", gain, std, "times too large")
             columns = partial(_columns, joint=joint, gain=gain, source=source)
             fix = f"{source.source}: its effort of {name} is {gain:.4g} times that of the other recordings: record anew"
-            out.append(Finding(effect, fall, fall - 1.0, (told,), columns, fix, 1, place + 1))
+            out.append(FittedFault(effect, fall, fall - 1.0, (told,), columns, fix, 1, place + 1))
     return out
 
 

@@ -5,7 +5,7 @@ from __future__ import annotations
 from dataclasses import replace
 
 from robot_ident.diagnosis.before_after import mean_squares
-from robot_ident.diagnosis.diagnosis import Diagnosis, Estimate, Suspect
+from robot_ident.diagnosis.diagnosis import Diagnosis, Estimate, Finding
 from robot_ident.effects.catalogue import CATALOGUE
 from robot_ident.regression.evidence import Evidence
 
@@ -15,12 +15,12 @@ LEAST = 0.01  # of the sample time, below which jitter is of no consequence
 
 def with_jitter(found: Diagnosis, evidence: Evidence) -> Diagnosis:
     """Return a diagnosis with samples off the clock named as well, where the periods show them."""
-    jitter = jitter_suspect(evidence)
+    jitter = jitter_finding(evidence)
     return found if jitter is None else replace(found, verdict="missing", missing=(*found.missing, jitter))
 
 
-def jitter_suspect(evidence: Evidence) -> Suspect | None:
-    """Return samples off the clock as a suspect, None where the periods don't show any.
+def jitter_finding(evidence: Evidence) -> Finding | None:
+    """Return samples off the clock as a finding, None where the periods don't show any.
 
     It makes no torque: what it leaves in the mean is what there was.
     """
@@ -35,7 +35,7 @@ def jitter_suspect(evidence: Evidence) -> Suspect | None:
     if sigmas < SIGMAS or max(found.size for _, found in told) < LEAST:
         return None
     mse = mean_squares(evidence)
-    return Suspect(
+    return Finding(
         effect=CATALOGUE["stamp_jitter"](evidence.structure.robot, None),
         p_value=float(ndtr(-sigmas)),
         explained=0.0,

@@ -11,9 +11,9 @@ from dataclasses import replace
 
 import numpy as np
 
-from robot_ident.diagnosis.diagnosis import Suspect
+from robot_ident.diagnosis.diagnosis import Finding
 from robot_ident.diagnosis.measuring.filtered import NAME, exact, filters
-from robot_ident.diagnosis.measuring.finding import Finding, folds
+from robot_ident.diagnosis.measuring.fitted_fault import FittedFault, folds
 from robot_ident.diagnosis.selection.constants import BLOCK
 from robot_ident.effects.catalogue import CATALOGUE
 from robot_ident.regression.evidence import Evidence, Trajectory
@@ -29,42 +29,42 @@ _Z = 2.0  # standard errors of the mean difference of block losses below which t
 _SHARE = 0.02  # of the better gain: a smaller lead is no lead
 
 
-def with_low_pass(suspect: Suspect, before: Evidence, after: Evidence) -> Suspect:
-    """Return a suspect that says where a low pass in its place predicts as well; before, after: without and with it."""
-    if suspect.effect.name not in (*LIKE, _SMOOTHED):
-        return suspect
+def with_low_pass(finding: Finding, before: Evidence, after: Evidence) -> Finding:
+    """Return a finding that says where a low pass in its place predicts as well; before, after: without and with it."""
+    if finding.effect.name not in (*LIKE, _SMOOTHED):
+        return finding
     base = base_gram(before)
-    given = next((f for f in filters(before, base) if f.effect.place == suspect.effect.place), None)
+    given = next((f for f in filters(before, base) if f.effect.place == finding.effect.place), None)
     if given is None:
-        return suspect
+        return finding
     low_pass = exact(given, before, base)
     lead = block_losses_of(low_pass, before) - _block_losses(after, after.phi)
     held_out = float(Folds.of(base).loss.sum() - Folds.of(base_gram(after)).loss.sum())
-    return suspect if float(lead.sum()) > 0.0 and not _alike(lead, held_out) else _tied(suspect, low_pass)
+    return finding if float(lead.sum()) > 0.0 and not _alike(lead, held_out) else _tied(finding, low_pass)
 
 
-def _tied(suspect: Suspect, low_pass: Finding) -> Suspect:
-    if low_pass.label in suspect.tied_with:
-        return suspect
-    experiment = suspect.experiment or low_pass.effect.experiment
+def _tied(finding: Finding, low_pass: FittedFault) -> Finding:
+    if low_pass.label in finding.tied_with:
+        return finding
+    experiment = finding.experiment or low_pass.effect.experiment
     fix = f"{low_pass.fix} (if it is {low_pass.label})"
-    fix = fix if suspect.fix is None else f"{suspect.fix}, or {fix}"
-    return replace(suspect, tied_with=(*suspect.tied_with, low_pass.label), experiment=experiment, fix=fix)
+    fix = fix if finding.fix is None else f"{finding.fix}, or {fix}"
+    return replace(finding, tied_with=(*finding.tied_with, low_pass.label), experiment=experiment, fix=fix)
 
 
-def with_line(suspect: Suspect) -> Suspect:
-    """Return a delay with the line that takes it out of what is measured, any other suspect as it is."""
-    effect = suspect.effect
+def with_line(finding: Finding) -> Finding:
+    """Return a delay with the line that takes it out of what is measured, any other finding as it is."""
+    effect = finding.effect
     if effect.name != _DELAY:
-        return suspect
+        return finding
     declared = np.broadcast_to(effect.robot.torque_delay, (effect.robot.n,))[effect.joint if effect.place else 0]
-    line = f"torque_delay: {float(declared) + suspect.parameters[0].value / 1000.0:.4g}"
+    line = f"torque_delay: {float(declared) + finding.parameters[0].value / 1000.0:.4g}"
     if effect.place is not None:
         line = f"joints: {{{effect.place}: {{{line}}}}}"
-    return replace(suspect, fix=f"{line}  # s, in the robot YAML")
+    return replace(finding, fix=f"{line}  # s, in the robot YAML")
 
 
-def block_losses_of(found: Finding, evidence: Evidence) -> Array:
+def block_losses_of(found: FittedFault, evidence: Evidence) -> Array:
     """Return the squared error in blocks of time of every trajectory left out, with a fault at its exact values."""
     return _block_losses(evidence, found.columns(evidence))
 

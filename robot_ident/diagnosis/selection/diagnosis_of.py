@@ -9,10 +9,10 @@ import numpy as np
 
 from robot_ident.design.discrimination import experiment_between
 from robot_ident.diagnosis.before_after import errors, estimates, mean_squares
-from robot_ident.diagnosis.diagnosis import Diagnosis, Estimate, Suspect, Verdict, either
-from robot_ident.diagnosis.drift import UNSEEN_IN_MEANS, drift_suspect, drift_tests
-from robot_ident.diagnosis.measuring.finding import with_columns
+from robot_ident.diagnosis.diagnosis import Diagnosis, Estimate, Finding, Verdict, either
+from robot_ident.diagnosis.drift import UNSEEN_IN_MEANS, drift_finding, drift_tests
 from robot_ident.diagnosis.measuring.first import CORRECT, exact_fault, fault_beyond, undecidable, validated
+from robot_ident.diagnosis.measuring.fitted_fault import with_columns
 from robot_ident.diagnosis.measuring.jitter import with_jitter
 from robot_ident.diagnosis.measuring.lookalikes import with_line, with_low_pass
 from robot_ident.diagnosis.power import too_little, unseen_below, with_doubt
@@ -74,7 +74,7 @@ def _as_fitted(said: Diagnosis, measurements: Sequence[Measurement], structure: 
 
     in_model = {effect.label: effect for effect in model.effects}  # without the coefficients that others hold too
 
-    def fitted(one: Suspect) -> Suspect:
+    def fitted(one: Finding) -> Finding:
         if one.effect not in effects:
             return one
         effect = in_model[one.label]
@@ -96,9 +96,9 @@ def _beyond_noise(found: Selection, named: Selected, unsure: Selected, validatio
         fault = fault_beyond(evidence, [h.effect for h in found.selected], validation, found.data.tells_filter)
     if fault is not None:
         others = tuple(_finding(found, h, validation) for h in found.selected)
-        only = Diagnosis("missing", (fault.suspect,), others, fault.remaining, None, (fault.note,))
+        only = Diagnosis("missing", (fault.finding,), others, fault.remaining, None, (fault.note,))
         return with_doubt(with_jitter(only, evidence), evidence)
-    drifts = [drift_suspect(with_all, j, test, validation) for j, test in enumerate(drift_tests(evidence)) if test.told]
+    drifts = [drift_finding(with_all, j, test, validation) for j, test in enumerate(drift_tests(evidence)) if test.told]
     worst = max((j for j, fit in enumerate(fits) if fit.fails), key=lambda j: fits[j].statistic, default=None)
     rest = None if worst is None else explain_by_variables(with_all, worst)
     verdict = _verdict(found, unsure, bool(named or drifts), "unexplained" if failing else "adequate")
@@ -173,7 +173,7 @@ def _worst(evidence: Evidence) -> int:
     return int(np.argmax(left / np.maximum(power, 1e-300)))
 
 
-def _others(found: Selection, unsure: Selected, validation: Sequence[Measurement]) -> tuple[Suspect, ...]:
+def _others(found: Selection, unsure: Selected, validation: Sequence[Measurement]) -> tuple[Finding, ...]:
     """Return what may be missing, and the effects that explain most of the model's error by themselves."""
     known = {h.label for h in (*found.selected, *found.vague)}
     alone = [h for gain, h in found.search.ranked(()) if gain > 0.0 and h.label not in known]
@@ -183,7 +183,7 @@ def _others(found: Selection, unsure: Selected, validation: Sequence[Measurement
 
 def _finding(
     found: Selection, h: Hypothesis, validation: Sequence[Measurement], selected: Selected | None = None
-) -> Suspect:
+) -> Finding:
     """Return an effect with what adding it beside the others of a set (None: the selected one) does."""
     from scipy.special import chdtrc
 
@@ -198,7 +198,7 @@ def _finding(
     given = found.search.given(others)
     instead = sorted({label for labels in _instead_of(found, h) for label in labels})
     effects = [settings[0].effect for label in instead if (settings := found.data.hypotheses.get(label))]
-    suspect = Suspect(
+    finding = Finding(
         effect=h.effect,
         p_value=min(1.0, float(chdtrc(1, given.size_error(h) ** -2.0)) * len(found.data.hypotheses)),
         explained=float(np.clip(found.search.share(h, others), 0.0, 1.0)),
@@ -212,8 +212,8 @@ def _finding(
         experiment=experiment_between(h.effect, effects, found.data.structure.robot),
         probability=found.probability(h.label) if h in found.selected else None,
     )
-    suspect = with_line(suspect)
-    return with_low_pass(suspect, before, after) if found.data.floor else suspect
+    finding = with_line(finding)
+    return with_low_pass(finding, before, after) if found.data.floor else finding
 
 
 def _instead_of(found: Selection, h: Hypothesis) -> list[list[str]]:

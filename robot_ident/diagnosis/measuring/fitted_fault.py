@@ -18,7 +18,7 @@ Columns = Callable[[Evidence], tuple[Array, ...]]
 
 
 @dataclass(frozen=True)
-class Finding:
+class FittedFault:
     """A fault with the best values of its parameters.
 
     gain: fall of the squared error of all data, held_out: of data left out of the fit, both in units of chi-square.
