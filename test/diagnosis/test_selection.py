@@ -135,6 +135,22 @@ def test_what_formulas_of_the_model_may_have_left_is_said(bench: Any) -> None:
     assert any("the formulas of effects that the model has (stribeck@joint_2)" in note for note in found.notes)
 
 
+def test_what_a_joint_leaves_where_it_creeps_is_no_remainder(bench: Any) -> None:
+    """A tenth of its rows, slower than a hundredth of its largest speed, hold an error of five times the noise."""
+    first = bench.measure((STRIBECK,))[0]
+    speed = np.abs(first.motion.dq[:, 0])
+    slow = 1.0 + np.argsort(np.argsort(speed)) / len(speed)
+    creeping = replace(first.motion, dq=first.motion.dq * np.where(slow < 1.1, 1e-3, 1.0)[:, None])
+    data = DataSet(Rows.of([replace(first, motion=creeping), *bench.measure((STRIBECK,))[1:]], bench.structure))
+    given = Search(data).given(())
+    before = given.excess()
+    assert 0.05 < 1.0 - np.mean(data.moving[0][:, 0]) < 0.2
+    data.y[0][0][~data.moving[0][:, 0]] += 5.0
+    np.testing.assert_allclose(given.excess(), before)
+    data.y[0][0][data.moving[0][:, 0]] += 5.0
+    assert given.excess()[0] > before[0] + 20.0 * np.sum(data.moving[0][:, 0])
+
+
 def test_a_small_part_of_a_large_shift_is_no_delay(bench: Any) -> None:
     lower, upper = make_effect("time_delay@joint_2", bench.robot).at({"shift": -0.02}).ranges[0]
     assert lower < -20.0 < upper < -2.0

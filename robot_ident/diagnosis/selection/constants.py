@@ -37,6 +37,10 @@ of real arms."""
 REMAINDER = 2.0
 """What may be left of a joint, in units of what formulas, the least torque and noise leave."""
 
+CREEP = 0.01
+"""Of a joint's largest speed, below which it creeps or sticks: dry friction rises there with speed or displacement, and
+no formula tells it."""
+
 FLEXIBLE_SHARE = 0.2
 """Of a joint's excess by which a flexible model may predict it better before the cause counts as unknown."""
 

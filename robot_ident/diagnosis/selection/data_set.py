@@ -9,7 +9,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from robot_ident.diagnosis.power import least_torque
-from robot_ident.diagnosis.selection.constants import BLOCK
+from robot_ident.diagnosis.selection.constants import BLOCK, CREEP
 from robot_ident.diagnosis.selection.gram_pool import GramPool
 from robot_ident.diagnosis.selection.hypotheses import Hypothesis, formula_error, hypotheses_of
 from robot_ident.diagnosis.selection.reversals import near_reversals, unresolved_rows
@@ -140,6 +140,9 @@ class DataSet:
             _resolved(*pair) if self.floor else ~near_reversals(pair[0].measured)
             for pair in zip(self.folds, self.torques, strict=True)
         ]
+        speeds = [np.abs(t.motion.dq[t.measured.rows]) for t in self.folds]
+        creep = CREEP * np.max([speed.max(axis=0) for speed in speeds], axis=0)
+        self.moving = [speed > creep for speed in speeds]
         self.weights = np.array([np.sum(t.weight**2, axis=0) for t in self.folds])
         self.least = np.array([least_torque(evidence, j) ** 2 for j in range(self.n)])
         self.known_errors = self._errors_of_known(evidence.values)

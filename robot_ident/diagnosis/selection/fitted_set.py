@@ -123,12 +123,12 @@ class FittedSet:
 
     def excess(self) -> Array:
         """Return by how much the squared error [n] exceeds noise in the fit to all training folds, in the rows that no
-        unresolved motion at reversals spoils.
+        unresolved motion at reversals spoils and in which the joint does not creep.
         """
         data, out, spent = self.data, np.zeros(self.data.n), self.parameters_of()
         used = np.array([np.sum(t.weight > 0.0, axis=0) for t in data.folds[: data.training]])
         for f, j in np.ndindex(used.shape):
-            kept = data.kept(f, j)
+            kept = data.kept(f, j) & data.moving[f][:, j]
             error, count = self._error(j, f, self.whole.values)[kept], kept.sum()
             out[j] += float(error @ error) - data.dof[f, j] * count / max(used[f, j], 1)
             out[j] += spent[j] * count / max(used[:, j].sum(), 1)
