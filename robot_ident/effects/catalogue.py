@@ -31,6 +31,8 @@ from robot_ident.effects.temperature_drift import TemperatureDrift
 from robot_ident.effects.time_delay import TimeDelay
 from robot_ident.effects.torque_offset import TorqueOffset
 from robot_ident.effects.torque_ripple import TorqueRipple
+from robot_ident.effects.torque_ripple_2 import TorqueRipple2
+from robot_ident.effects.torque_ripple_3 import TorqueRipple3
 from robot_ident.effects.torque_saturation import TorqueSaturation
 from robot_ident.effects.torque_scale import TorqueScale
 from robot_ident.effects.viscous import Viscous
@@ -39,6 +41,9 @@ from robot_ident.effects.viscous_nonlinear import ViscousNonlinear
 from robot_ident.effects.wrist_coupling import WristCoupling
 from robot_ident.errors import InputError, did_you_mean
 from robot_ident.robot.robot import Robot
+
+RIPPLES: tuple[type[TorqueRipple], ...] = (TorqueRipple, TorqueRipple2, TorqueRipple3)
+"""The lines of a ripple, the strongest first."""
 
 _ALL: tuple[type[Effect], ...] = (
     Viscous,
@@ -50,7 +55,7 @@ _ALL: tuple[type[Effect], ...] = (
     Presliding,
     LoadFriction,
     PositionFriction,
-    TorqueRipple,
+    *RIPPLES,
     Backlash,
     JointElasticity,
     Cable,

@@ -3,40 +3,100 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
-from typing import Any
+from typing import Any, ClassVar
+
+import numpy as np
 
 from robot_ident.effects.effect import Coefficient, Effect, Inner, Mathematics, Signals
-from robot_ident.robot.robot import Robot
+from robot_ident.signals.motion import Array, Motion
+from robot_ident.signals.order_spectrum import order_gains, without_line
+
+_CYCLES = 3.0  # of a line within the joint's travel; fewer are a smooth curve over its position
+_SLOW = 0.2  # of the rows, in which a line must lie within the band
+_MOST = 1500  # orders that are looked at
+_NEAR = np.linspace(-1.0, 1.0, 21)  # steps between two orders, for the exact one where any may be
+_TRIED = 4  # lines that are tried, the highest
+_CLEAR = 4.0  # by how much more than the highest of as many lines of noise the fall must be, in units of its variance
+
+
+def order_of_a_line(*usual: float) -> Inner:
+    """Return the order as a parameter inside a column, with its usual values."""
+    return Inner("h", "", "1/m", 0.5, 1e5, usual, continuous=False)
 
 
 class TorqueRipple(Effect):
     """Cogging, current-sensor and gear ripple in step with the motor's angle n q, n the gear ratio: tau = a cos(h n q)
-    + b sin(h n q).
+    + b sin(h n q), the strongest line of it.
 
-    h = 2 is a strain-wave gear's wave generator, h = 1 an eccentric motor, 1/2 and 4 their neighbours. Behind the gear
-    the drive's own ripple doesn't show, but that of strain gauges on a flexspline does, which the wave generator bends.
+    h = 2 is a strain-wave gear's wave generator, h = 1 an eccentric motor, the number of pole pairs and its multiples a
+    magnet's or a winding's; it is read off the spectrum of what a model leaves, over the angle. Without a declared gear
+    ratio n = 1: h counts the lines of a turn of the joint. Behind the gear the drive's own ripple doesn't show, but
+    that of strain gauges on a flexspline does, which the wave generator bends.
     """
 
     name = "torque_ripple"
     equation = "a cos(h n q) + b sin(h n q), n the gear ratio"
     meaning = "torque ripple of motor and gear"
     coefficients = (Coefficient("cos", "Nm", "N"), Coefficient("sin", "Nm", "N"))
-    inner = (Inner("h", "", "", 0.5, 4.0, (0.5, 1.0, 2.0, 4.0), continuous=False),)
+    inner = (order_of_a_line(0.5, 1.0, 2.0, 4.0),)
     symmetry = "conservative"
     signature = "lines whose frequency moves with speed"
     also_like = ("a disturbance of fixed frequency",)
     confused_with = ("encoder_eccentricity",)
     experiment = "two speeds: ripple's frequency follows the speed, a disturbance's stays"
     magnitude = "1-6 / 0.1-1 Nm"
+    first: ClassVar[bool] = True  # line; the further ones are looked for beside it
 
-    @classmethod
-    def available(cls, robot: Robot, joint: int | None) -> str | None:
-        """Know the gear ratio."""
-        if joint is not None and robot.drives.gear_ratio[joint] != 1.0:
-            return None
-        return f"robot {robot.name} gives no gear_ratio for this joint (joints: in a robot YAML)"
+    def settings(self, motion: Motion | None = None) -> Sequence[dict[str, float]]:
+        """Return the usual lines of a geared motor; none where they are to be read off the spectrum."""
+        return super().settings(motion) if self.first and self.geared else []
+
+    @property
+    def ratio(self) -> float:
+        """Turns of what its orders count, for each turn of the joint."""
+        return float(self.robot.drives.gear_ratio[self.joint])
+
+    @property
+    def geared(self) -> bool:
+        """Whether the gear ratio is declared, so that orders count a turn of the motor."""
+        return self.ratio != 1.0
+
+    def orders(self, motion: Motion, fastest: float) -> Array:
+        """Return the orders [H] that a motion can show below a frequency [Hz]: whole ones of a motor or of a joint that
+        turns round, any of a joint that does not.
+        """
+        ratio = self.ratio
+        speed, travel = np.abs(motion.dq[:, self.joint]), float(np.ptp(motion.q[:, self.joint]))
+        if not speed.any():
+            return np.zeros(0)
+        lowest = 2.0 * np.pi * _CYCLES / (ratio * travel)
+        highest = 2.0 * np.pi * fastest / (ratio * float(np.quantile(speed[speed > 0.0], _SLOW)))
+        whole = self.geared or travel > 4.0 * np.pi
+        step = 1.0 if whole else 0.5 * np.pi / (ratio * travel)
+        first = max(1.0, np.ceil(lowest)) if whole else lowest
+        return np.asarray(np.arange(first, min(highest, first + _MOST * step) + 1e-9, step))
+
+    def lines(self, motion: Motion, left: Array, fastest: float) -> list[float]:
+        """Return the orders of the highest lines of what a model leaves of the joint [N], over its angle: each of what
+        the ones before leave.
+        """
+        orders, angle = self.orders(motion, fastest), self.ratio * motion.q[:, self.joint]
+        out: list[float] = []
+        if not len(orders):
+            return out
+        whole = bool(np.all(orders == np.round(orders)))
+        near = np.zeros(1) if whole or len(orders) < 2 else (orders[1] - orders[0]) * _NEAR
+        least = 2.0 * np.log(len(orders)) + _CLEAR
+        while len(out) < _TRIED and np.any(left):
+            gains = order_gains(angle, left, orders)
+            if np.max(gains) <= least * np.mean(left**2):
+                break
+            about = orders[np.argmax(gains)] + near
+            out.append(float(about[np.argmax(order_gains(angle, left, about))]))
+            left = without_line(angle, left, out[-1])
+        return out
 
     def full_terms(self, x: Signals, m: Mathematics) -> Sequence[dict[int, Any]]:
         """Return cos(h n q) and sin(h n q)."""
-        angle = self.setting["h"] * float(self.robot.drives.gear_ratio[self.joint]) * x.q[self.joint]
+        angle = self.setting["h"] * self.ratio * x.q[self.joint]
         return [{self.joint: m.cos(angle)}, {self.joint: m.sin(angle)}]

@@ -13,6 +13,7 @@ from dataclasses import dataclass, replace
 import numpy as np
 
 from robot_ident.effects import Effect
+from robot_ident.effects.torque_ripple import TorqueRipple
 from robot_ident.effects.torque_scale import TorqueScale
 from robot_ident.errors import InputError
 from robot_ident.estimation.instruments import instrumental_variables
@@ -82,6 +83,8 @@ def _scan(problem: Problem, structure: Structure) -> Structure:
     reached = joined([measured.motion for measured in problem.measurements])
     for index, effect in enumerate(structure.effects):
         settings = [effect.setting, *effect.settings(reached)] if _searched(effect) else []
+        if isinstance(effect, TorqueRipple):
+            settings += _lines(problem, structure, effect)
         if len(settings) < 2:
             continue
         trials = [_replaced(structure, index, setting) for setting in settings]
@@ -89,6 +92,20 @@ def _scan(problem: Problem, structure: Structure) -> Structure:
         costs = [_cost(left, trial) for trial in trials]
         structure = trials[int(np.argmin(costs))]
     return structure
+
+
+def _lines(problem: Problem, structure: Structure, effect: TorqueRipple) -> list[dict[str, float]]:
+    """Return the orders of the highest lines of what the others leave of a ripple's joint, over its angle."""
+    plain, _ = structure.with_only(lambda one: one is not effect)
+    equations, white = problem.equations(plain, None), problem.noise.whiten
+    values = np.linalg.lstsq(white(equations.phi), white(equations.torque), rcond=None)[0]
+    left, mine = equations.torque - equations.phi @ values, equations.joint == effect.joint
+    motions = [
+        measured.motion[measured.rows][equations.sample[mine & (equations.block == block)]]
+        for block, measured in enumerate(problem.measurements)
+    ]
+    fastest = min(measured.fastest for measured in problem.measurements)
+    return [{"h": order} for order in effect.lines(joined(motions), left[mine], fastest)]
 
 
 def _searched(effect: Effect) -> bool:

@@ -130,6 +130,12 @@ class Measurement:
         }
 
     @property
+    def fastest(self) -> float:
+        """Frequency [Hz] up to which the rows show anything: half their rate, or the corner of the low pass."""
+        highest = 0.5 / (self.dt * self.decimate)
+        return highest if self.low_pass is None else min(highest, self.low_pass.cutoff)
+
+    @property
     def rows(self) -> slice:
         """The rows kept by decimation."""
         return slice(None, None, self.decimate)

@@ -187,7 +187,7 @@ def _joint(page: _Page, joint: UrdfJoint, acceleration: float | None, evidence: 
     if joint.gear_ratio is not None:
         page.found(f"    gear_ratio: {joint.gear_ratio:g}", "URDF transmission")
     else:
-        page.found("    # gear_ratio: VALUE", "optional: motor turns per turn; tells torque_ripple")
+        page.found("    # gear_ratio: VALUE", "optional: motor turns per turn; orders of torque_ripple count them")
     page.found("    # armature: VALUE", "optional: rotor inertia on the joint side, kg m^2")
     if evidence is None:
         return

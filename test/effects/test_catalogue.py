@@ -22,7 +22,8 @@ from robot_ident.signals.motion import Array, Motion
 NAMES = sorted(CATALOGUE)
 ARMS = ("kuka", "six_axes", "slide")
 ISSUED = """viscous coulomb torque_offset viscous_asymmetric stribeck viscous_nonlinear presliding load_friction
-position_friction torque_ripple backlash joint_elasticity cable gravity_spring base_tilt torque_saturation time_delay
+position_friction torque_ripple
+torque_ripple_2 torque_ripple_3 backlash joint_elasticity cable gravity_spring base_tilt torque_saturation time_delay
 encoder_eccentricity rotor_inertia payload joint_coupling temperature_drift end_stop wrist_coupling
 effort_gain torque_scale effort_filter link_length stamp_jitter mirrored_joint exchanged_joints"""
 
@@ -192,9 +193,15 @@ def test_what_a_robot_can_not_have_is_one_line(label: str, words: str, kuka: Any
         make_effect(label, kuka.robot)
 
 
-def test_ripple_needs_the_gear_ratio(slide: Any) -> None:
-    with pytest.raises(InputError, match="gear_ratio"):
-        make_effect("torque_ripple@slide", slide.robot)
+def test_orders_of_a_ripple_count_the_motor_where_its_gear_is_declared(kuka: Any, slide: Any) -> None:
+    ripple = make_effect("torque_ripple@joint_2", kuka.robot)
+    assert ripple.geared and [setting["h"] for setting in ripple.settings()] == [0.5, 1.0, 2.0, 4.0]
+    assert np.all(np.diff(ripple.orders(kuka.motion, 75.0)) == 1.0)
+    of_screw = make_effect("torque_ripple@slide", slide.robot)
+    assert not of_screw.geared and not of_screw.settings()
+    orders = of_screw.orders(slide.motion, 30.0)
+    travel = np.ptp(slide.motion.q)
+    assert orders[0] * travel == pytest.approx(6.0 * np.pi) and np.ptp(np.diff(orders)) < 1e-9
 
 
 def test_effects_of_one_joint_and_of_all(kuka: Any) -> None:

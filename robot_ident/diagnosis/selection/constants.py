@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from robot_ident.effects.catalogue import RIPPLES
+
 STANDARD_ERRORS = 2.5
 """By which the parts of an effect must predict held-out blocks better than the whole: .6 % one-sided by chance, since a
 dozen splits are tried."""
@@ -12,7 +14,7 @@ BLOCK = 0.5
 FORMULA_ERROR = 0.15
 """Relative rms error of an effect's formula: what it leaves of a real cause is no second cause."""
 
-FIRST_ORDER_ERROR = {"joint_elasticity": 0.4, "torque_ripple": 0.4, "backlash": 0.5}
+FIRST_ORDER_ERROR = {"joint_elasticity": 0.4, "backlash": 0.5} | {line.name: 0.4 for line in RIPPLES}
 """The same of formulas that hold to first order in a small displacement. Under a ripple faster than its servo a joint
 gives way, less than noise shows."""
 

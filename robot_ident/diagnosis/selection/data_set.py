@@ -218,7 +218,7 @@ class DataSet:
         for effect in hypotheses_of(self.structure, averaged=averaged) if effects is None else effects:
             if isinstance(effect, EffortFilter) and not self.tells_filter(effect.place):
                 continue
-            for setting in effect.settings(reached) or [{}]:
+            for setting in effect.settings(reached):
                 at = effect.at(setting)
                 columns = self.columns(at)
                 if columns:

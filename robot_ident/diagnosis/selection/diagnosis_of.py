@@ -20,9 +20,11 @@ from robot_ident.diagnosis.progress import Tell, silent
 from robot_ident.diagnosis.selection.constants import ALTERNATIVE, FORMULA_ERROR, NAMED
 from robot_ident.diagnosis.selection.fitted_set import FittedSet
 from robot_ident.diagnosis.selection.hypotheses import Hypothesis
+from robot_ident.diagnosis.selection.ripples import hidden_lines
 from robot_ident.diagnosis.selection.search import Selected
 from robot_ident.diagnosis.selection.select import Selection, select
 from robot_ident.diagnosis.unexplained import explain_by_variables, stiction_note
+from robot_ident.effects.torque_ripple import TorqueRipple
 from robot_ident.errors import InputError
 from robot_ident.estimation.carried import solve_carrying
 from robot_ident.model.structure import Structure
@@ -50,6 +52,10 @@ def diagnosis_of(
     named = tuple(h for h in found.selected if found.probability(h.label) >= NAMED)
     unsure = tuple(h for h in found.selected if h not in named)
     said = (_beyond_noise if found.data.floor else _by_prediction)(found, named, unsure, validation)
+    ripples = [
+        effect for effect in (*(h.effect for h in named), *structure.effects) if isinstance(effect, TorqueRipple)
+    ]
+    said = replace(said, notes=(*said.notes, *hidden_lines(found.tested, ripples)))
     return _as_fitted(said, measurements, structure)
 
 

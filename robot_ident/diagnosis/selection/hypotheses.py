@@ -10,6 +10,7 @@ from robot_ident.effects import Effect
 from robot_ident.effects.catalogue import candidates_of
 from robot_ident.effects.effort_filter import EffortFilter
 from robot_ident.effects.effort_gain import EffortGain
+from robot_ident.effects.torque_ripple import TorqueRipple
 from robot_ident.effects.wrist_coupling import WristCoupling
 from robot_ident.model.structure import Structure
 from robot_ident.signals.motion import Array
@@ -58,6 +59,8 @@ class Hypothesis:
         """Return whether both are forms of one cause at one place, of which at most one can be."""
         if self.label == other.label:
             return True
+        if isinstance(self.effect, TorqueRipple) and isinstance(other.effect, TorqueRipple):
+            return self.effect.joint == other.effect.joint and self.effect.setting == other.effect.setting
         both_late = self.effect.name in TIMING and other.effect.name in TIMING
         same_effect = self.effect.name == other.effect.name and (self.effect.whole or other.effect.whole)
         return (both_late or same_effect) and bool(set(self.at) & set(other.at))

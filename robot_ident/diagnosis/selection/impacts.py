@@ -12,22 +12,10 @@ from collections.abc import Iterable
 import numpy as np
 
 from robot_ident.diagnosis.selection.fitted_set import FittedSet
-from robot_ident.diagnosis.selection.search import Search
 from robot_ident.effects.backlash import Backlash
 
 _FAST = 5.0  # Hz
 _SHARE = 0.35  # of a joint's excess above that from which on a clearance is tried
-
-
-def add_backlash(search: Search) -> None:
-    """Add backlash to the hypotheses at joints whose excess is fast, or what the best effect leaves of it."""
-    given = search.given(())
-    _add(given, range(search.data.n))
-    best = search.best_values(given)
-    for joint in range(search.data.n):
-        mine = max((h for h in best if joint in h.at), key=given.gain, default=None)
-        if mine is not None:
-            _add(search.given((mine,)), [joint])
 
 
 def _fast_joints(given: FittedSet, joints: Iterable[int]) -> list[int]:
@@ -49,7 +37,7 @@ def _fast_joints(given: FittedSet, joints: Iterable[int]) -> list[int]:
     return out
 
 
-def _add(given: FittedSet, joints: Iterable[int]) -> None:
+def add_backlash(given: FittedSet, joints: Iterable[int]) -> None:
     """Add backlash at those of some joints whose excess is fast, further values where a first look gains."""
     data, robot = given.data, given.data.structure.robot
     for joint in _fast_joints(given, joints):

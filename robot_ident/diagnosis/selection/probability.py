@@ -83,7 +83,8 @@ def _neighbours(search: Search, selected: Selected) -> dict[tuple[str, ...], Sel
 
     def put(new: Sequence[Hypothesis]) -> None:
         for one in (tuple(new), search.simpler(new)):
-            out.setdefault(names(one), one)
+            if search.has_meaning(one):
+                out.setdefault(names(one), one)
 
     for h in selected:
         rest = tuple(x for x in selected if x is not h)

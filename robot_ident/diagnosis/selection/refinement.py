@@ -14,7 +14,9 @@ import numpy as np
 from robot_ident.diagnosis.selection.data_set import DataSet, Rows
 from robot_ident.diagnosis.selection.fitted_set import FittedSet
 from robot_ident.diagnosis.selection.hypotheses import Hypothesis
+from robot_ident.diagnosis.selection.ripples import add_lines
 from robot_ident.effects import Effect, Inner
+from robot_ident.effects.torque_ripple import TorqueRipple
 from robot_ident.regression.evidence import Evidence
 from robot_ident.regression.gram import within_ranges
 from robot_ident.signals.motion import Array
@@ -133,6 +135,8 @@ def best_values(effect: Effect, evidence: Evidence) -> tuple[Effect, float] | No
     """
     data = DataSet(Rows.plain(evidence), [effect])
     given = FittedSet(data, (), np.ones_like(data.power))
+    if isinstance(effect, TorqueRipple):
+        add_lines(given, effect)
     settings = data.hypotheses.get(effect.label)
     if not settings:
         return None

@@ -206,7 +206,25 @@ class Search:
         where = {*(h.joints if len(h.joints) == 1 else ()), *(() if h.effect.whole else (h.effect.joint,))}
         if where & self.unknown or h.label in self.barred:
             return False
-        return not any(h.excludes(other) for other in beside)
+        return self.has_meaning((h, *beside), [h]) and not any(h.excludes(other) for other in beside)
+
+    def has_meaning(self, selected: Sequence[Hypothesis], some: Sequence[Hypothesis] | None = None) -> bool:
+        """Return whether a set, or the model, holds all effects after which some of it (None: all) come."""
+        there = {*self.data.structure.labels, *(h.label for h in selected)}
+        after = [(type(h.effect).after, h.effect.place) for h in (selected if some is None else some)]
+        return all(not name or f"{name}@{place}" in there for name, place in after)
+
+    def first_looks(self) -> Iterator[tuple[FittedSet, Sequence[int]]]:
+        """Yield what the model leaves of all joints, then what the effect that explains most of each joint leaves of
+        it: where effects that are dear to compute may show.
+        """
+        given = self.given(())
+        yield given, range(self.data.n)
+        best = self.best_values(given)
+        for joint in range(self.data.n):
+            mine = max((h for h in best if joint in h.at), key=given.gain, default=None)
+            if mine is not None:
+                yield self.given((mine,)), [joint]
 
     def best_values(self, given: FittedSet) -> list[Hypothesis]:
         """Return every hypothesis at the values of its grid that gain most by the score test."""
@@ -374,6 +392,8 @@ class Search:
     def _dropped_or_swapped(self, selected: Selected) -> Selected | None:
         for h in selected:
             rest = tuple(x for x in selected if x is not h)
+            if not self.has_meaning(rest):
+                continue
             if not self.worthwhile(h, rest):
                 return rest
             again = self._better_values(rest, h)

@@ -22,6 +22,7 @@ from robot_ident.diagnosis.selection.fitted_set import FittedSet, standard_error
 from robot_ident.diagnosis.selection.hypotheses import Hypothesis
 from robot_ident.diagnosis.selection.impacts import add_backlash
 from robot_ident.diagnosis.selection.probability import Election, elect
+from robot_ident.diagnosis.selection.ripples import add_ripples
 from robot_ident.diagnosis.selection.search import Search, Selected
 from robot_ident.diagnosis.selection.unknown_cause import curve_of, flexible_beside
 from robot_ident.model.structure import Structure
@@ -93,7 +94,9 @@ def select(
     tell(0.3, "trying every effect")
     data = DataSet(rows)
     search = Search(data)
-    add_backlash(search)
+    for given, joints in search.first_looks():
+        add_backlash(given, joints)
+        add_ripples(given, joints)
     tell(0.5, "searching for the set that predicts best")
     settled = _Settled.of(search)
     vague = _vague(search, settled.selected)

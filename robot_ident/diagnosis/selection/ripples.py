@@ -1,0 +1,92 @@
+"""Ripple as a hypothesis: its orders are read off the spectrum of what a model leaves of a joint, over its angle."""
+
+from __future__ import annotations
+
+from collections.abc import Collection, Iterable, Sequence
+
+import numpy as np
+
+from robot_ident.diagnosis.selection.fitted_set import FittedSet
+from robot_ident.effects.catalogue import RIPPLES
+from robot_ident.effects.torque_ripple import TorqueRipple
+from robot_ident.recording.measurement import Measurement
+from robot_ident.regression.evidence import Evidence
+from robot_ident.signals.motion import Array, Motion, joined
+from robot_ident.signals.order_spectrum import order_gains
+
+_SHARE = 0.02  # of the square of what the unfiltered torque leaves that a line must hold to be told
+_MOST_ROWS = 0.9  # of the rows, in which a low pass must let it through
+
+
+def add_ripples(given: FittedSet, joints: Iterable[int]) -> None:
+    """Add the highest lines of what a set leaves of some joints, where a joint fails."""
+    data = given.data
+    excess, dof = given.excess(), data.dof[: data.training].sum(axis=0)
+    for joint in joints:
+        if data.floor and excess[joint] < 3.0 * np.sqrt(2.0 * dof[joint]):
+            continue
+        for kind in RIPPLES:
+            effect = kind(data.structure.robot, joint)
+            if not effect.unseen and effect.label not in data.structure.labels:
+                add_lines(given, effect)
+
+
+def add_lines(given: FittedSet, effect: TorqueRipple) -> None:
+    """Add the highest lines of what a set leaves of an effect's joint, at their orders."""
+    data, joint = given.data, effect.joint
+    folds = data.folds[: data.training]
+    moved = joined([t.motion[t.measured.rows] for t in folds])
+    left = np.concatenate([given.residual(joint, f) for f in range(len(folds))])
+    tried = {h.effect.setting["h"] for h in data.hypotheses.get(effect.label, ())}
+    for order in effect.lines(moved, left, min(t.measured.fastest for t in folds)):
+        if order not in tried:
+            data.add(effect.at({"h": order}))
+    if effect.label in data.hypotheses:
+        data.grid[effect.label] = len(data.hypotheses[effect.label])
+
+
+def hidden_lines(evidence: Evidence, named: Collection[TorqueRipple]) -> list[str]:
+    """Return a line for each joint whose unfiltered torque ripples with its angle faster than the low pass lets
+    through: the orders that are not named, how large they are at least, and the low pass that shows them.
+    """
+    structure, recordings = evidence.structure, evidence.recordings
+    if all(measured.low_pass is None for measured in recordings):
+        return []
+    motion = joined([measured.motion for measured in recordings])
+    left = np.concatenate([_unfiltered(measured, evidence) for measured in recordings])
+    fastest = 0.5 / max(measured.dt for measured in recordings)
+    band = min(measured.fastest for measured in recordings)
+    out = []
+    for joint, name in enumerate(structure.robot.joints):
+        ripple, kept = TorqueRipple(structure.robot, joint), np.isfinite(left[:, joint])
+        if ripple.unseen or not kept.any():
+            continue
+        known = [effect.setting["h"] for effect in named if effect.joint == joint]
+        lines = _large_lines(ripple, motion[kept], left[kept, joint], fastest, known)
+        speed = ripple.ratio * float(np.quantile(np.abs(motion.dq[kept, joint]), _MOST_ROWS)) / (2.0 * np.pi)
+        asked = min(0.8 * fastest, max(lines, default=0.0) * speed)
+        if asked > band:
+            unit, turn = structure.robot.torque_unit(joint), "motor" if ripple.geared else "joint"
+            sizes = ", ".join(f"order {h:.4g} ({size:.2g} {unit} or more)" for h, size in sorted(lines.items()))
+            out.append(
+                f"{name}: its unfiltered torque ripples with the angle of the {turn}: {sizes}; rows low-passed at"
+                f" {band:.3g} Hz hide it: identify with --low-pass {asked:.2g} and diagnose again"
+            )
+    return out
+
+
+def _unfiltered(measured: Measurement, evidence: Evidence) -> Array:
+    """Return what a model leaves of the torque [N, n] Nm before any low pass, nan where rows do not count."""
+    model = evidence.structure.columns(measured.motion, evidence.values) @ evidence.values
+    return np.where(measured.used, measured.torque - model, np.nan)
+
+
+def _large_lines(
+    ripple: TorqueRipple, motion: Motion, left: Array, fastest: float, known: Sequence[float]
+) -> dict[float, float]:
+    """Return the orders of lines that hold a good part of what is left [N], none of them known, with their sizes."""
+    left = left - left.mean()
+    found = [h for h in ripple.lines(motion, left, fastest) if h not in known]
+    gains = order_gains(ripple.ratio * motion.q[:, ripple.joint], left, np.array(found))
+    large = [(h, gain) for h, gain in zip(found, gains, strict=True) if gain > _SHARE * float(left @ left)]
+    return {h: float(np.sqrt(2.0 * gain / len(left))) for h, gain in large}
