@@ -215,7 +215,7 @@ def friction_section(study: Study, found: Friction) -> PaperSection:
                     "model",
                     "parameters",
                     "condition number",
-                    "residual on its own trajectory, axes 1, 2, 3 [(Nm)^2]",
+                    "residual, own motion [(Nm)^2]",
                     "excess over the noise [Nm rms]",
                     "20 points, 10 Hz [(Nm)^2]",
                 ),
