@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
-from typing import Any, ClassVar
+from typing import Any
 
 import numpy as np
 
@@ -45,11 +45,10 @@ class TorqueRipple(Effect):
     confused_with = ("encoder_eccentricity",)
     experiment = "two speeds: ripple's frequency follows the speed, a disturbance's stays"
     magnitude = "1-6 / 0.1-1 Nm"
-    first: ClassVar[bool] = True  # line; the further ones are looked for beside it
 
     def settings(self, motion: Motion | None = None) -> Sequence[dict[str, float]]:
         """Return the usual lines of a geared motor; none where they are to be read off the spectrum."""
-        return super().settings(motion) if self.first and self.geared else []
+        return super().settings(motion) if self.geared and not self.after else []
 
     @property
     def ratio(self) -> float:
@@ -65,16 +64,23 @@ class TorqueRipple(Effect):
         """Return the orders [H] that a motion can show below a frequency [Hz]: whole ones of a motor or of a joint that
         turns round, any of a joint that does not.
         """
-        ratio = self.ratio
-        speed, travel = np.abs(motion.dq[:, self.joint]), float(np.ptp(motion.q[:, self.joint]))
-        if not speed.any():
+        ratio, travel = self.ratio, self._travel(motion)
+        speed = np.abs(motion.dq[:, self.joint])
+        if not travel or not speed.any():
             return np.zeros(0)
         lowest = 2.0 * np.pi * _CYCLES / (ratio * travel)
         highest = 2.0 * np.pi * fastest / (ratio * float(np.quantile(speed[speed > 0.0], _SLOW)))
-        whole = self.geared or travel > 4.0 * np.pi
+        whole = self._whole(motion)
         step = 1.0 if whole else 0.5 * np.pi / (ratio * travel)
         first = max(1.0, np.ceil(lowest)) if whole else lowest
         return np.asarray(np.arange(first, min(highest, first + _MOST * step) + 1e-9, step))
+
+    def _travel(self, motion: Motion) -> float:
+        return float(np.ptp(motion.q[:, self.joint]))
+
+    def _whole(self, motion: Motion) -> bool:
+        """Return whether only whole orders have a meaning: of a motor, or of a joint that turns round twice."""
+        return self.geared or self._travel(motion) > 4.0 * np.pi
 
     def lines(self, motion: Motion, left: Array, fastest: float) -> list[float]:
         """Return the orders of the highest lines of what a model leaves of the joint [N], over its angle: each of what
@@ -84,8 +90,7 @@ class TorqueRipple(Effect):
         out: list[float] = []
         if not len(orders):
             return out
-        whole = bool(np.all(orders == np.round(orders)))
-        near = np.zeros(1) if whole or len(orders) < 2 else (orders[1] - orders[0]) * _NEAR
+        near = np.zeros(1) if self._whole(motion) or len(orders) < 2 else (orders[1] - orders[0]) * _NEAR
         least = 2.0 * np.log(len(orders)) + _CLEAR
         while len(out) < _TRIED and np.any(left):
             gains = order_gains(angle, left, orders)

@@ -12,4 +12,3 @@ class TorqueRipple2(TorqueRipple):
     meaning = "second line of the torque ripple of motor and gear"
     inner = (order_of_a_line(2.5),)
     after = "torque_ripple"
-    first = False

@@ -12,4 +12,3 @@ class TorqueRipple3(TorqueRipple):
     meaning = "third line of the torque ripple of motor and gear"
     inner = (order_of_a_line(3.5),)
     after = "torque_ripple_2"
-    first = False

@@ -268,7 +268,7 @@ def missing_section(study: Study, found: Missing) -> PaperSection:
             *(("", step) for step in found.steps[1:]),
         )
     ]
-    hidden = " ".join(study.real.hidden)
+    hidden = " ".join(f"--effect {one}" for one in study.real.hidden)
     sets = [tuple(labels) for labels in found.said[0].to_dict()["tied_sets"]]
     common = set(sets[0]).intersection(*sets) if sets else set()
     tied = "; or ".join(" and ".join(label for label in labels if label not in common) for labels in sets)
@@ -334,9 +334,9 @@ def missing_section(study: Study, found: Missing) -> PaperSection:
         again(
             study,
             6,
-            f"robot_ident simulate c1_spring.yaml --robot kuka_ir361_spring --effect {hidden} -o c1_run",
-            f"robot_ident simulate c2_spring.yaml --robot kuka_ir361_spring --effect {hidden} -o c2_run",
-            f"robot_ident simulate validation.yaml --robot kuka_ir361_spring --effect {hidden} -o validation_run",
+            f"robot_ident simulate c1_spring.yaml --robot kuka_ir361_spring {hidden} -o c1_run",
+            f"robot_ident simulate c2_spring.yaml --robot kuka_ir361_spring {hidden} -o c2_run",
+            f"robot_ident simulate validation.yaml --robot kuka_ir361_spring {hidden} -o validation_run",
             "robot_ident identify c1_run c2_run -o model.yaml",
             "robot_ident diagnose model.yaml c1_run c2_run --validation validation_run --add-until-adequate",
         ),

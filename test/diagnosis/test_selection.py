@@ -132,7 +132,9 @@ def test_what_formulas_of_the_model_may_have_left_is_said(bench: Any) -> None:
     known = make_effect("stribeck@joint_2", bench.robot).at({"vs": 0.1})
     found = diagnose(measured, bench.structure.with_further([known]))
     assert found.verdict == "not_decidable" and found.missing == ()
-    assert any("the formulas of effects that the model has (stribeck@joint_2)" in note for note in found.notes)
+    assert any(
+        "the formulas of effects that the model has (above all stribeck@joint_2)" in note for note in found.notes
+    )
 
 
 def test_what_a_joint_leaves_where_it_creeps_is_no_remainder(bench: Any) -> None:

@@ -15,6 +15,7 @@ from robot_ident.signals.motion import Array, Motion, joined
 from robot_ident.signals.order_spectrum import order_gains
 
 _SHARE = 0.02  # of the square of what the unfiltered torque leaves that a line must hold to be told
+_ALIKE = 0.01  # of an order, by which two may differ and be the same line
 _MOST_ROWS = 0.9  # of the rows, in which a low pass must let it through
 
 
@@ -86,7 +87,8 @@ def _large_lines(
 ) -> dict[float, float]:
     """Return the orders of lines that hold a good part of what is left [N], none of them known, with their sizes."""
     left = left - left.mean()
-    found = [h for h in ripple.lines(motion, left, fastest) if h not in known]
+    lines = ripple.lines(motion, left, fastest)
+    found = [h for h in lines if not any(abs(h - one) <= _ALIKE * one for one in known)]
     gains = order_gains(ripple.ratio * motion.q[:, ripple.joint], left, np.array(found))
     large = [(h, gain) for h, gain in zip(found, gains, strict=True) if gain > _SHARE * float(left @ left)]
     return {h: float(np.sqrt(2.0 * gain / len(left))) for h, gain in large}

@@ -7,7 +7,7 @@ stands for, k parameters, B blocks (risk inflation, Foster and George 1994; BIC,
 
 from __future__ import annotations
 
-from collections.abc import Callable, Collection, Iterator, Sequence
+from collections.abc import Collection, Iterator, Sequence
 from itertools import combinations
 
 import numpy as np
@@ -31,8 +31,6 @@ from robot_ident.signals.motion import Array
 Selected = tuple[Hypothesis, ...]
 Ranked = list[tuple[float, Hypothesis]]
 """Hypotheses and what they predict beyond their cost, best first."""
-
-Move = Callable[[Selected, Ranked], Selected | None]
 
 _FIRST = 6  # hypotheses that are looked at in a step, the best by what they predict
 _TOGETHER = 3  # effects of a joint at most of which some are replaced by a pair
@@ -320,8 +318,9 @@ class Search:
         while len(selected) < LARGEST_SET:
             self.weigh_by(selected)
             best = self.ranked(selected)[:_FIRST]
-            moves: Sequence[Sequence[Move]] = ((self._single, self._pair), (self._pair_across,))
-            options = next((found for kind in moves if (found := self._found(kind, selected, best))), [])
+            options = [found for found in (self._single(selected, best), self._pair(selected, best)) if found]
+            if not options and (across := self._pair_across(selected, best)):
+                options = [across]
             if not options:
                 break
             grown = self.settled(min(options, key=self.objective))
@@ -330,10 +329,6 @@ class Search:
             selected = grown
         self.weigh_by(selected)
         return selected
-
-    @staticmethod
-    def _found(moves: Sequence[Move], selected: Selected, best: Ranked) -> list[Selected]:
-        return [found for move in moves if (found := move(selected, best))]
 
     def _single(self, selected: Selected, best: Ranked) -> Selected | None:
         for gain, h in best:

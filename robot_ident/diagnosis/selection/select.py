@@ -31,8 +31,6 @@ from robot_ident.regression.evidence import Evidence
 from robot_ident.regression.gram import base_gram
 from robot_ident.regression.lack_of_fit import LackOfFit, lack_of_fit
 
-_MUCH = 0.1  # of the largest error of a formula on a joint, from which on that of another effect is told
-
 
 @dataclass(frozen=True)
 class Withheld:
@@ -70,10 +68,9 @@ class Selection:
             return []
         out = []
         for j, of in errors.items():
-            much = [label for label, error in of.items() if error > _MUCH * max(of.values())]
             out.append(
                 f"{names[j]}: what is left is {judged.remainder[j]:.2g} times what the formulas of effects that the"
-                f" model has ({', '.join(much)}) and noise may leave"
+                f" model has (above all {max(of, key=lambda label: of[label])}) and noise may leave"
             )
         return out
 
