@@ -15,7 +15,7 @@ _CYCLES = 3.0  # of a line within the joint's travel; fewer are a smooth curve o
 _SLOW = 0.2  # of the rows, in which a line must lie within the band
 _MOST = 1500  # orders that are looked at
 _NEAR = np.linspace(-1.0, 1.0, 21)  # steps between two orders, for the exact one where any may be
-_TRIED = 4  # lines that are tried, the highest
+_TRIED = 3  # lines that are tried, the highest
 _CLEAR = 4.0  # by how much more than the highest of as many lines of noise the fall must be, in units of its variance
 
 
@@ -70,7 +70,7 @@ class TorqueRipple(Effect):
             return np.zeros(0)
         lowest = 2.0 * np.pi * _CYCLES / (ratio * travel)
         highest = 2.0 * np.pi * fastest / (ratio * float(np.quantile(speed[speed > 0.0], _SLOW)))
-        whole = self._whole(motion)
+        whole = self.whole_orders(motion)
         step = 1.0 if whole else 0.5 * np.pi / (ratio * travel)
         first = max(1.0, np.ceil(lowest)) if whole else lowest
         return np.asarray(np.arange(first, min(highest, first + _MOST * step) + 1e-9, step))
@@ -78,7 +78,7 @@ class TorqueRipple(Effect):
     def _travel(self, motion: Motion) -> float:
         return float(np.ptp(motion.q[:, self.joint]))
 
-    def _whole(self, motion: Motion) -> bool:
+    def whole_orders(self, motion: Motion) -> bool:
         """Return whether only whole orders have a meaning: of a motor, or of a joint that turns round twice."""
         return self.geared or self._travel(motion) > 4.0 * np.pi
 
@@ -90,7 +90,7 @@ class TorqueRipple(Effect):
         out: list[float] = []
         if not len(orders):
             return out
-        near = np.zeros(1) if self._whole(motion) or len(orders) < 2 else (orders[1] - orders[0]) * _NEAR
+        near = np.zeros(1) if self.whole_orders(motion) or len(orders) < 2 else (orders[1] - orders[0]) * _NEAR
         least = 2.0 * np.log(len(orders)) + _CLEAR
         while len(out) < _TRIED and np.any(left):
             gains = order_gains(angle, left, orders)

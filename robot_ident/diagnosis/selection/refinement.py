@@ -136,7 +136,7 @@ def best_values(effect: Effect, evidence: Evidence) -> tuple[Effect, float] | No
     data = DataSet(Rows.plain(evidence), [effect])
     given = FittedSet(data, (), np.ones_like(data.power))
     if isinstance(effect, TorqueRipple):
-        add_lines(given, effect)
+        add_lines(given, [effect])
     settings = data.hypotheses.get(effect.label)
     if not settings:
         return None

@@ -12,10 +12,8 @@ from robot_ident.effects.torque_ripple import TorqueRipple
 from robot_ident.recording.measurement import Measurement
 from robot_ident.regression.evidence import Evidence
 from robot_ident.signals.motion import Array, Motion, joined
-from robot_ident.signals.order_spectrum import order_gains
 
 _SHARE = 0.02  # of the square of what the unfiltered torque leaves that a line must hold to be told
-_ALIKE = 0.01  # of an order, by which two may differ and be the same line
 _MOST_ROWS = 0.9  # of the rows, in which a low pass must let it through
 
 
@@ -26,29 +24,33 @@ def add_ripples(given: FittedSet, joints: Iterable[int]) -> None:
     for joint in joints:
         if data.floor and excess[joint] < 3.0 * np.sqrt(2.0 * dof[joint]):
             continue
-        for kind in RIPPLES:
-            effect = kind(data.structure.robot, joint)
-            if not effect.unseen and effect.label not in data.structure.labels:
-                add_lines(given, effect)
+        effects = [kind(data.structure.robot, joint) for kind in RIPPLES]
+        add_lines(given, [e for e in effects if not e.unseen and e.label not in data.structure.labels])
 
 
-def add_lines(given: FittedSet, effect: TorqueRipple) -> None:
-    """Add the highest lines of what a set leaves of an effect's joint, at their orders."""
-    data, joint = given.data, effect.joint
+def add_lines(given: FittedSet, effects: Sequence[TorqueRipple]) -> None:
+    """Add the highest lines of what a set leaves of a joint, at their orders, as each of some effects of that joint."""
+    if not effects:
+        return
+    data, joint = given.data, effects[0].joint
     folds = data.folds[: data.training]
-    moved = joined([t.motion[t.measured.rows] for t in folds])
-    left = np.concatenate([given.residual(joint, f) for f in range(len(folds))])
-    tried = {h.effect.setting["h"] for h in data.hypotheses.get(effect.label, ())}
-    for order in effect.lines(moved, left, min(t.measured.fastest for t in folds)):
-        if order not in tried:
-            data.add(effect.at({"h": order}))
-    if effect.label in data.hypotheses:
-        data.grid[effect.label] = len(data.hypotheses[effect.label])
+    kept = [t.weight[:, joint] > 0.0 for t in folds]
+    moved = joined([t.motion[t.measured.rows][rows] for t, rows in zip(folds, kept, strict=True)])
+    left = np.concatenate([given.residual(joint, f)[rows] for f, rows in enumerate(kept)])
+    orders = effects[0].lines(moved, left, min(t.measured.fastest for t in folds))
+    for effect in effects:
+        tried = {h.effect.setting["h"] for h in data.hypotheses.get(effect.label, ())}
+        for order in orders:
+            if order not in tried:
+                data.add(effect.at({"h": order}))
+        if effect.label in data.hypotheses:
+            data.grid[effect.label] = len(data.hypotheses[effect.label])
 
 
 def hidden_lines(evidence: Evidence, named: Collection[TorqueRipple]) -> list[str]:
     """Return a line for each joint whose unfiltered torque ripples with its angle faster than the low pass lets
-    through: the orders that are not named, how large they are at least, and the low pass that shows them.
+    through: the orders that are not named, how large they are at least, and the low pass that shows them. Only whole
+    orders, and lines that either half of the rows predicts of the other: what is slow over time looks like some line.
     """
     structure, recordings = evidence.structure, evidence.recordings
     if all(measured.low_pass is None for measured in recordings):
@@ -60,7 +62,7 @@ def hidden_lines(evidence: Evidence, named: Collection[TorqueRipple]) -> list[st
     out = []
     for joint, name in enumerate(structure.robot.joints):
         ripple, kept = TorqueRipple(structure.robot, joint), np.isfinite(left[:, joint])
-        if ripple.unseen or not kept.any():
+        if ripple.unseen or not kept.any() or not ripple.whole_orders(motion):
             continue
         known = [effect.setting["h"] for effect in named if effect.joint == joint]
         lines = _large_lines(ripple, motion[kept], left[kept, joint], fastest, known)
@@ -87,8 +89,17 @@ def _large_lines(
 ) -> dict[float, float]:
     """Return the orders of lines that hold a good part of what is left [N], none of them known, with their sizes."""
     left = left - left.mean()
-    lines = ripple.lines(motion, left, fastest)
-    found = [h for h in lines if not any(abs(h - one) <= _ALIKE * one for one in known)]
-    gains = order_gains(ripple.ratio * motion.q[:, ripple.joint], left, np.array(found))
-    large = [(h, gain) for h, gain in zip(found, gains, strict=True) if gain > _SHARE * float(left @ left)]
-    return {h: float(np.sqrt(2.0 * gain / len(left))) for h, gain in large}
+    found = [h for h in ripple.lines(motion, left, fastest) if h not in known]
+    falls = {h: _predicted(ripple.ratio * motion.q[:, ripple.joint], left, h) for h in found}
+    return {h: float(np.sqrt(2.0 * fall / len(left))) for h, fall in falls.items() if fall > _SHARE * left @ left}
+
+
+def _predicted(angle: Array, left: Array, order: float) -> float:
+    """Return the fall of the squared error by a line that is fitted to the other half of the rows."""
+    columns = np.column_stack([np.cos(order * angle), np.sin(order * angle)])
+    halves = np.array_split(np.arange(len(left)), 2)
+    after = 0.0
+    for fitted, judged in (halves, halves[::-1]):
+        line = np.linalg.lstsq(columns[fitted], left[fitted], rcond=None)[0]
+        after += float(np.sum((left[judged] - columns[judged] @ line) ** 2))
+    return float(left @ left) - after
