@@ -99,7 +99,9 @@ def excitation_section(study: Study, found: Excitations) -> PaperSection:
     return PaperSection(
         "2. Optimal excitation and its estimates (section IV, figs. 2 and 3, Table II)",
         "Trajectories are finite Fourier series, eq. (11): q(t) = q0 + sum_l a_l / (w l) sin(w l t) - b_l / (w l) cos(w"
-        " l t), l = 1 to 5, w / 2 pi = 0.1 Hz. The rows Phi and the measured torques of all samples are stacked in F"
+        " l t), l = 1 to 5, w / 2 pi = 0.1 Hz. Periodic motions are averaged, tell their noise without a model,"
+        " excite a band of choice, and their velocities and accelerations follow exactly from the lines of the"
+        " spectrum. The rows Phi and the measured torques of all samples are stacked in F"
         " and b, eq. (8); the estimate is theta = (F' S^-1 F)^-1 F' S^-1 b, S the covariance of the noise, eq. (7)"
         " (without weights: F+ b, eq. (10)),"
         " its covariance (F' S^-1 F)^-1, eq. (9). Criterion c1 is the condition number of S^-1/2 F with columns of"
@@ -263,7 +265,9 @@ def iteration_section(study: Study) -> PaperSection:
         "Measured positions and torques are q(k) + n_q(k) and tau(k) + n_tau(k), eq. (2). Maximum likelihood minimises"
         " K = 1/2 sum_k sum_i [(q_m,i - q_i(delta, k))^2 / s_q,i^2 + (tau_m,i - tau_i(vartheta, k))^2 / s_tau,i^2],"
         " eqs. (3) and (4), over vartheta = [theta; delta], eq. (5): the parameters theta and the Fourier coefficients"
-        " delta of the motion. Its covariance tends to the Cramér-Rao bound, eq. (6), which depends on the parameters:"
+        " delta of the motion. It is minimised by Gauss-Newton or Levenberg-Marquardt, from delta by least squares"
+        " and theta by eq. (10) (here by Levenberg-Marquardt, from eq. (7)). Its covariance tends to the Cramér-Rao"
+        " bound, eq. (6), which depends on the parameters:"
         " design by c1, measure, estimate, minimise the bound at that estimate, measure again, until nothing changes."
         " No figures are given.",
         (
