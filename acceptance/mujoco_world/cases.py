@@ -21,6 +21,7 @@ RANGE = {
     "presliding": (0.1, 3.0),  # 1 to 30 mrad
     "stribeck": (0.1, 2.0),  # 5 to 100 % of the dry friction
     "position_friction": (0.1, 2.0),  # the same, half of it over a turn
+    "friction_behind_play": (0.05, 2.0),  # the same, behind 5 to 50 mrad
     "torque_ripple": (0.1, 2.0),  # Nm
 }
 """Of the usual size: what an arm may have."""

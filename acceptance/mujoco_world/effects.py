@@ -187,6 +187,27 @@ def presliding(d: Draw) -> Build:
     return build
 
 
+def friction_behind_play(d: Draw) -> Build:
+    """A ring about the axis that rubs on what carries the joint, and that the link drags through a clearance."""
+    gap = d.between(0.005, 0.05)
+
+    def build(spec: Any, size: float) -> None:
+        joint = spec.joint(d.name)
+        ring = joint.parent.add_body(name="ring")
+        inner = ring.add_joint(
+            name="ring", type=joint.type, axis=joint.axis, pos=joint.pos, armature=1e-3,
+            limited=mujoco.mjtLimited.mjLIMITED_TRUE, range=[-gap / 2, gap / 2], solref_limit=[4 * STEP, 1.0],
+        )  # fmt: skip
+        ring.add_geom(type=mujoco.mjtGeom.mjGEOM_SPHERE, size=[0.01, 0, 0], pos=joint.pos, mass=0.01,
+                      contype=0, conaffinity=0)  # fmt: skip
+        rubs = spec.add_tendon(name="rubs", frictionloss=size * d.arm.coulomb[d.joint])
+        rubs.solref_friction = [2.0 * STEP, 1.0]
+        for name in (d.name, inner.name):
+            rubs.wrap_joint(name, 1.0)
+
+    return build
+
+
 def torque_ripple(d: Draw) -> Build:
     """Magnets of a motor behind its gear, once or twice a motor turn."""
     times, phase = int(d.choose("1", "2")), d.rng.uniform(-np.pi, np.pi)
@@ -393,7 +414,7 @@ KNOWN: dict[str, Callable[[Draw], Build]] = {
     one.__name__: one
     for one in (
         cable, gravity_spring, end_stop, viscous_nonlinear, stribeck, presliding, torque_ripple, joint_elasticity,
-        backlash, time_delay, base_tilt, wrist_coupling, position_friction,
+        backlash, time_delay, base_tilt, wrist_coupling, position_friction, friction_behind_play,
     )
 }  # fmt: skip
 UNKNOWN: dict[str, Callable[[Draw], Build]] = {

@@ -16,7 +16,7 @@ FAMILIES: dict[str, frozenset[str]] = {
     for name, members in {
         "static in q": "cable gravity_spring base_tilt end_stop torque_offset encoder_eccentricity torque_ripple",
         "friction over speed": "viscous coulomb stribeck viscous_nonlinear viscous_asymmetric temperature_drift",
-        "around reversals": "presliding time_delay backlash stribeck joint_elasticity",
+        "around reversals": "presliding friction_behind_play time_delay backlash stribeck joint_elasticity",
         "over the load": "load_friction torque_saturation joint_elasticity",
         "friction that varies over the path": "position_friction load_friction coulomb",
         "over acceleration": "rotor_inertia payload joint_elasticity time_delay",
@@ -32,6 +32,7 @@ FRICTION = frozenset(
         "viscous_asymmetric",
         "viscous_nonlinear",
         "presliding",
+        "friction_behind_play",
         "load_friction",
         "position_friction",
         "joint_coupling",

@@ -195,7 +195,8 @@ class Effect(ABC):
     scale. over_position: its torque is a curve over its joint's position and depends on nothing else. scales_links: it
     multiplies its joint's rows of the links' columns and has none of its own. seen_from: where effort may be measured
     for it to show; before_sensor: why it can't elsewhere. contains: effects whose column it holds too -> coefficient.
-    after: the effect without which it has no meaning at its place.
+    after: the effect without which it has no meaning at its place. more_than: the effect that it is but for one cause
+    more.
     candidate: it may be what a model lacks. measuring: a fault of what is measured, to be put right in the robot YAML
     rather than added to the model. regression: a column shows it; else `evidence` says what does.
     """
@@ -225,6 +226,7 @@ class Effect(ABC):
     before_sensor: ClassVar[str] = ""
     contains: ClassVar[Mapping[str, str]] = {}
     after: ClassVar[str] = ""
+    more_than: ClassVar[str] = ""
     candidate: ClassVar[bool] = True
     measuring: ClassVar[bool] = False
     regression: ClassVar[bool] = True

@@ -62,6 +62,32 @@ def maxwell_slip(q: Array, scale: float, periodic: bool) -> Array:
     return _slip(loop, scale, start)[:-1].mean(axis=1)
 
 
+def behind_play(q: Array, gap: float, rise: float, periodic: bool) -> Array:
+    """Return z [N] of friction that is met behind a play: 0 while the gap is crossed, then up to sign(dq) over a path
+    `rise`.
+
+    An elastic element that slides, with a dead zone: z = clip((|d| - gap / 2) / rise, 0, 1) sign(d), where d follows q
+    within |d| <= gap / 2 + rise. It starts in the middle, or in its periodic steady state.
+    """
+    if not periodic:
+        return _met(_apart(q, gap / 2.0 + rise, 0.0), gap, rise)
+    loop = np.append(q, q[0])
+    start = float(_apart(loop, gap / 2.0 + rise, 0.0)[-1])
+    return _met(_apart(loop, gap / 2.0 + rise, start), gap, rise)[:-1]
+
+
+def _apart(q: Array, most: float, start: float) -> Array:
+    """Return d [N], which follows a path within -most..most (play operator)."""
+    d = np.full(len(q), start)
+    for first, last, _ in stretches(q):
+        d[first : last + 1] = np.clip(d[first] + q[first : last + 1] - q[first], -most, most)
+    return d
+
+
+def _met(d: Array, gap: float, rise: float) -> Array:
+    return np.asarray(np.sign(d) * np.clip((np.abs(d) - gap / 2.0) / rise, 0.0, 1.0))
+
+
 def _slip(q: Array, scale: float, start: Array) -> Array:
     z = np.tile(start, (len(q), 1))
     reach = np.array(ELEMENTS) * scale

@@ -43,7 +43,7 @@ class Presliding(Effect):
     )
     symmetry = "memory"
     signature = "loops over position since the reversal"
-    confused_with = ("stribeck", "time_delay", "coulomb")
+    confused_with = ("stribeck", "friction_behind_play", "time_delay", "coulomb")
     experiment = "small reversals at two speeds: a scale of position stays, a scale of time moves with speed"
     magnitude = "up to 2 Fc at reversals: 10-70 / 0.5-5 Nm, over 0.5-50 mrad"
     needs_time = True

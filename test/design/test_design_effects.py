@@ -17,7 +17,7 @@ from robot_ident.model.structure import Structure
 from robot_ident.robot import Robot
 from robot_ident.signals.motion import Array
 
-LIKENESS = {"presliding": 0.8, "backlash": 0.85, "joint_elasticity": 0.85}
+LIKENESS = {"presliding": 0.8, "friction_behind_play": 0.85, "backlash": 0.85, "joint_elasticity": 0.85}
 """Correlation of a stand-in with the exact column along a usual motion; every other effect's is one."""
 
 RINGS = ("backlash",)

@@ -23,7 +23,15 @@ from robot_ident.testbed.phenomena import plant_physics
 from robot_ident.testbed.simulation import Play
 
 DRIVE = {"rotor_inertia", "torque_saturation", "wrist_coupling"}
-BEYOND = {"stribeck", "presliding", "load_friction", "position_friction", "viscous_nonlinear", "viscous_asymmetric"}
+BEYOND = {
+    "stribeck",
+    "presliding",
+    "friction_behind_play",
+    "load_friction",
+    "position_friction",
+    "viscous_nonlinear",
+    "viscous_asymmetric",
+}
 
 
 @pytest.fixture(scope="module")

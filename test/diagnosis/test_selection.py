@@ -44,6 +44,8 @@ def labels(found: Diagnosis) -> set[str]:
         "load_friction@joint_3:load_friction=0.08",
         "position_friction@joint_1:position_friction=14",
         "presliding@joint_2:reach=0.02",
+        "presliding@joint_1:reach=0.001",
+        "friction_behind_play@joint_1:level=20,gap=0.03,reach=0.001",
         "time_delay@joint_3:time_delay=0.008",
     ],
 )

@@ -22,6 +22,7 @@ from robot_ident.signals.motion import Array, Motion
 NAMES = sorted(CATALOGUE)
 ARMS = ("kuka", "six_axes", "slide")
 ISSUED = """viscous coulomb torque_offset viscous_asymmetric stribeck viscous_nonlinear presliding load_friction
+friction_behind_play
 position_friction torque_ripple
 torque_ripple_2 torque_ripple_3 backlash joint_elasticity cable gravity_spring base_tilt torque_saturation time_delay
 encoder_eccentricity rotor_inertia payload joint_coupling temperature_drift end_stop wrist_coupling
@@ -41,7 +42,7 @@ def test_declarations_are_whole(name: str) -> None:
     assert sys.modules[effect.__module__].__file__.endswith(f"/{name}.py")
     assert effect.experiment and effect.magnitude and effect.signature
     assert set(effect.confused_with) <= set(NAMES) - {name}
-    assert set(effect.contains) <= set(NAMES)
+    assert {*effect.contains, effect.more_than or name} <= set(NAMES)
     assert effect.regression or effect.evidence
 
 

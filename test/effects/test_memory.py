@@ -10,7 +10,7 @@ from scipy import signal
 
 from robot_ident.effects import Torques, make_effect
 from robot_ident.effects.effort_filter import EffortFilter
-from robot_ident.effects.hysteresis import ELEMENTS, dahl, maxwell_slip, stretches
+from robot_ident.effects.hysteresis import ELEMENTS, behind_play, dahl, maxwell_slip, stretches
 from robot_ident.robot import load_robot
 from robot_ident.signals.derivatives import delayed, derivatives
 from robot_ident.signals.motion import Array, Motion
@@ -62,6 +62,19 @@ def test_maxwell_slip_is_elements_that_slide_one_after_another() -> None:
         out.append(z.mean())
     np.testing.assert_allclose(maxwell_slip(q, scale, periodic=False), out, atol=1e-12)
     np.testing.assert_allclose(maxwell_slip(q[:1500], scale, periodic=True), out[1500:], atol=1e-12)
+
+
+def test_friction_behind_a_play_is_met_once_the_gap_is_crossed() -> None:
+    gap, rise, q = 0.05, 0.01, np.tile(one_period().q[:, 0], 2)
+    d, out = 0.0, []
+    for step in np.diff(q, prepend=q[0]):
+        d = min(max(d + step, -gap / 2 - rise), gap / 2 + rise)
+        out.append(np.sign(d) * min(max((abs(d) - gap / 2) / rise, 0.0), 1.0))
+    np.testing.assert_allclose(behind_play(q, gap, rise, periodic=False), out, atol=1e-12)
+    np.testing.assert_allclose(behind_play(q[:1500], gap, rise, periodic=True), out[1500:], atol=1e-12)
+    turn = np.concatenate([np.linspace(0.0, 0.2, 201), np.linspace(0.199, 0.1, 100)])  # a millirad a sample
+    z = behind_play(turn, gap, rise, periodic=False)
+    assert z[200] == 1.0 and np.all(z[211:259] == 0.0) and np.all(z[271:] == -1.0)
 
 
 def test_stretches_end_at_reversals() -> None:

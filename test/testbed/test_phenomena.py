@@ -180,6 +180,21 @@ def test_presliding_is_a_play_of_elements(kuka: Robot, blend) -> None:
     assert sharp < 4.0, "no jump of 24 Nm at reversals"
 
 
+def test_friction_behind_a_play_is_missing_after_reversals(kuka: Robot, blend) -> None:
+    """A slide that stays where it is within the clearance, and whose bristles bend once it is touched."""
+    made = fine(kuka, blend, "friction_behind_play@joint_2:level=12,gap=0.05,reach=0.004")
+    left = (made.torque - robot_torque(kuka, made.exact))[:, 1]
+    expected = np.zeros(len(left))
+    for share in (0.12, 0.3, 0.6, 1.1, 2.0):
+        apart, reach = 0.0, 0.004 * share
+        for k, step in enumerate(np.diff(made.exact.q[:, 1], prepend=made.exact.q[0, 1])):
+            apart = min(max(apart + step, -0.025 - reach), 0.025 + reach)
+            expected[k] += 12 / 5 * np.sign(apart) * min(max(abs(apart) - 0.025, 0.0) / reach, 1.0)
+    moving = np.abs(made.exact.dq[:, 1]) > 0.01
+    np.testing.assert_allclose(left[moving], expected[moving], atol=1e-6)
+    assert np.mean(expected[6000:] == 0.0) > 0.02
+
+
 def test_cable_hardens_and_rubs(kuka: Robot, blend) -> None:
     made = fine(kuka, blend, "cable@joint_2:cable=9,relaxed=0.1,hardening=0.4,rubbing=2,reach=0.05")
     motion = made.exact

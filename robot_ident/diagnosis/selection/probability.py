@@ -62,19 +62,25 @@ def _tenable(search: Search, some: Selected) -> bool:
 
 
 def _simplest(search: Search, sets: Mapping[tuple[str, ...], Selected], key: tuple[str, ...]) -> tuple[str, ...]:
-    """Return the best set with fewer effects on one joint, all others alike, that predicts it as well as a set does."""
+    """Return the best set with fewer effects on one joint, all others alike, that predicts it as well as a set does; an
+    effect that is another one and more counts for two.
+    """
     of_set = search.simpler(sets[key])
     if of_set != sets[key] and names(of_set) in sets:
         return names(of_set)
     out = {}
     for other, fewer in sets.items():
         places = {h.joints for h in (*of_set, *fewer) if h.label not in other or h.label not in key}
-        if len(fewer) >= len(of_set) or len(places) != 1:
+        if _count(fewer) >= _count(of_set) or len(places) != 1:
             continue
         joint, *more = places.pop()
         if not more and any(joint in h.at for h in fewer) and search.as_good(fewer, of_set, joint):
             out[other] = search.objective(fewer)
     return min(out, key=lambda other: out[other], default=key)
+
+
+def _count(some: Selected) -> int:
+    return len(some) + sum(bool(type(h.effect).more_than) for h in some)
 
 
 def _neighbours(search: Search, selected: Selected) -> dict[tuple[str, ...], Selected]:

@@ -15,6 +15,7 @@ from robot_ident.testbed.phenomena.actuation import (
 )
 from robot_ident.testbed.phenomena.friction import (
     Coulomb,
+    FrictionBehindPlay,
     LoadFriction,
     PositionFriction,
     Presliding,
@@ -54,6 +55,7 @@ PHYSICS: dict[str, type[Physics]] = {
         Stribeck,
         ViscousNonlinear,
         Presliding,
+        FrictionBehindPlay,
         LoadFriction,
         PositionFriction,
         TorqueRipple,

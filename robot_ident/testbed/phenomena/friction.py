@@ -307,6 +307,54 @@ class Presliding(Physics):
         return self._elements().stretched(before.state, after.q[self.joint] - before.q[self.joint])
 
 
+class FrictionBehindPlay(Physics):
+    """A dry slide that is dragged through a clearance `gap` [rad], beside the joint's own friction.
+
+    Once it is touched, bristles bend before it slides: as in `Presliding`, over a mean distance `reach` [rad] up to
+    `level` [Nm]. The states are how far the joint stands from where each bristle is not touched.
+    """
+
+    name = "friction_behind_play"
+    parameters = (
+        Value("level", "Nm", "N", lower=0.0),
+        Value("gap", "rad", "m", lower=1e-6),
+        Value("reach", "rad", "m", lower=1e-6),
+    )
+    states = len(SPREAD)
+    sizes = ("level",)
+    largest = 3.0
+
+    @classmethod
+    def typical(cls, robot: Robot, joint: int) -> dict[str, float]:
+        """Return as much friction as the joint itself has, behind 20 mrad."""
+        return {"level": dry_friction(robot, joint), "gap": 0.02, "reach": 0.001}
+
+    @classmethod
+    def draw(cls, robot: Robot, joint: int, rng: np.random.Generator, motion: Motion) -> dict[str, float]:
+        """Return a gap from 5 to 50 mrad, and bristles of a fiftieth to a fifth of it."""
+        gap = between(rng, 0.005, 0.05)
+        return cls.typical(robot, joint) | {"gap": gap, "reach": gap * between(rng, 0.02, 0.2)}
+
+    def _after(self, apart: Sequence[Any], moved: Any) -> list[Any]:
+        most = [self.values["gap"] / 2 + self.values["reach"] * share for share in SPREAD]
+        return [ca.fmax(ca.fmin(d + moved, end), -end) for d, end in zip(apart, most, strict=True)]
+
+    def contribution(self, x: Instant) -> Contribution:
+        """Return the force of the bristles that are touched, at the middle of the step."""
+        half, moved = self.values["gap"] / 2, x.moved[self.joint]
+        force, stiffness = 0.0, 0.0
+        for share, before, after in zip(SPREAD, x.state, self._after(x.state, moved), strict=True):
+            reach = self.values["reach"] * share
+            slope, beyond = self.values["level"] / len(SPREAD) / reach, ca.fabs(before + moved) - half
+            force += slope * (ca.fmax(after - half, 0) - ca.fmax(-after - half, 0))
+            stiffness += ca.if_else(ca.logic_and(beyond > 0, beyond < reach), slope, 0)
+        return Contribution(torque={self.joint: force}, stiffness={self.joint: stiffness})
+
+    def advance(self, before: Instant, after: Instant, h: float) -> list[Any]:
+        """Return the states after the step."""
+        return self._after(before.state, after.q[self.joint] - before.q[self.joint])
+
+
 STOPPED = 1e12
 """Time constant [s] with which a temperature is held."""
 
