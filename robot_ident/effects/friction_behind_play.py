@@ -8,10 +8,10 @@ from typing import Any
 import numpy as np
 
 from robot_ident.effects.effect import Coefficient, Course, Effect, Inner, Mathematics, Signals, Torques
-from robot_ident.effects.hysteresis import behind_play
+from robot_ident.effects.hysteresis import behind_play, since_reversal
 from robot_ident.signals.motion import Array, Motion
 
-_TURN, _EDGE = 0.2, 0.15  # how sharply the smooth stand-in tells before from after a reversal, and the gap's end
+_EDGE = 0.15  # of the gap: how sharply the smooth stand-in tells its end
 
 
 class FrictionBehindPlay(Effect):
@@ -61,19 +61,9 @@ class FrictionBehindPlay(Effect):
         return out
 
     def smooth_terms(self, x: Signals, m: Mathematics, course: Course) -> Sequence[dict[int, Any]]:
-        """Return z - sign(dq) as it is after a reversal in sliding, where the path is dq^2 / (2 |ddq|)."""
-        v, a, gap, rise = x.dq[self.joint], x.ddq[self.joint], self.setting["gap"], self.setting["rise"]
-        size = m.sqrt(a**2 + self._slow**2)
-        onward = a / size
-        end, width = 1.0 + 1.5 * rise, max(_EDGE, 0.5 * rise)
-        path = v**2 / (2.0 * size * gap)
-        within = 0.5 * (1.0 - m.tanh((path - end) / width))
-        unloads = (m.fabs(1.0 - path / rise) + (1.0 - path / rise)) / 2.0
-        begun = 0.5 * (1.0 + m.tanh(v * onward / m.sqrt(2.0 * size * gap * rise) / _TURN))
+        """Return z - sign(dq) as it is after a reversal from full sliding."""
+        gap, rise = self.setting["gap"], self.setting["rise"]
+        onward, path, begun = since_reversal(self, x, m, rise * gap)
+        unloads = (m.fabs(1.0 - path) + (1.0 - path)) / 2.0
+        within = 0.5 * (1.0 - m.tanh((rise * path - 1.0 - 1.5 * rise) / max(_EDGE, 0.5 * rise)))
         return [{self.joint: -onward * begun * (within + unloads)}]
-
-    @property
-    def _slow(self) -> float:
-        """An acceleration that is small for the joint, rad/s^2: a reversal below it has no definite end."""
-        largest = float(self.robot.limits.acceleration[self.joint])
-        return 0.02 * largest if np.isfinite(largest) else 0.05

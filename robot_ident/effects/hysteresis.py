@@ -6,10 +6,14 @@ Between reversals both laws have a closed solution over the path travelled, so t
 from __future__ import annotations
 
 from collections.abc import Iterator
+from typing import Any
 
 import numpy as np
 
+from robot_ident.effects.effect import Effect, Mathematics, Signals
 from robot_ident.signals.motion import Array
+
+_TURN = 0.2  # how sharply expressions tell before from after a reversal
 
 ELEMENTS = (0.2, 0.5, 1.0, 2.0)
 """Breakaway of the Maxwell-slip elements over their scale; their mean, nearly one, is comparable to Dahl's."""
@@ -95,3 +99,17 @@ def _slip(q: Array, scale: float, start: Array) -> Array:
         path = q[first : last + 1] - q[first]
         z[first : last + 1] = np.clip(z[first] + path[:, None] / reach, -1.0, 1.0)
     return z
+
+
+def since_reversal(effect: Effect, x: Signals, m: Mathematics, reach: float) -> tuple[Any, Any, Any]:
+    """Return as expressions of the present state, for designs: the direction of a joint after its last reversal, the
+    path since then over a `reach`, dq^2 / (2 |ddq| reach) as near a reversal, and 1 after it, 0 before.
+
+    An acceleration below 2 % of the joint's largest counts as that: such a reversal has no definite end.
+    """
+    v, a = x.dq[effect.joint], x.ddq[effect.joint]
+    largest = float(effect.robot.limits.acceleration[effect.joint])
+    size = m.sqrt(a**2 + (0.02 * largest if np.isfinite(largest) else 0.05) ** 2)
+    onward = a / size
+    since = v * onward / m.sqrt(2.0 * size * reach)  # time since the reversal over that in which the reach is travelled
+    return onward, v**2 / (2.0 * size * reach), 0.5 * (1.0 + m.tanh(since / _TURN))

@@ -8,11 +8,10 @@ from typing import Any
 import numpy as np
 
 from robot_ident.effects.effect import Coefficient, Course, Effect, Inner, Mathematics, Signals, Torques
-from robot_ident.effects.hysteresis import ELEMENTS, dahl, maxwell_slip
+from robot_ident.effects.hysteresis import ELEMENTS, dahl, maxwell_slip, since_reversal
 from robot_ident.signals.motion import Array, Motion
 
 _DAHL, _MAXWELL = 0.0, 1.0
-_TURN = 0.2  # how sharply the smooth stand-in tells before from after a reversal
 
 
 class Presliding(Effect):
@@ -59,20 +58,9 @@ class Presliding(Effect):
         return out
 
     def smooth_terms(self, x: Signals, m: Mathematics, course: Course) -> Sequence[dict[int, Any]]:
-        """Return z - sign(dq) as it is after a reversal from full sliding, where the path is dq^2 / (2 |ddq|)."""
-        v, a, x0 = x.dq[self.joint], x.ddq[self.joint], self.setting["x0"]
-        size = m.sqrt(a**2 + self._slow**2)
-        onward = a / size
-        path = v**2 / (2.0 * size * x0)
-        since = v * onward / m.sqrt(2.0 * size * x0)  # time since the reversal over that in which x0 is travelled
-        begun = 0.5 * (1.0 + m.tanh(since / _TURN))
+        """Return z - sign(dq) as it is after a reversal from full sliding."""
+        onward, path, begun = since_reversal(self, x, m, self.setting["x0"])
         if self.setting["form"] == _MAXWELL:
             lacks = [(m.fabs(2.0 - path / reach) + (2.0 - path / reach)) / 2.0 for reach in ELEMENTS]
             return [{self.joint: -onward * begun * sum(lacks) / len(lacks)}]
         return [{self.joint: -2.0 * onward * begun * m.exp(-path)}]
-
-    @property
-    def _slow(self) -> float:
-        """An acceleration that is small for the joint, rad/s^2: a reversal below it has no definite end."""
-        largest = float(self.robot.limits.acceleration[self.joint])
-        return 0.02 * largest if np.isfinite(largest) else 0.05
