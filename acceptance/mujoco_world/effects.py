@@ -202,6 +202,7 @@ def friction_behind_play(d: Draw) -> Build:
                       contype=0, conaffinity=0)  # fmt: skip
         rubs = spec.add_tendon(name="rubs", frictionloss=size * d.arm.coulomb[d.joint])
         rubs.solref_friction = [2.0 * STEP, 1.0]
+        rubs.solimp_friction = [0.9999, 0.9999, 0.001, 0.5, 2.0]  # for a light ring, else it is viscous below .3 rad/s
         for name in (d.name, inner.name):
             rubs.wrap_joint(name, 1.0)
 

@@ -29,6 +29,7 @@ FAINT = 0.01
 """Weight of a recording that is left out: parameters that only it determines follow it instead of their noise."""
 
 _OPEN = 1e-11  # of the largest eigenvalue of the scaled Gram matrix: below, the data leave a direction open
+_DEPENDENT = 1e-8  # of the largest eigenvalue, likewise, of a few candidates' columns
 HELD = 1e-9  # of a candidate's own norm: with less than this left after projection the model holds it already
 
 
@@ -136,6 +137,13 @@ def pseudo_inverse(square: Array) -> Array:
     return np.asarray(root @ root.T)
 
 
+def least_solution(square: Array, right: Array) -> Array:
+    """Return the smallest x that solves a small normal equation S x = r, without directions that S leaves open."""
+    values, vectors = np.linalg.eigh(square)
+    told = values > _DEPENDENT * values[-1]
+    return np.asarray((vectors[:, told] / values[told]) @ (vectors[:, told].T @ right))
+
+
 @dataclass(frozen=True)
 class BaseFit:
     """The base fitted to some of the trajectories: weights [T] of all, inverse of its (scaled) Gram matrix and its
@@ -204,7 +212,7 @@ def within_ranges(projected: Array, right: Array, size: Array, ranges: Ranges) -
             rows = list(chosen)
             block = projected[np.ix_(rows, rows)]
             scale = np.sqrt(np.diag(block))
-            solution = np.linalg.lstsq(block / np.outer(scale, scale), right[rows] / scale, rcond=1e-8)[0] / scale
+            solution = least_solution(block / np.outer(scale, scale), right[rows] / scale) / scale
             if any(not ranges[i][0] <= value <= ranges[i][1] for i, value in zip(rows, solution, strict=True)):
                 continue
             gain = float(solution @ right[rows])

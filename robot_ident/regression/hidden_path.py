@@ -7,21 +7,22 @@ well, faster than the servo follows: what it gives way is missing from the accel
 to lag and to fade.
 
 Nuisance columns K whose coefficients h are known beforehand to be 0 +- 1 count as noise of covariance K K'. The least
-of |r - K h|^2 + |h|^2 over h is r' (I + K K')^-1 r, so that whatever is fitted beside them is fitted to W r, W = (I + K
-K')^(-1/2), by columns W phi: a base of p columns stays one of p, however many the nuisance has.
+of |r - K h|^2 + |h|^2 over h is r' (I + K K')^-1 r, so that whatever is fitted beside them is fitted by the products
+phi' (I + K K')^-1 phi = phi' phi - (K' phi)' (I + K' K)^-1 (K' phi): a base of p columns stays one of p, however many
+the nuisance has.
 """
 
 from __future__ import annotations
 
 from collections.abc import Hashable, Iterable, Iterator, Sequence
-from dataclasses import dataclass, replace
+from dataclasses import dataclass
 from functools import cached_property
 from typing import NamedTuple
 
 import numpy as np
 
 from robot_ident.regression.evidence import Evidence, Trajectory
-from robot_ident.regression.gram import BaseFit, BaseGram, base_gram
+from robot_ident.regression.gram import pseudo_inverse
 from robot_ident.regression.spectrum import inertia_along
 from robot_ident.signals.fourier import Lines, evaluate, least_above_noise, lines_of_grid
 from robot_ident.signals.motion import Array, Mask
@@ -37,41 +38,55 @@ class Nuisance:
     @classmethod
     def of(cls, places: Sequence[int], parts: Sequence[Array]) -> Nuisance:
         """Return the nuisance with the columns [N, n, k] of each place."""
-        return cls(tuple(places), np.concatenate([part.reshape(-1, part.shape[2]) for part in parts]))
+        rows = [part.reshape(-1, part.shape[2]) for part in parts]
+        return cls(tuple(places), rows[0] if len(rows) == 1 else np.concatenate(rows))
 
     @cached_property
-    def _axes(self) -> tuple[Array, Array]:
-        """Eigenvalues s [k] of K' K and its eigenvectors V [k, k]."""
-        values, vectors = np.linalg.eigh(self.columns.T @ self.columns)
-        return np.maximum(values, 1e-12 * max(float(values[-1]), 1e-300)), vectors
+    def _root(self) -> Array:
+        """The lower triangular root L [k, k] of I + K' K."""
+        return np.asarray(np.linalg.cholesky(np.eye(self.columns.shape[1]) + self.columns.T @ self.columns))
 
-    def whitened(self, parts: Sequence[Array]) -> list[Array]:
-        """Return W x for x given by place, each [N, n, c] or [N, n]."""
-        s = self._axes[0]
-        root = np.sqrt(1.0 + s)
-        return self._less(parts, 1.0 / (root * (1.0 + root)))  # (1 - 1 / root) / s
+    def onto(self, parts: Sequence[Array]) -> Array:
+        """Return L^-1 K' X [k, c] for X given by place, each [N, n, c]."""
+        from scipy.linalg import solve_triangular
+
+        mine = [parts[place] for place in self.places]
+        rows = [part.reshape(-1, part.shape[2]) for part in mine]
+        x = rows[0] if len(rows) == 1 else np.concatenate(rows)
+        return np.asarray(solve_triangular(self._root, self.columns.T @ x, lower=True))
 
     def without(self, parts: Sequence[Array]) -> list[Array]:
-        """Return x - K h by place, h = (I + K' K)^-1 K' x: what the nuisance most likely has not made."""
-        return self._less(parts, 1.0 / (1.0 + self._axes[0]))
+        """Return r - K h by place for r [N, n] each, h = (I + K' K)^-1 K' r: what the nuisance most likely has not
+        made.
+        """
+        from scipy.linalg import solve_triangular
 
-    def _less(self, parts: Sequence[Array], shares: Array) -> list[Array]:
-        """Return x - K V diag(shares) V' K' x by place."""
-        mine, vectors = [parts[place] for place in self.places], self._axes[1]
-        x = np.concatenate([part.reshape(part.shape[0] * part.shape[1], -1) for part in mine])
-        x = x - self.columns @ (vectors @ (shares[:, None] * (vectors.T @ (self.columns.T @ x))))
-        ends = np.cumsum([part.shape[0] * part.shape[1] for part in mine])
-        return [piece.reshape(part.shape) for piece, part in zip(np.split(x, ends[:-1]), mine, strict=True)]
+        mine = [parts[place] for place in self.places]
+        sizes = solve_triangular(self._root, self.onto([part[:, :, None] for part in parts]), lower=True, trans="T")
+        ends = np.cumsum([part.size for part in mine])
+        made = np.split(self.columns @ sizes[:, 0], ends[:-1])
+        return [part - one.reshape(part.shape) for part, one in zip(mine, made, strict=True)]
 
 
-def through(groups: Sequence[Nuisance], parts: Sequence[Array], *, whitened: bool) -> tuple[Array, ...]:
-    """Return parts [N, n] or [N, n, c] of all trajectories, each whitened by, or without, the nuisance of its group."""
+def without(groups: Sequence[Nuisance], parts: Sequence[Array]) -> tuple[Array, ...]:
+    """Return parts [N, n] of all trajectories, each without the nuisance of its group."""
     out = list(parts)
     for group in groups:
-        made = group.whitened(parts) if whitened else group.without(parts)
-        for place, part in zip(group.places, made, strict=True):
+        for place, part in zip(group.places, group.without(parts), strict=True):
             out[place] = part
     return tuple(out)
+
+
+def products(groups: Sequence[Nuisance], parts: Sequence[Array]) -> Array:
+    """Return X' (I + K K')^-1 X [c, c] for X given by trajectory, each [N, n, c], with the nuisance of all groups."""
+    square = np.zeros((parts[0].shape[2],) * 2)
+    for part in parts:
+        rows = part.reshape(-1, part.shape[2])
+        square += rows.T @ rows
+    for group in groups:
+        seen = group.onto(parts)
+        square -= seen.T @ seen
+    return square
 
 
 _MATTERS = 1.0  # chi-square units that a hidden part must make, at its usual size, to be reckoned with
@@ -95,9 +110,9 @@ def residual_beside_hidden_path(evidence: Evidence) -> tuple[Array, ...]:
     beside = _beside(evidence)
     if beside is None:
         return evidence.residual
-    pairs = zip(evidence.trajectories, evidence.phi, beside.given_way, strict=True)
-    rest = [t.y - np.concatenate([phi, given], axis=2) @ beside.fit.values for t, phi, given in pairs]
-    return through(beside.kinks, rest, whitened=False)
+    own, further = np.split(beside.values, [evidence.phi[0].shape[2]])
+    parts = zip(evidence.trajectories, evidence.phi, beside.given_way, strict=True)
+    return without(beside.kinks, [t.y - phi @ own - given @ further for t, phi, given in parts])
 
 
 def misfit_beside_hidden_path(evidence: Evidence) -> tuple[Array, ...]:
@@ -105,25 +120,21 @@ def misfit_beside_hidden_path(evidence: Evidence) -> tuple[Array, ...]:
     beside = _beside(evidence)
     if beside is None:
         return evidence.residual
-    white = through(beside.kinks, beside.given_way, whitened=True)
-    rest = through(beside.kinks, evidence.residual, whitened=True)
-    square = np.eye(white[0].shape[2]) + sum(np.einsum("tjk,tjl->kl", g, g, optimize=True) for g in white)
-    right = sum(np.einsum("tjk,tj->k", g, r) for g, r in zip(white, rest, strict=True))
-    sizes = np.linalg.solve(square, right)
-    less = [r - g @ sizes for g, r in zip(beside.given_way, evidence.residual, strict=True)]
-    return through(beside.kinks, less, whitened=False)
+    residual = evidence.residual
+    both = [np.concatenate([g, r[:, :, None]], axis=2) for g, r in zip(beside.given_way, residual, strict=True)]
+    square = products(beside.kinks, both)
+    sizes = np.linalg.solve(square[:-1, :-1] + np.eye(len(square) - 1), square[:-1, -1])
+    return without(beside.kinks, [r - g @ sizes for g, r in zip(beside.given_way, residual, strict=True)])
 
 
 class _Beside(NamedTuple):
-    """The hidden path of an evidence: kinks of each measurement, given_way: columns [N, n, g] of each trajectory.
-
-    white: the evidence with the latter among its base columns, in units of noise and kinks; fit: the base fitted.
+    """The hidden path of an evidence: kinks of each measurement, given_way: columns [N, n, g] of each trajectory;
+    values [p + g]: parameters of the base and of the latter, fitted in units of noise and kinks.
     """
 
     kinks: tuple[Nuisance, ...]
     given_way: tuple[Array, ...]
-    white: Evidence
-    fit: BaseFit
+    values: Array
 
 
 def _beside(evidence: Evidence) -> _Beside | None:
@@ -148,19 +159,11 @@ def _with_hidden_path(evidence: Evidence) -> _Beside | None:
     if not kinks and not matter.any():
         return None
     given_way = tuple(part[:, :, matter] for part in given)
-    phi = [np.concatenate(pair, axis=2) for pair in zip(evidence.phi, given_way, strict=True)]
-    turned = through(kinks, [t.y for t in evidence.trajectories], whitened=True)
-    white = replace(
-        evidence,
-        phi=through(kinks, phi, whitened=True),
-        trajectories=tuple(replace(t, y=y) for t, y in zip(evidence.trajectories, turned, strict=True)),
-    )
-    base = base_gram(white)
-    own = base.own.copy()
-    further = np.arange(evidence.phi[0].shape[2], phi[0].shape[2])
-    own[0, 0, further, further] += 1.0
-    fit = BaseFit.of(BaseGram(own, base.torque, base.power), range(len(phi)))
-    return _Beside(kinks, given_way, white, fit)
+    whole = zip(evidence.phi, given_way, evidence.trajectories, strict=True)
+    square = products(kinks, [np.concatenate([phi, given, t.y[:, :, None]], axis=2) for phi, given, t in whole])
+    further = np.arange(evidence.phi[0].shape[2], len(square) - 1)
+    square[further, further] += 1.0
+    return _Beside(kinks, given_way, pseudo_inverse(square[:-1, :-1]) @ square[:-1, -1])
 
 
 def _kinks_by_measurement(evidence: Evidence) -> tuple[Nuisance, ...]:

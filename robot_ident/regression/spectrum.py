@@ -14,6 +14,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
+from robot_ident.model.rigid_sensitivity import RigidSensitivity
 from robot_ident.regression.evidence import Evidence, Trajectory, fitted, kept_between_parts
 from robot_ident.signals.motion import Array, Mask
 
@@ -237,13 +238,16 @@ def white_lines(trajectories: Sequence[Trajectory], evidence: Evidence) -> tuple
 def inertia_along(t: Trajectory, evidence: Evidence) -> Array:
     """Return the torque [N, n, n] Nm of each joint that each one's acceleration of 1 rad/s^2 takes, along a motion."""
     structure, values = evidence.structure, evidence.values
-    plain = structure.torques(t.motion, values).total
-    out = []
+    effects = [pair for pair in structure.placed if not pair[0].uses_torque]
+    rigid = RigidSensitivity(structure.robot, structure.base, values[: len(structure.base.columns)], t.motion)
+    out = rigid.inertia * structure.scales[:, None]
+    plain = [effect.columns(t.motion) @ values[own] for effect, own in effects]
     for joint in range(t.motion.joints):
         ddq = t.motion.ddq.copy()
         ddq[:, joint] += 1.0
-        out.append(structure.torques(replace(t.motion, ddq=ddq), values).total - plain)
-    return np.stack(out, axis=2)
+        for (effect, own), before in zip(effects, plain, strict=True):
+            out[:, :, joint] += effect.columns(replace(t.motion, ddq=ddq)) @ values[own] - before
+    return out
 
 
 def _white(t: Trajectory, evidence: Evidence) -> Trajectory:

@@ -1,8 +1,9 @@
 """A joint that counts the other way round, or two whose readings stand under each other's name.
 
 What is measured is q' = P q and tau' = P' tau, P and P' permutations with signs: the model's columns follow from the
-motion P^-1 q', and their rows from P'. Every turned joint and every exchange of two is fitted anew, which costs a
-linear fit each; such a mistake is gross, and what undoes it brings the misfit down to about the noise at a stroke.
+motion P^-1 q', and their rows from P'. Every turned joint and every exchange of two is fitted anew to some of the
+rows, and those that leave least of them to all; such a mistake is gross, and what undoes it brings the misfit down to
+about the noise at a stroke.
 """
 
 from __future__ import annotations
@@ -19,7 +20,7 @@ from robot_ident.diagnosis.measuring.fitted_fault import FittedFault, fitted_los
 from robot_ident.effects import Effect
 from robot_ident.effects.catalogue import CATALOGUE
 from robot_ident.regression.evidence import Evidence
-from robot_ident.regression.gram import BaseFit, BaseGram, base_gram
+from robot_ident.regression.gram import BaseFit, BaseGram, base_gram, pseudo_inverse
 from robot_ident.robot.robot import Robot
 from robot_ident.signals.motion import Array, Motion
 
@@ -28,6 +29,10 @@ GROSS = 1.5
 
 NEARLY = 0.8
 """Part of the excess that must go, of all data and of trajectories left out: the arm may lack something besides."""
+
+
+_ROWS = 200  # of each trajectory, by which the likeliest are chosen
+_LIKELIEST = 6  # of dozens, that are fitted to all rows
 
 
 @dataclass(frozen=True)
@@ -85,7 +90,7 @@ def wrong_axes(evidence: Evidence, base: BaseGram) -> list[FittedFault]:
     if before < GROSS * dof:
         return []
     held_before, robot, out = _held_out(base), evidence.structure.robot, []
-    for wiring in wirings(robot):
+    for wiring in _likeliest(evidence):
         after = _gram(evidence, wiring)
         gain = before - fitted_loss(after, everything)
         held = held_before - _held_out(after) if gain > NEARLY * (before - dof) else 0.0
@@ -94,6 +99,25 @@ def wrong_axes(evidence: Evidence, base: BaseGram) -> list[FittedFault]:
         columns = partial(_columns, wiring=wiring)
         out.append(FittedFault(_effect(wiring, robot), gain, held, _told(wiring, robot), columns, _fix(wiring, robot)))
     return out
+
+
+def _likeliest(evidence: Evidence) -> list[Wiring]:
+    """Return the wirings that leave least of some rows, by the part of the model that depends on no other rows."""
+    effects = tuple(e for e in evidence.structure.effects if not e.needs_time and not e.uses_torque)
+    structure = replace(evidence.structure, effects=effects)
+    some = []
+    for t in evidence.trajectories:
+        used = np.flatnonzero((t.weight > 0).any(axis=1))
+        rows = used[:: max(1, len(used) // _ROWS)]
+        some.append((t.motion[np.arange(t.motion.samples)[t.measured.rows][rows]], t.weight[rows], t.plain(t.y)[rows]))
+
+    def left(wiring: Wiring) -> float:
+        phi = [wiring.rows(structure.columns(wiring.motion(motion))) * weight[:, :, None] for motion, weight, _ in some]
+        stacked = np.concatenate([part.reshape(-1, part.shape[2]) for part in phi])
+        y = np.concatenate([torque.ravel() for _, _, torque in some])
+        return float(y @ y - (stacked.T @ y) @ pseudo_inverse(stacked.T @ stacked) @ (stacked.T @ y))
+
+    return sorted(wirings(evidence.structure.robot), key=left)[:_LIKELIEST]
 
 
 def _gram(evidence: Evidence, wiring: Wiring) -> BaseGram:

@@ -4,7 +4,7 @@ measured.
 
 from __future__ import annotations
 
-from collections.abc import Callable, Mapping, Sequence
+from collections.abc import Callable, Collection, Mapping, Sequence
 from dataclasses import dataclass, replace
 from functools import partial
 from itertools import product
@@ -22,9 +22,10 @@ from robot_ident.diagnosis.measuring.fitted_fault import (
     raw_columns,
     weighed,
 )
+from robot_ident.effects import Effect
 from robot_ident.effects.catalogue import CATALOGUE
 from robot_ident.regression.evidence import Evidence, Trajectory, weighed_once
-from robot_ident.regression.gram import BaseFit, BaseGram, base_gram
+from robot_ident.regression.gram import BaseFit, BaseGram
 from robot_ident.signals.motion import Array
 
 Response = NDArray[np.complex128]
@@ -103,12 +104,11 @@ class Passage:
         """Return H at frequencies [K] Hz of what is sampled at a rate [Hz]."""
         return LOW_PASSES[self.form](frequency, self.at, rate)
 
-    def applied(self, columns: Array, t: Trajectory) -> Array:
-        """Return periodic columns [N, n, p] behind it, line by line."""
-        samples, dt = len(columns), t.motion.dt or t.measured.dt
+    def applied(self, lines: Response, t: Trajectory) -> Array:
+        """Return periodic columns [N, n, p], whose Fourier lines [K, n, p] are given, behind it."""
+        samples, dt = t.motion.samples, t.motion.dt or t.measured.dt
         frequency = np.asarray(np.fft.rfftfreq(samples, dt), dtype=float)
-        lines = np.fft.rfft(columns, axis=0) * self.response(frequency, 1.0 / dt).reshape(-1, 1, 1)
-        return np.fft.irfft(lines, samples, axis=0)
+        return np.fft.irfft(lines * self.response(frequency, 1.0 / dt).reshape(-1, 1, 1), samples, axis=0)
 
     def lag(self, rate: float) -> float:
         """Return how late [s] it passes what is slow: -d arg H / d omega at standstill."""
@@ -134,23 +134,31 @@ _STEP = 0.01  # of that logarithm, over which the curvature of the squared error
 
 @dataclass(frozen=True)
 class Passages:
-    """Models of what is measured behind low passes: raw columns [N, n, p] of every trajectory, and the plain model."""
+    """Models of what is measured behind low passes: Fourier lines [K, n, p] of the columns, and the plain model."""
 
     evidence: Evidence
     base: BaseGram
-    raw: tuple[Array, ...]
+    lines: tuple[Response, ...]
 
     @classmethod
     def of(cls, evidence: Evidence, base: BaseGram) -> Passages:
         """Take the model of some evidence, whose Gram matrices are known."""
-        return cls(evidence, base, tuple(raw_columns(evidence)))
+        raw = raw_columns(evidence)
+        lines = {id(one): np.fft.rfft(one, axis=0) for one in {id(one): one for one in raw}.values()}
+        return cls(evidence, base, tuple(lines[id(one)] for one in raw))
 
-    def through(self, passage: Passage, joints: Sequence[int] | None = None) -> BaseGram:
-        """Return the Gram matrices with the rows of some joints (None: all) behind a low pass."""
-        all_of = self.evidence.trajectories
-        phi = weighed_once(all_of, lambda place: passage.applied(self.raw[place], all_of[place]))
-        made = base_gram(replace(self.evidence, phi=phi))
-        return made if joints is None else chosen(self.base, made, joints)
+    def through(self, passage: Passage, joints: Sequence[int]) -> BaseGram:
+        """Return the Gram matrices with the rows of some joints behind a low pass."""
+        all_of, some = self.evidence.trajectories, list(joints)
+
+        def passed(place: int) -> Array:
+            return passage.applied(self.lines[place][:, some], all_of[place])
+
+        own, torque = self.base.own.copy(), self.base.torque.copy()
+        for place, (t, phi) in enumerate(zip(all_of, weighed_once(all_of, passed, some), strict=True)):
+            for j, rows in zip(some, phi.swapaxes(0, 1), strict=True):
+                own[place, j], torque[place, j] = rows.T @ rows, rows.T @ t.y[:, j]
+        return BaseGram(own, torque, self.base.power)
 
     def loss(self, passage: Passage, joints: Sequence[int]) -> float:
         """Return the squared error of a fit to all trajectories."""
@@ -177,17 +185,26 @@ class Passages:
         return 1.0 / (t.motion.dt or t.measured.dt)
 
 
-def filters(evidence: Evidence, base: BaseGram) -> list[FittedFault]:
-    """Return the best low pass of every joint and of all, over the grid alone."""
+def filters(evidence: Evidence, base: BaseGram, places: Collection[int | None] | None = None) -> list[FittedFault]:
+    """Return the best low pass of some joints, or all together (None), over the grid alone; places: all of them unless
+    told.
+    """
     if any(t.measured.base_frequency is None for t in evidence.trajectories):
         return []
+    n = base.power.shape[1]
+    if places is None:
+        places = [*range(n), *([None] if n > 1 else [])]
+    joints = range(n) if None in places else sorted(place for place in places if place is not None)
     model = Passages.of(evidence, base)
     tried = [Passage(form, f) for f, form in product(CUTOFFS, (*ORDERS.values(), WITHOUT_PHASE[0]))]
-    passes = {passage: model.through(passage) for passage in tried}
-    n = base.power.shape[1]
-    places: list[int | None] = [*range(n), *([None] if n > 1 else [])]
+    passes = {passage: model.through(passage, joints) for passage in tried}
     out = [_of_grid(model, passes, place) for place in places]
     return [finding for finding in out if finding.gain > 0.0]
+
+
+def place_of(effect: Effect) -> int | None:
+    """Return the place of an effect among those of `filters`."""
+    return None if effect.place is None else effect.joint
 
 
 def exact(found: FittedFault, evidence: Evidence, base: BaseGram) -> FittedFault:
@@ -284,6 +301,6 @@ def _columns(evidence: Evidence, *, passage: Passage, joints: Sequence[int]) -> 
     parts = []
     for columns, t in zip(raw_columns(evidence), evidence.trajectories, strict=True):
         changed = columns.copy()
-        changed[:, joints] = passage.applied(columns[:, joints], t)
+        changed[:, joints] = passage.applied(np.fft.rfft(columns[:, joints], axis=0), t)
         parts.append(changed)
     return weighed(evidence, parts)

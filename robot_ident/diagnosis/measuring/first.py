@@ -15,14 +15,14 @@ import numpy as np
 from robot_ident.diagnosis.before_after import mean_squares
 from robot_ident.diagnosis.diagnosis import Finding
 from robot_ident.diagnosis.measuring.axes import wrong_axes
-from robot_ident.diagnosis.measuring.filtered import NAME, exact, filters
+from robot_ident.diagnosis.measuring.filtered import NAME, exact, filters, place_of
 from robot_ident.diagnosis.measuring.fitted_fault import FittedFault, fitted_loss, with_columns
 from robot_ident.diagnosis.measuring.further import link_lengths, payloads
 from robot_ident.diagnosis.measuring.gain import gains, single_gains, undecidable_gains
 from robot_ident.effects import Effect
 from robot_ident.recording.measurement import Measurement
 from robot_ident.regression.evidence import Evidence, extended, gather
-from robot_ident.regression.gram import Folds, base_gram
+from robot_ident.regression.gram import BaseGram, Folds, base_gram
 from robot_ident.regression.lack_of_fit import lack_of_fit
 
 GAIN = 40.0  # chi-square units that a fault must gain
@@ -30,6 +30,7 @@ MOSTLY = 0.5  # of the excess that it must explain
 LEAD = 0.05  # of its own gain by which it must beat the best effect
 CORRECT = " is a fault of what is measured: correct it, identify anew and diagnose again"
 _Z = 2.0  # standard deviations of a difference of two gains that are no lead
+_CHANCE = 3.0  # standard deviations by which noise may be smaller than its mean
 
 
 @dataclass(frozen=True)
@@ -48,7 +49,7 @@ def exact_fault(effect: Effect, evidence: Evidence) -> FittedFault | None:
     """
     base = base_gram(evidence)
     if effect.name == NAME:
-        found = [exact(one, evidence, base) for one in filters(evidence, base) if one.label == effect.label]
+        found = [exact(one, evidence, base) for one in filters(evidence, base, [place_of(effect)])]
     else:
         found = [one for one in gains(evidence, base) if one.label == effect.label]
     return found[0] if found else None
@@ -67,23 +68,40 @@ def fault_beyond(
     """
     base = base_gram(evidence)
     given = Folds.of(base)
+    after = base_gram(extended(evidence, selected)) if selected else base
+    if _no_fault_leads(given, after, evidence):
+        return None
     passes = filters(evidence, base) if any(map(tells_filter, evidence.structure.robot.joints)) else []
     found = _best_first(evidence, given, [one for one in passes if tells_filter(one.effect.place)])
     if not found:
         return None
     found = _sharpened(found, evidence, given)
-    best, after = found[0], base_gram(extended(evidence, selected)) if selected else base
-    everything = range(len(base.power))
-    held_out = float(given.loss.sum())
-    if best.single is None:
-        instead = held_out - float(Folds.of(after).loss.sum())
-    else:
-        instead = fitted_loss(base, everything) - fitted_loss(after, everything)
+    best, held_out = found[0], float(given.loss.sum())
+    instead = _fall(base, after, left_out=best.single is None)
     excess = held_out - sum(float(t.dof.sum()) for t in evidence.trajectories)
     enough = best.held_out >= max(GAIN / 2, MOSTLY * _excess(best, evidence, excess)) and best.gain >= GAIN
-    if not enough or best.held_out - instead < _lead(best):
+    if not enough or best.held_out - instead < _lead(best.held_out):
         return None
     return _fault(best, found, evidence, excess, validation)
+
+
+def _no_fault_leads(given: Folds, after: BaseGram, evidence: Evidence) -> bool:
+    """Return whether a selected set leaves so little that a fault without any error left would not lead it clearly."""
+    dof = sum(float(t.dof.sum()) for t in evidence.trajectories)
+    everything = range(len(given.base.power))
+    for before, left_out in ((float(given.loss.sum()), True), (fitted_loss(given.base, everything), False)):
+        most = max(before - dof + _CHANCE * float(np.sqrt(2.0 * dof)), 0.0)
+        if most - _fall(given.base, after, left_out=left_out) >= _lead(most):
+            return False
+    return True
+
+
+def _fall(before: BaseGram, after: BaseGram, *, left_out: bool) -> float:
+    """Return the fall of the squared error of trajectories left out, or of all data, from one model to another."""
+    if left_out:
+        return float(Folds.of(before).loss.sum() - Folds.of(after).loss.sum())
+    everything = range(len(before.power))
+    return fitted_loss(before, everything) - fitted_loss(after, everything)
 
 
 def _best_first(evidence: Evidence, given: Folds, passes: Sequence[FittedFault]) -> list[FittedFault]:
@@ -96,7 +114,7 @@ def _best_first(evidence: Evidence, given: Folds, passes: Sequence[FittedFault])
 
 def _sharpened(found: Sequence[FittedFault], evidence: Evidence, folds: Folds) -> list[FittedFault]:
     """Return the findings, best first, with low passes that come near the best at their exact values."""
-    least = found[0].held_out - _lead(found[0])
+    least = found[0].held_out - _lead(found[0].held_out)
     sharp = (exact(f, evidence, folds.base) if f.effect.name == NAME and f.held_out >= least else f for f in found)
     return sorted(sharp, key=lambda f: -f.held_out)
 
@@ -109,8 +127,9 @@ def _excess(found: FittedFault, evidence: Evidence, held_out: float) -> float:
     return max(sum(float(np.sum(r**2)) for r in evidence.residual) - dof, 0.0)
 
 
-def _lead(found: FittedFault) -> float:
-    return max(LEAD * found.held_out, _Z * float(np.sqrt(max(found.held_out, 0.0))))
+def _lead(gain: float) -> float:
+    """Return by how much a fault of some gain must beat another explanation."""
+    return max(LEAD * gain, _Z * float(np.sqrt(max(gain, 0.0))))
 
 
 def _fault(
@@ -126,7 +145,7 @@ def _fault(
     names = evidence.structure.robot.joints
     rest = lack_of_fit(replace(after, memory={}), base_gram(after))
     own = _excess(best, evidence, excess)
-    near = [f.label for f in found[1:] if best.held_out - f.held_out < _lead(best) and f.label != best.label]
+    near = [f.label for f in found[1:] if best.held_out - f.held_out < _lead(best.held_out) and f.label != best.label]
     alone = f" in recording {best.single} alone" if best.single is not None else ""
     before_seen, after_seen = validated(best, evidence, after, validation)
     finding = Finding(

@@ -12,7 +12,7 @@ from dataclasses import replace
 import numpy as np
 
 from robot_ident.diagnosis.diagnosis import Finding
-from robot_ident.diagnosis.measuring.filtered import NAME, exact, filters
+from robot_ident.diagnosis.measuring.filtered import NAME, exact, filters, place_of
 from robot_ident.diagnosis.measuring.fitted_fault import FittedFault, folds
 from robot_ident.diagnosis.selection.constants import BLOCK
 from robot_ident.effects.catalogue import CATALOGUE
@@ -34,10 +34,10 @@ def with_low_pass(finding: Finding, before: Evidence, after: Evidence) -> Findin
     if finding.effect.name not in (*LIKE, _SMOOTHED):
         return finding
     base = base_gram(before)
-    given = next((f for f in filters(before, base) if f.effect.place == finding.effect.place), None)
-    if given is None:
+    of_grid = filters(before, base, [place_of(finding.effect)])
+    if not of_grid:
         return finding
-    low_pass = exact(given, before, base)
+    low_pass = exact(of_grid[0], before, base)
     lead = block_losses_of(low_pass, before) - _block_losses(after, after.phi)
     held_out = float(Folds.of(base).loss.sum() - Folds.of(base_gram(after)).loss.sum())
     return finding if float(lead.sum()) > 0.0 and not _alike(lead, held_out) else _tied(finding, low_pass)

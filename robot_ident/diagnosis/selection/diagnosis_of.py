@@ -219,7 +219,7 @@ def _finding(
         probability=found.probability(h.label) if h in found.selected else None,
     )
     finding = with_line(finding)
-    return with_low_pass(finding, before, after) if found.data.floor else finding
+    return with_low_pass(finding, before, after) if found.data.floor and finding.probability is not None else finding
 
 
 def _instead_of(found: Selection, h: Hypothesis) -> list[list[str]]:

@@ -25,7 +25,7 @@ from robot_ident.diagnosis.selection.data_set import DataSet
 from robot_ident.diagnosis.selection.fitted_set import FittedSet
 from robot_ident.diagnosis.selection.hypotheses import Hypothesis
 from robot_ident.diagnosis.selection.refinement import Refinement
-from robot_ident.regression.gram import HELD
+from robot_ident.regression.gram import HELD, least_solution
 from robot_ident.signals.motion import Array
 
 Selected = tuple[Hypothesis, ...]
@@ -507,9 +507,9 @@ class _PairScores:
         """Score a hypothesis of several columns beside others, which all have as many columns as each other."""
         mine = several.at[self.joint]
         own = self.square[np.ix_(mine, mine)]
-        onto = np.linalg.lstsq(own, self.square[mine], rcond=1e-8)[0]
+        onto = least_solution(own, self.square[mine])
         right = self.right - onto.T @ self.right[mine]
-        gain = float(self.right[mine] @ np.linalg.lstsq(own, self.right[mine], rcond=1e-8)[0])
+        gain = float(self.right[mine] @ least_solution(own, self.right[mine]))
         at = np.array([h.at[self.joint] for h in others])
         left = self.square[at[:, :, None], at[:, None, :]]
         left = left - np.einsum("kha,khb->hab", self.square[mine][:, at], onto[:, at])
