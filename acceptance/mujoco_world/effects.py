@@ -193,14 +193,14 @@ def friction_behind_play(d: Draw) -> Build:
 
     def build(spec: Any, size: float) -> None:
         joint = spec.joint(d.name)
-        ring = joint.parent.add_body(name="ring")
+        ring = joint.parent.add_body(name=f"{d.name}_ring")
         inner = ring.add_joint(
-            name="ring", type=joint.type, axis=joint.axis, pos=joint.pos, armature=1e-3,
+            name=f"{d.name}_ring", type=joint.type, axis=joint.axis, pos=joint.pos, armature=1e-3,
             limited=mujoco.mjtLimited.mjLIMITED_TRUE, range=[-gap / 2, gap / 2], solref_limit=[4 * STEP, 1.0],
         )  # fmt: skip
         ring.add_geom(type=mujoco.mjtGeom.mjGEOM_SPHERE, size=[0.01, 0, 0], pos=joint.pos, mass=0.01,
                       contype=0, conaffinity=0)  # fmt: skip
-        rubs = spec.add_tendon(name="rubs", frictionloss=size * d.arm.coulomb[d.joint])
+        rubs = spec.add_tendon(name=f"{d.name}_rubs", frictionloss=size * d.arm.coulomb[d.joint])
         rubs.solref_friction = [2.0 * STEP, 1.0]
         rubs.solimp_friction = [0.9999, 0.9999, 0.001, 0.5, 2.0]  # for a light ring, else it is viscous below .3 rad/s
         for name in (d.name, inner.name):
@@ -273,7 +273,7 @@ def wrist_coupling(d: Draw) -> Build:
     damping = d.rng.uniform(0.0, 1.0)
 
     def build(spec: Any, size: float) -> None:
-        tendon = spec.add_tendon(name="shaft", frictionloss=size, damping=[damping * size, 0.0, 0.0])
+        tendon = spec.add_tendon(name=f"{d.name}_shaft", frictionloss=size, damping=[damping * size, 0.0, 0.0])
         tendon.solref_friction = [2.0 * STEP, 1.0]
         tendon.wrap_joint(d.arm.joints[d.joint - 1], 1.0)
         tendon.wrap_joint(d.name, 1.0)
@@ -302,11 +302,11 @@ def position_friction(d: Draw) -> Build:
         frame = np.array(there.parent.xmat).reshape(3, 3).T
         thick = 0.01
         pad = carrier.add_body(
-            name="pad", pos=frame @ (there.anchor + side * (radius + thick) - np.array(there.parent.xpos))
+            name=f"{d.name}_pad", pos=frame @ (there.anchor + side * (radius + thick) - np.array(there.parent.xpos))
         )
         towards = frame @ side
         pad.add_joint(
-            name="pad", type=mujoco.mjtJoint.mjJNT_SLIDE, axis=towards, stiffness=[push / squeeze, 0, 0],
+            name=f"{d.name}_pad", type=mujoco.mjtJoint.mjJNT_SLIDE, axis=towards, stiffness=[push / squeeze, 0, 0],
             springref=-squeeze, damping=[50.0, 0, 0], armature=0.0,
         )  # fmt: skip
         quat = np.empty(4)

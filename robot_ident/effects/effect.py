@@ -110,6 +110,9 @@ class Sensitivity(Protocol):
     def displaced(self, displacement: Motion) -> Array:
         """Return the change of torque [N, n] Nm when the links stand off by a displacement that moves along."""
 
+    def by_joint(self, joint: int) -> tuple[Array, Array, Array]:
+        """Return the derivatives [N, n] of the torque by a link's position, velocity and acceleration."""
+
     def gravity(self, direction: Array) -> Array:
         """Return the torque [N, n] Nm per m/s^2 of gravity in a direction [3] of the base."""
 

@@ -48,7 +48,7 @@ class JointElasticity(Effect):
         out = np.zeros((motion.samples, self.robot.n, 1))
         if torques is None or torques.rigid is None:
             return out
-        by_position, by_velocity, by_acceleration = self._by_displacement(motion, torques)
+        by_position, by_velocity, by_acceleration = torques.rigid.by_joint(self.joint)
         mean = float(by_acceleration[:, self.joint].mean())
         if not mean or (inertia := by_acceleration[:, self.joint] / mean).min() <= _LEAST:
             return out
@@ -59,21 +59,12 @@ class JointElasticity(Effect):
         change = by_position * e[:, None] + by_velocity * de[:, None] + by_acceleration * dde[:, None]
         return -1e-6 * change[:, :, None]
 
-    def _by_displacement(self, motion: Motion, torques: Torques) -> list[Array]:
-        """Return by how much torque [N, n] changes with this link's displacement, its velocity and acceleration."""
-        assert torques.rigid is not None
-        out = []
-        for order in range(3):
-            one = np.zeros((3, motion.samples, self.robot.n))
-            one[order, :, self.joint] = 1.0
-            out.append(torques.rigid.displaced(Motion(*one)))
-        return out
-
     def contradicts_itself(self, values: Array, along: Sequence[tuple[Motion, Torques]]) -> bool:
         """Return whether far less than the inertia behind the gear rings, M (2 pi f)^2 / k: a mass that swings on the
         arm, or the base on its feet.
         """
-        inertia = np.mean([self._by_displacement(*one)[2][:, self.joint].mean() for one in along])
+        known = [torques.rigid for _, torques in along if torques.rigid is not None]
+        inertia = np.mean([rigid.by_joint(self.joint)[2][:, self.joint].mean() for rigid in known])
         return bool(1e-6 * values[0] * inertia * (2.0 * np.pi * self.setting["resonance"]) ** 2 < _RINGS)
 
     def smooth_terms(self, x: Signals, m: Mathematics, course: Course) -> Sequence[dict[int, Any]]:

@@ -38,8 +38,16 @@ class RigidSensitivity:
         moved = [j for j in range(self.robot.n) if any(np.any(x[:, j]) for x in along)]
         change = np.zeros(displacement.q.shape)
         for matrix, x in zip(self.derivatives, along, strict=True):
-            change += np.einsum("kij,kj->ki", matrix[:, :, moved], x[:, moved])
+            for j in moved:
+                change += matrix[:, :, j] * x[:, [j]]
         return change if self.scales is None else np.asarray(change * self.scales)
+
+    def by_joint(self, joint: int) -> tuple[Array, Array, Array]:
+        """Return the derivatives [N, n] of the torque by a link's position, velocity and acceleration."""
+        first, second, third = (matrix[:, :, joint] for matrix in self.derivatives)
+        if self.scales is None:
+            return first, second, third
+        return first * self.scales, second * self.scales, third * self.scales
 
     def gravity(self, direction: Array) -> Array:
         """Return the torque [N, n] Nm per m/s^2 of gravity in a direction [3] of the base (it is linear in gravity)."""
