@@ -14,20 +14,13 @@ from robot_ident.estimation.driving import driven
 from robot_ident.regression.evidence import Evidence
 
 ENOUGH = 40.0  # chi-square units that an effect must gain before it may be named
-LEAST = 0.25  # Nm rms (times the torque scale of the joint over 400 Nm) that an effect must make to be worth a name
+LEAST = 0.003  # of a joint's torque, rms, that an effect must make to be worth a name
 
 
 def least_torque(evidence: Evidence, joint: int) -> float:
-    """Return the torque [Nm rms] that something on a joint must make to be worth a name.
-
-    In A, where a drive's gain is unknown, the limit isn't: twice what the motions need stands for it.
-    """
-    robot = evidence.structure.robot
-    if robot.in_ampere(joint):
-        peak = max(float(np.abs(t.measured.torque[:, joint]).max()) for t in evidence.trajectories)
-        return LEAST * 2.0 * peak / 400.0
-    limit = float(robot.limits.torque[joint])
-    return LEAST * (limit if np.isfinite(limit) else 400.0) / 400.0
+    """Return the torque, rms, that something on a joint must make to be worth a name: a share of what was measured."""
+    torque = np.concatenate([t.measured.torque[:, joint] for t in evidence.trajectories])
+    return LEAST * float(np.sqrt(np.mean(torque**2)))
 
 
 def too_little(best: float, evidence: Evidence) -> tuple[str, ...]:

@@ -98,7 +98,8 @@ def upright(rigid: RigidBody, joint: int) -> float | None:
     data = model.createData()
     pin.forwardKinematics(model, data, pin.neutral(model))
     here = data.oMi[joint + 1]
-    axis = here.rotation @ pin.computeJointJacobian(model, data, pin.neutral(model), joint + 1)[3:, joint]
+    turning = pin.computeJointJacobian(model, data, pin.neutral(model), joint + 1)[3:]
+    axis = here.rotation @ np.reshape(turning, (3, model.nv))[:, joint]  # Pinocchio gives one joint no second index
     up = -np.array(model.gravity.linear, dtype=float)
     up /= max(float(np.linalg.norm(up)), 1e-12)
     up -= axis * (axis @ up)
