@@ -9,13 +9,13 @@ import numpy as np
 
 from robot_ident.effects.effect import Coefficient, Effect, Inner, Mathematics, Signals
 from robot_ident.signals.motion import Array, Motion
-from robot_ident.signals.order_spectrum import order_gains, without_line
+from robot_ident.signals.order_spectrum import order_gains, order_near, predicted_by_halves, without_lines
 
 _CYCLES = 3.0  # of a line within the joint's travel; fewer are a smooth curve over its position
 _SLOW = 0.2  # of the rows, in which a line must lie within the band
 _MOST = 1500  # orders that are looked at
-_NEAR = np.linspace(-1.0, 1.0, 21)  # steps between two orders, for the exact one where any may be
 _TRIED = 3  # lines that are tried, the highest
+_SHARE = 0.02  # of the square of what is left that a line must hold to be certain
 _CLEAR = 4.0  # by how much more than the highest of as many lines of noise the fall must be, in units of its variance
 
 
@@ -90,16 +90,26 @@ class TorqueRipple(Effect):
         out: list[float] = []
         if not len(orders):
             return out
-        near = np.zeros(1) if self.whole_orders(motion) or len(orders) < 2 else (orders[1] - orders[0]) * _NEAR
-        least = 2.0 * np.log(len(orders)) + _CLEAR
-        while len(out) < _TRIED and np.any(left):
-            gains = order_gains(angle, left, orders)
-            if np.max(gains) <= least * np.mean(left**2):
+        apart = 0.0 if self.whole_orders(motion) or len(orders) < 2 else float(orders[1] - orders[0])
+        least, rest = 2.0 * np.log(len(orders)) + _CLEAR, left
+        while len(out) < _TRIED and np.any(rest):
+            gains = order_gains(angle, rest, orders)
+            if np.max(gains) <= least * np.mean(rest**2):
                 break
-            about = orders[np.argmax(gains)] + near
-            out.append(float(about[np.argmax(order_gains(angle, left, about))]))
-            left = without_line(angle, left, out[-1])
+            out.append(float(orders[np.argmax(gains)]))
+            for k in range(len(out)) if apart else ():  # each beside the others
+                others = without_lines(angle, left, [*out[:k], *out[k + 1 :]])
+                out[k] = order_near(angle, others, out[k], apart)
+            rest = without_lines(angle, left, out)
         return out
+
+    def certain_lines(self, motion: Motion, left: Array, fastest: float) -> dict[float, float]:
+        """Return the orders of the highest lines that either half of the rows predicts of the other, each with the
+        fall of the squared error by it; those that hold little of what is left [N] are none of them.
+        """
+        left, angle = left - left.mean(), self.ratio * motion.q[:, self.joint]
+        falls = {h: predicted_by_halves(angle, left, h) for h in self.lines(motion, left, fastest)}
+        return {h: fall for h, fall in falls.items() if fall > _SHARE * left @ left}
 
     def full_terms(self, x: Signals, m: Mathematics) -> Sequence[dict[int, Any]]:
         """Return cos(h n q) and sin(h n q)."""

@@ -7,16 +7,19 @@ from dataclasses import dataclass
 
 import numpy as np
 
+from robot_ident.effects.torque_ripple import TorqueRipple
 from robot_ident.estimation.held_out import Grams, fit, total
 from robot_ident.estimation.thin_rows import ThinRows, thin_rows
 from robot_ident.model.structure import Structure
 from robot_ident.recording.measurement import Processing
 from robot_ident.recording.recording import Recording
-from robot_ident.signals.motion import Array
+from robot_ident.robot.robot import Robot
+from robot_ident.signals.motion import Array, joined
 
 _PILOT = 8.0  # Hz, of the first model
 _WIDER = 4.0  # times its low pass: the bandwidth of its positions' derivatives
 _COHERENT = 0.5  # of the torque's power, above which more of it is the model's than not
+_RIPPLE = 1.0 / 3.0  # of what the pilot leaves of a joint that its ripple must make to widen the band
 _LEAST = 2.0  # Hz
 _WIDEST = 0.2  # of the sample rate, so that twice the band can be differentiated
 _WINDOW = 4.0  # s of a spectrum, at most a third of the shortest recording
@@ -39,7 +42,8 @@ class _Spectra:
 
 def coherent_band(recordings: Sequence[Recording], structure: Structure, processing: Processing, most: float) -> float:
     """Return the frequency [Hz], `most` at most, up to which torque and model have half of their power in common: the
-    geometric mean of the two joints where that reaches furthest, since one alone may resonate.
+    geometric mean of the two joints where that reaches furthest, since one alone may resonate. What ripples with a
+    joint's angle counts as the model's.
 
     Coherence |S_xy|^2 / (S_xx S_yy) by Welch's method, less its bias of one over the number of independent stretches.
     """
@@ -63,12 +67,32 @@ def _once(
     rigid = np.arange(len(structure.names)) < len(structure.base.columns)
     theta = fit(grams, np.ones(1), 1.0, rigid, np.zeros(structure.robot.n, dtype=bool)).theta
     longest = min(_WINDOW, min(one.dt * len(x) for one, x in zip(first, columns, strict=True)) / 3.0)
+    predicted = _with_ripple(first, [x @ theta for x in columns], structure.robot)
     reached = [
-        _reach([_spectra(one, x[:, joint] @ theta, joint, longest) for one, x in zip(first, columns, strict=True)])
+        _reach([_spectra(one, tau[:, joint], joint, longest) for one, tau in zip(first, predicted, strict=True)])
         for joint in range(structure.robot.n)
     ]
     furthest = np.sort(reached)[-2:]
     return float(np.clip(np.exp(np.mean(np.log(furthest))), min(_LEAST, top), top))
+
+
+def _with_ripple(parts: Sequence[ThinRows], predicted: Sequence[Array], robot: Robot) -> list[Array]:
+    """Return predicted torques [N, n] with what ripples of each joint's torque over its angle: it is the arm's, too."""
+    torque = np.concatenate([part.torque(None) for part in parts])
+    motion, used = joined([part.motion for part in parts]), np.concatenate([part.used for part in parts])
+    out = np.concatenate(predicted)
+    for joint in range(robot.n):
+        ripple, rows = TorqueRipple(robot, joint), used[:, joint]
+        if ripple.unseen or not rows.any():
+            continue
+        left = torque[:, joint] - out[:, joint]
+        falls = ripple.certain_lines(motion[rows], left[rows], 0.45 / max(part.dt for part in parts))
+        if sum(falls.values()) < _RIPPLE * np.sum((left[rows] - left[rows].mean()) ** 2):
+            continue
+        angle = np.outer(ripple.ratio * motion.q[:, joint], list(falls))
+        lines = np.hstack([np.cos(angle), np.sin(angle)])
+        out[:, joint] += lines @ np.linalg.lstsq(lines[rows], left[rows], rcond=None)[0]
+    return np.split(out, np.cumsum([len(part) for part in predicted])[:-1])
 
 
 def _spectra(rows: ThinRows, predicted: Array, joint: int, window: float) -> _Spectra:

@@ -42,9 +42,13 @@ class ThinRows:
 
     def columns(self, structure: Structure) -> Array:
         """Return the columns [N, n, P] along the motion, before any low pass."""
+        return structure.columns(self.motion)
+
+    @property
+    def motion(self) -> Motion:
+        """The motion [N, n] of the rows."""
         whole, step = self.measured.motion, self.step
-        motion = Motion(whole.q[::step], whole.dq[::step], whole.ddq[::step], dt=self.dt, gravity=whole.gravity)
-        return structure.columns(motion)
+        return Motion(whole.q[::step], whole.dq[::step], whole.ddq[::step], dt=self.dt, gravity=whole.gravity)
 
     def torque(self, cutoff: float | None) -> Array:
         """Return the torque [N, n], low-passed at `cutoff` [Hz]; None: at what the rows can hold."""

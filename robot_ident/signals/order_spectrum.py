@@ -2,11 +2,14 @@
 
 from __future__ import annotations
 
+from collections.abc import Sequence
+
 import numpy as np
 
 from robot_ident.signals.motion import Array
 
 _AT_ONCE = 2_000_000  # numbers
+_ABOUT = 9  # orders about one at which the highest line is looked for at first
 
 
 def order_gains(angle: Array, signal: Array, orders: Array) -> Array:
@@ -27,7 +30,36 @@ def order_gains(angle: Array, signal: Array, orders: Array) -> Array:
     return out
 
 
-def without_line(angle: Array, signal: Array, order: float) -> Array:
-    """Return a signal [N] less its line of an order, fitted by least squares."""
-    columns = np.column_stack([np.cos(order * angle), np.sin(order * angle)])
+def order_near(angle: Array, signal: Array, order: float, apart: float) -> float:
+    """Return the order within `apart` of one at which the line of a signal [N] over an angle [N] is highest."""
+    from scipy.optimize import minimize_scalar
+
+    about = order + apart * np.linspace(-1.0, 1.0, _ABOUT)
+    best = int(np.argmax(order_gains(angle, signal, about)))
+    found = minimize_scalar(
+        lambda h: -float(order_gains(angle, signal, np.array([h]))[0]),
+        bounds=(about[max(best - 1, 0)], about[min(best + 1, _ABOUT - 1)]),
+        method="bounded",
+        options={"xatol": 1e-3 * apart},
+    )
+    return float(found.x)
+
+
+def without_lines(angle: Array, signal: Array, orders: Sequence[float]) -> Array:
+    """Return a signal [N] less its lines of some orders, fitted together by least squares."""
+    if not len(orders):
+        return signal
+    turned = np.outer(angle, orders)
+    columns = np.hstack([np.cos(turned), np.sin(turned)])
     return np.asarray(signal - columns @ np.linalg.lstsq(columns, signal, rcond=None)[0])
+
+
+def predicted_by_halves(angle: Array, signal: Array, order: float) -> float:
+    """Return the fall of a signal's squared error by its line of an order, fitted to the other half of the rows [N]."""
+    columns = np.column_stack([np.cos(order * angle), np.sin(order * angle)])
+    halves = np.array_split(np.arange(len(signal)), 2)
+    after = 0.0
+    for fitted, judged in (halves, halves[::-1]):
+        line = np.linalg.lstsq(columns[fitted], signal[fitted], rcond=None)[0]
+        after += float(np.sum((signal[judged] - columns[judged] @ line) ** 2))
+    return float(signal @ signal) - after

@@ -11,9 +11,8 @@ from robot_ident.effects.catalogue import RIPPLES
 from robot_ident.effects.torque_ripple import TorqueRipple
 from robot_ident.recording.measurement import Measurement
 from robot_ident.regression.evidence import Evidence
-from robot_ident.signals.motion import Array, Motion, joined
+from robot_ident.signals.motion import Array, joined
 
-_SHARE = 0.02  # of the square of what the unfiltered torque leaves that a line must hold to be told
 _MOST_ROWS = 0.9  # of the rows, in which a low pass must let it through
 
 
@@ -65,7 +64,9 @@ def hidden_lines(evidence: Evidence, named: Collection[TorqueRipple]) -> list[st
         if ripple.unseen or not kept.any() or not ripple.whole_orders(motion):
             continue
         known = [effect.setting["h"] for effect in named if effect.joint == joint]
-        lines = _large_lines(ripple, motion[kept], left[kept, joint], fastest, known)
+        rows = left[kept, joint]
+        falls = ripple.certain_lines(motion[kept], rows, fastest)
+        lines = {h: float(np.sqrt(2.0 * fall / len(rows))) for h, fall in falls.items() if h not in known}
         speed = ripple.ratio * float(np.quantile(np.abs(motion.dq[kept, joint]), _MOST_ROWS)) / (2.0 * np.pi)
         asked = min(0.8 * fastest, max(lines, default=0.0) * speed)
         if asked > band:
@@ -82,24 +83,3 @@ def _unfiltered(measured: Measurement, evidence: Evidence) -> Array:
     """Return what a model leaves of the torque [N, n] Nm before any low pass, nan where rows do not count."""
     model = evidence.structure.columns(measured.motion, evidence.values) @ evidence.values
     return np.where(measured.used, measured.torque - model, np.nan)
-
-
-def _large_lines(
-    ripple: TorqueRipple, motion: Motion, left: Array, fastest: float, known: Sequence[float]
-) -> dict[float, float]:
-    """Return the orders of lines that hold a good part of what is left [N], none of them known, with their sizes."""
-    left = left - left.mean()
-    found = [h for h in ripple.lines(motion, left, fastest) if h not in known]
-    falls = {h: _predicted(ripple.ratio * motion.q[:, ripple.joint], left, h) for h in found}
-    return {h: float(np.sqrt(2.0 * fall / len(left))) for h, fall in falls.items() if fall > _SHARE * left @ left}
-
-
-def _predicted(angle: Array, left: Array, order: float) -> float:
-    """Return the fall of the squared error by a line that is fitted to the other half of the rows."""
-    columns = np.column_stack([np.cos(order * angle), np.sin(order * angle)])
-    halves = np.array_split(np.arange(len(left)), 2)
-    after = 0.0
-    for fitted, judged in (halves, halves[::-1]):
-        line = np.linalg.lstsq(columns[fitted], left[fitted], rcond=None)[0]
-        after += float(np.sum((left[judged] - columns[judged] @ line) ** 2))
-    return float(left @ left) - after
