@@ -43,7 +43,7 @@ class Backlash(Effect):
     meaning = "blow of a gear's play that is crossed when the load reverses"
     coefficients = (Coefficient("share", "Nm/Nm", "N/N", positive=True),)
     inner = (
-        Inner("gap", "mrad", "mm", 0.03, 8.0, (0.25, 0.6, 1.4, 3.2), logarithmic=True),
+        Inner("gap", "mrad", "mm", 0.03, 8.0, (0.25, 0.6, 1.4, 3.2), logarithmic=True, defining=True),
         Inner("contact", "Hz", "Hz", 4.0, 100.0, (20.0,), logarithmic=True),
         Inner("drive", "Hz", "Hz", 2.0, 100.0, (8.0, 50.0), logarithmic=True),
         Inner("damping", "", "", 0.02, 0.6, (0.1,), logarithmic=True),

@@ -64,7 +64,7 @@ class Inner:
 
     grid_prismatic: the grid on a prismatic joint, where it differs. continuous: False where only the values of the grid
     have a meaning; ordered: these are more or less of something rather than kinds. logarithmic: a scale, to be refined
-    in its logarithm.
+    in its logarithm. defining: where it is zero there is no such effect.
     """
 
     name: str
@@ -77,6 +77,7 @@ class Inner:
     continuous: bool = True
     ordered: bool = False
     logarithmic: bool = False
+    defining: bool = False
 
     def at_bound(self, value: float) -> bool:
         """Return whether a value rests at a bound, where it says no more than that it is there or beyond."""

@@ -26,7 +26,7 @@ class EffortFilter(Effect):
     meaning = "low pass over the effort alone"
     coefficients = (Coefficient("lag", "ms", "ms", positive=True),)
     inner = (
-        Inner("T", "s", "s", 0.002, 0.1, (0.005, 0.01, 0.02, 0.04), logarithmic=True),
+        Inner("T", "s", "s", 0.002, 0.1, (0.005, 0.01, 0.02, 0.04), logarithmic=True, defining=True),
         Inner("order", "", "", 1.0, 2.0, (1.0, 2.0), continuous=False),
     )
     symmetry = "memory"

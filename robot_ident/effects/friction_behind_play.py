@@ -39,6 +39,7 @@ class FrictionBehindPlay(Effect):
             (0.001, 0.002, 0.004, 0.008, 0.016, 0.03, 0.06, 0.12),
             (2e-4, 5e-4, 0.001, 0.002, 0.005, 0.01, 0.02),
             logarithmic=True,
+            defining=True,
         ),
         Inner("rise", "", "", 0.005, 1.0, (0.03, 0.25), logarithmic=True),
     )

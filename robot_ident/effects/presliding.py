@@ -38,6 +38,7 @@ class Presliding(Effect):
             (0.0005, 0.001, 0.002, 0.004, 0.008, 0.016, 0.03, 0.06),
             (5e-5, 1e-4, 2e-4, 5e-4, 0.001, 0.002, 0.005, 0.01),
             logarithmic=True,
+            defining=True,
         ),
     )
     symmetry = "memory"

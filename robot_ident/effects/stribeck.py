@@ -29,6 +29,7 @@ class Stribeck(Effect):
             (0.01, 0.02, 0.04, 0.08, 0.16, 0.32),
             (0.001, 0.003, 0.01, 0.03, 0.08, 0.2),
             logarithmic=True,
+            defining=True,
         ),
         Inner("d", "", "", 0.5, 2.0, (0.5, 1.0, 2.0), continuous=False, ordered=True),
     )

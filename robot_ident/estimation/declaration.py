@@ -185,7 +185,10 @@ def _judge(robot: Robot, measured: Measurement, gravity: Array, inertial: Array,
         return Declared(name, NOT_TOLD, float("inf"), "not_told", "the motion loads it too little", friction=friction)
     explained = _explained(scaled, tau, solved)
     share, std = told.get(0) or told[1]
-    verdict, hint = _verdict(robot, joint, told, hidden_rotor=not apart and 0 not in told)
+    hidden_rotor = not apart and 0 not in told
+    verdict, hint = _verdict(robot, joint, told, hidden_rotor=hidden_rotor)
+    if verdict == "factor" and hidden_rotor and share > 1.0 and not robot.in_ampere(joint):
+        verdict = "not_told"  # a rotor that the URDF lacks makes just that
     if verdict in ("sign", "factor") and (explained <= SHAPE or abs(share) <= _SURE * std):
         part = 100.0 * max(explained, 0.0)
         hint = f"not decidable: the URDF's torque makes {part:.0f} % of the effort beside friction here"

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from dataclasses import replace
 
 import numpy as np
@@ -18,6 +18,7 @@ from robot_ident.diagnosis.measuring.lookalikes import with_line, with_low_pass
 from robot_ident.diagnosis.power import too_little, unseen_below, with_doubt
 from robot_ident.diagnosis.progress import Tell, silent
 from robot_ident.diagnosis.selection.constants import ALTERNATIVE, FORMULA_ERROR, NAMED
+from robot_ident.diagnosis.selection.fitted_parameters import TWO_SIGMA, Fitted, known_parameters
 from robot_ident.diagnosis.selection.fitted_set import FittedSet
 from robot_ident.diagnosis.selection.hypotheses import Hypothesis
 from robot_ident.diagnosis.selection.ripples import hidden_lines
@@ -61,33 +62,41 @@ def diagnosis_of(
 
 def _as_fitted(said: Diagnosis, measurements: Sequence[Measurement], structure: Structure) -> Diagnosis:
     """Return a diagnosis whose named effects have the parameters, and their spread, that a model with all of them has:
-    what `add` prints.
+    what `add` prints. One whose size is no more than two standard deviations there is listed, not named.
     """
-    effects = [one.effect for one in said.missing if not one.effect.measuring and not one.effect.trends]
-    if not effects:
-        return said
-    try:
-        solution = solve_carrying(measurements, structure.with_further(effects), "wls").solution
-    except InputError:  # what these recordings do not excite is told as far as the evidence does
-        return said
-    model, spread = solution.structure, np.sqrt(np.diag(solution.covariance))
-    at_bound = [inner.at_bound(effect.setting[inner.name]) for effect in model.effects for inner in effect.inner]
-    spread[len(model.parameters) :][at_bound] = 0.0
-    known = {
-        p.name: Estimate(p.name, float(value), float(std), p.unit)
-        for p, value, std in zip((*model.parameters, *model.inner), solution.values, spread, strict=True)
-    }
+    while True:
+        effects = [one.effect for one in said.missing if not one.effect.measuring and not one.effect.trends]
+        if not effects:
+            return said
+        try:
+            solution = solve_carrying(measurements, structure.with_further(effects), "wls").solution
+        except InputError:  # what these recordings do not excite is told as far as the evidence does
+            return said
+        known = known_parameters(solution)
+        said = replace(said, missing=tuple(_with_parameters(one, known) for one in said.missing))
+        label = max((effect.label for effect in effects), key=lambda label: known[label].chance)
+        if known[label].chance < TWO_SIGMA:
+            return said
+        said = _listed(said, label, known[label].least)
 
-    in_model = {effect.label: effect for effect in model.effects}  # without the coefficients that others hold too
 
-    def fitted(one: Finding) -> Finding:
-        if one.effect not in effects:
-            return one
-        effect = in_model[one.label]
-        names = (*effect.parameter_names(), *effect.inner_names())
-        return replace(one, parameters=tuple(known[name] for name in names))
+def _with_parameters(one: Finding, known: Mapping[str, Fitted]) -> Finding:
+    return replace(one, parameters=known[one.label].parameters) if one.label in known else one
 
-    return replace(said, missing=tuple(fitted(one) for one in said.missing))
+
+def _listed(said: Diagnosis, label: str, zero: Estimate) -> Diagnosis:
+    """Return a diagnosis in which an effect is listed, not named, since a parameter may be zero."""
+    (one,) = (one for one in said.missing if one.label == label)
+    missing = tuple(other for other in said.missing if other is not one)
+    note = f"{label} is not named: {zero.in_words} may be zero; record more, or another motion"
+    return replace(
+        said,
+        verdict=said.verdict if missing else "not_decidable",
+        missing=missing,
+        others=(replace(one, probability=None), *said.others),
+        notes=(*said.notes, note),
+        tied_sets=(),
+    )
 
 
 def _beyond_noise(found: Selection, named: Selected, unsure: Selected, validation: Sequence[Measurement]) -> Diagnosis:

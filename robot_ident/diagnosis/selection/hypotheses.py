@@ -76,5 +76,5 @@ def hypotheses_of(structure: Structure, *, averaged: bool) -> Sequence[Effect]:
     joints = range(robot.n)
     further: list[Effect] = [WristCoupling(robot, j) for j in joints[1:]]
     further += [EffortFilter(robot, j) for j in (None, *joints)]
-    further += [EffortGain(robot, j) for j in joints]
+    further += [EffortGain(robot, j) for j in joints if not structure.scaled]  # else they are parameters already
     return [*out, *(effect for effect in further if not effect.unseen and effect.label not in structure.labels)]
