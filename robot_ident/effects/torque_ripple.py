@@ -71,7 +71,7 @@ class TorqueRipple(Effect):
         lowest = 2.0 * np.pi * _CYCLES / (ratio * travel)
         highest = 2.0 * np.pi * fastest / (ratio * float(np.quantile(speed[speed > 0.0], _SLOW)))
         whole = self.whole_orders(motion)
-        step = 1.0 if whole else 0.5 * np.pi / (ratio * travel)
+        step = self.resolution(motion) or 1.0
         first = max(1.0, np.ceil(lowest)) if whole else lowest
         return np.asarray(np.arange(first, min(highest, first + _MOST * step) + 1e-9, step))
 
@@ -82,6 +82,13 @@ class TorqueRipple(Effect):
         """Return whether only whole orders have a meaning: of a motor, or of a joint that turns round twice."""
         return self.geared or self._travel(motion) > 4.0 * np.pi
 
+    def resolution(self, motion: Motion) -> float:
+        """Return by how much an order may be off that is read off: a quarter of a cycle over the travel; 0 where only
+        whole orders have a meaning.
+        """
+        travel = self._travel(motion)
+        return 0.0 if self.whole_orders(motion) or not travel else 0.5 * np.pi / (self.ratio * travel)
+
     def lines(self, motion: Motion, left: Array, fastest: float) -> list[float]:
         """Return the orders of the highest lines of what a model leaves of the joint [N], over its angle: each of what
         the ones before leave.
@@ -90,7 +97,7 @@ class TorqueRipple(Effect):
         out: list[float] = []
         if not len(orders):
             return out
-        apart = 0.0 if self.whole_orders(motion) or len(orders) < 2 else float(orders[1] - orders[0])
+        apart = self.resolution(motion)
         least, rest = 2.0 * np.log(len(orders)) + _CLEAR, left
         while len(out) < _TRIED and np.any(rest):
             gains = order_gains(angle, rest, orders)

@@ -14,7 +14,7 @@ from robot_ident.model.structure import Structure
 from robot_ident.recording.measurement import Processing
 from robot_ident.recording.recording import Recording
 from robot_ident.robot.robot import Robot
-from robot_ident.signals.motion import Array, joined
+from robot_ident.signals.motion import Array, Motion, joined
 
 _PILOT = 8.0  # Hz, of the first model
 _WIDER = 4.0  # times its low pass: the bandwidth of its positions' derivatives
@@ -24,7 +24,6 @@ _LEAST = 2.0  # Hz
 _WIDEST = 0.2  # of the sample rate, so that twice the band can be differentiated
 _WINDOW = 4.0  # s of a spectrum, at most a third of the shortest recording
 _HALVES = 0.6  # independent spectra in each of those that overlap by half
-_ROUNDS = 2  # the second with the first's band
 
 
 @dataclass(frozen=True)
@@ -47,15 +46,19 @@ def coherent_band(recordings: Sequence[Recording], structure: Structure, process
 
     Coherence |S_xy|^2 / (S_xx S_yy) by Welch's method, less its bias of one over the number of independent stretches.
     """
-    band: float | None = None
-    for _ in range(_ROUNDS):
-        band = _once(recordings, structure, processing, min(band or _PILOT, most), most)
-    return float(band or most)
+    band, orders = _once(recordings, structure, processing, min(_PILOT, most), most)
+    return _once(recordings, structure, processing, min(band, most), most, orders)[0]
 
 
 def _once(
-    recordings: Sequence[Recording], structure: Structure, processing: Processing, band: float, most: float
-) -> float:
+    recordings: Sequence[Recording],
+    structure: Structure,
+    processing: Processing,
+    band: float,
+    most: float,
+    orders: Sequence[Sequence[float]] | None = None,
+) -> tuple[float, list[Sequence[float]]]:
+    """Return the band by a model low-passed at another, and the orders of ripple by joint, where they aren't told."""
     first = [thin_rows(recording, structure.robot, processing, band, wider=_WIDER) for recording in recordings]
     top = min(most, *(_WIDEST / one.sample_dt for one in first))
     cutoff = min(band, top)
@@ -67,32 +70,41 @@ def _once(
     rigid = np.arange(len(structure.names)) < len(structure.base.columns)
     theta = fit(grams, np.ones(1), 1.0, rigid, np.zeros(structure.robot.n, dtype=bool)).theta
     longest = min(_WINDOW, min(one.dt * len(x) for one, x in zip(first, columns, strict=True)) / 3.0)
-    predicted = _with_ripple(first, [x @ theta for x in columns], structure.robot)
+    predicted, orders = _with_ripple(first, [x @ theta for x in columns], structure.robot, orders)
     reached = [
         _reach([_spectra(one, tau[:, joint], joint, longest) for one, tau in zip(first, predicted, strict=True)])
         for joint in range(structure.robot.n)
     ]
     furthest = np.sort(reached)[-2:]
-    return float(np.clip(np.exp(np.mean(np.log(furthest))), min(_LEAST, top), top))
+    return float(np.clip(np.exp(np.mean(np.log(furthest))), min(_LEAST, top), top)), orders
 
 
-def _with_ripple(parts: Sequence[ThinRows], predicted: Sequence[Array], robot: Robot) -> list[Array]:
-    """Return predicted torques [N, n] with what ripples of each joint's torque over its angle: it is the arm's, too."""
+def _with_ripple(
+    parts: Sequence[ThinRows], predicted: Sequence[Array], robot: Robot, known: Sequence[Sequence[float]] | None
+) -> tuple[list[Array], list[Sequence[float]]]:
+    """Return predicted torques [N, n] with what ripples of each joint's torque over its angle, for it is the arm's,
+    too; and the orders by joint, read off what is left where they are not known.
+    """
     torque = np.concatenate([part.torque(None) for part in parts])
     motion, used = joined([part.motion for part in parts]), np.concatenate([part.used for part in parts])
-    out = np.concatenate(predicted)
+    out, orders = np.concatenate(predicted), []
     for joint in range(robot.n):
         ripple, rows = TorqueRipple(robot, joint), used[:, joint]
-        if ripple.unseen or not rows.any():
-            continue
         left = torque[:, joint] - out[:, joint]
-        falls = ripple.certain_lines(motion[rows], left[rows], 0.45 / max(part.dt for part in parts))
-        if sum(falls.values()) < _RIPPLE * np.sum((left[rows] - left[rows].mean()) ** 2):
-            continue
-        angle = np.outer(ripple.ratio * motion.q[:, joint], list(falls))
+        fastest = 0.45 / max(part.dt for part in parts)
+        orders.append(_orders(ripple, motion[rows], left[rows], fastest) if known is None else known[joint])
+        angle = np.outer(ripple.ratio * motion.q[:, joint], orders[joint])
         lines = np.hstack([np.cos(angle), np.sin(angle)])
         out[:, joint] += lines @ np.linalg.lstsq(lines[rows], left[rows], rcond=None)[0]
-    return np.split(out, np.cumsum([len(part) for part in predicted])[:-1])
+    return np.split(out, np.cumsum([len(part) for part in predicted])[:-1]), orders
+
+
+def _orders(ripple: TorqueRipple, motion: Motion, left: Array, fastest: float) -> Sequence[float]:
+    """Return the orders of a joint's ripple; none where it makes little of what is left [N]."""
+    if ripple.unseen or not len(left):
+        return []
+    falls = ripple.certain_lines(motion, left, fastest)
+    return list(falls) if sum(falls.values()) > _RIPPLE * np.sum((left - left.mean()) ** 2) else []
 
 
 def _spectra(rows: ThinRows, predicted: Array, joint: int, window: float) -> _Spectra:

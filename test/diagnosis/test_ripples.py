@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from dataclasses import replace
+from pathlib import Path
 from typing import Any
 
 import numpy as np
@@ -16,7 +17,7 @@ from robot_ident.model.structure import Structure
 from robot_ident.recording.measurement import Processing
 from robot_ident.recording.recording import Recording
 from robot_ident.robot import load_robot
-from robot_ident.signals.order_spectrum import order_gains, without_line
+from robot_ident.signals.order_spectrum import order_gains, order_near, without_lines
 
 RATIO = 103.235
 TWO = f"torque_ripple@joint_2:torque_ripple=12,order={3 * RATIO},phase=0.4,second=1.0"
@@ -48,8 +49,9 @@ def test_a_line_stands_out_of_noise() -> None:
     tried = np.arange(1.0, 60.0, 0.05)
     gains = order_gains(angle, signal, tried)
     assert tried[np.argmax(gains)] == pytest.approx(11.3, abs=0.06)
-    left = without_line(angle, signal, tried[np.argmax(gains)])
+    left = without_lines(angle, signal, [float(tried[np.argmax(gains)])])
     assert signal @ signal - left @ left == pytest.approx(np.max(gains))
+    assert order_near(angle, signal, 11.25, 0.1) == pytest.approx(11.3, abs=0.01)
 
 
 @pytest.mark.parametrize("h", [3.0, 5.0])
@@ -92,17 +94,25 @@ def motor(tmp_path_factory: pytest.TempPathFactory) -> Any:
 
 def test_a_low_pass_that_hides_lines_is_said(motor: Any) -> None:
     robot, recording = motor
-    model = identify([recording], robot)
+    model = identify([recording], robot, processing=Processing(low_pass=2.0))
     (note,) = (note for note in diagnose_again(model, recording).notes if "unfiltered torque" in note)
     assert "order 7" in note and "--low-pass" in note
 
 
 def test_without_a_noise_floor(motor: Any) -> None:
     robot, recording = motor
-    found = diagnose_again(identify([recording], robot, processing=Processing(low_pass=30.0)), recording)
+    found = diagnose_again(identify([recording], robot), recording)
     assert sorted(orders(found).values()) == [1.0, 7.0, 14.0]
     sizes = {one.effect.setting["h"]: np.hypot(*(p.value for p in one.parameters[:2])) for one in found.missing}
     np.testing.assert_allclose([sizes[h] for h in (1.0, 7.0, 14.0)], [0.006, 0.012, 0.008], rtol=0.05)
+
+
+def test_an_axis_that_lies_is_diagnosed(motor: Any, tmp_path: Path) -> None:
+    """The only joint of a robot, loaded by weight."""
+    _, recording = motor
+    (tmp_path / "motor.urdf").write_text(URDF.replace('<axis xyz="0 0 1"/>', '<axis xyz="0 1 0"/>'))
+    found = diagnose_again(identify([recording], load_robot(tmp_path / "motor.urdf")), recording)
+    assert {7.0, 14.0} <= set(orders(found).values())
 
 
 def diagnose_again(model: Any, recording: Recording) -> Diagnosis:

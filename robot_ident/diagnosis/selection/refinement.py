@@ -19,7 +19,7 @@ from robot_ident.effects import Effect, Inner
 from robot_ident.effects.torque_ripple import TorqueRipple
 from robot_ident.regression.evidence import Evidence
 from robot_ident.regression.gram import within_ranges
-from robot_ident.signals.motion import Array
+from robot_ident.signals.motion import Array, joined
 
 _FINE = 0.05  # of a step of the grid: how near the best value is looked for
 _ONE, _SEVERAL = 12, 35  # evaluations of one parameter, of several
@@ -92,6 +92,10 @@ class Refinement:
         kinds = [inner.name for inner in effect.inner if not inner.continuous]
         known = self.data.hypotheses[mine.label][: self.data.grid.get(mine.label, 0)]
         alike = [h.effect.setting for h in known if all(h.effect.setting.get(k) == effect.setting[k] for k in kinds)]
+        if isinstance(effect, TorqueRipple):
+            ((inner,), order) = effect.inner, effect.setting["h"]
+            near = effect.resolution(joined([t.motion for t in self.data.folds[: self.data.training]]))
+            return [_Axis(inner, order, order - near, order + near)] if near else []
         return [
             _axis(inner, effect, [s[inner.name] for s in alike if inner.name in s])
             for inner in effect.inner
