@@ -14,6 +14,7 @@ MINUTES = {
     "diagnosis": 360,
     "foreign": 30,
     "mujoco": 60,
+    "one_axis": 8,
     "real": 2,
     "like_real": 25,
     "measurement": 20,
