@@ -89,9 +89,9 @@ class TorqueRipple(Effect):
         travel = self._travel(motion)
         return 0.0 if self.whole_orders(motion) or not travel else 0.5 * np.pi / (self.ratio * travel)
 
-    def lines(self, motion: Motion, left: Array, fastest: float) -> list[float]:
+    def lines(self, motion: Motion, left: Array, fastest: float, together: float = 0.0) -> list[float]:
         """Return the orders of the highest lines of what a model leaves of the joint [N], over its angle: each of what
-        the ones before leave.
+        the ones before leave; none where they can't hold a share of it `together`.
         """
         orders, angle = self.orders(motion, fastest), self.ratio * motion.q[:, self.joint]
         out: list[float] = []
@@ -103,6 +103,8 @@ class TorqueRipple(Effect):
             gains = order_gains(angle, rest, orders)
             if np.max(gains) <= least * np.mean(rest**2):
                 break
+            if not out and _TRIED * np.max(gains) < together * left @ left:  # no later one is higher
+                break
             out.append(float(orders[np.argmax(gains)]))
             for k in range(len(out)) if apart else ():  # each beside the others
                 others = without_lines(angle, left, [*out[:k], *out[k + 1 :]])
@@ -110,13 +112,15 @@ class TorqueRipple(Effect):
             rest = without_lines(angle, left, out)
         return out
 
-    def certain_lines(self, motion: Motion, left: Array, fastest: float) -> dict[float, float]:
+    def certain_lines(self, motion: Motion, left: Array, fastest: float, together: float = 0.0) -> dict[float, float]:
         """Return the orders of the highest lines that either half of the rows predicts of the other, each with the
-        fall of the squared error by it; those that hold little of what is left [N] are none of them.
+        fall of the squared error by it; those that hold little of what is left [N] are none of them, and none is where
+        all do not hold a share of it `together`.
         """
         left, angle = left - left.mean(), self.ratio * motion.q[:, self.joint]
-        falls = {h: predicted_by_halves(angle, left, h) for h in self.lines(motion, left, fastest)}
-        return {h: fall for h, fall in falls.items() if fall > _SHARE * left @ left}
+        falls = {h: predicted_by_halves(angle, left, h) for h in self.lines(motion, left, fastest, together)}
+        falls = {h: fall for h, fall in falls.items() if fall > _SHARE * left @ left}
+        return falls if sum(falls.values()) >= together * left @ left else {}
 
     def full_terms(self, x: Signals, m: Mathematics) -> Sequence[dict[int, Any]]:
         """Return cos(h n q) and sin(h n q)."""

@@ -20,6 +20,7 @@ _PILOT = 8.0  # Hz, of the first model
 _WIDER = 4.0  # times its low pass: the bandwidth of its positions' derivatives
 _COHERENT = 0.5  # of the torque's power, above which more of it is the model's than not
 _RIPPLE = 1.0 / 3.0  # of what the pilot leaves of a joint that its ripple must make to widen the band
+_ROWS = 5000  # by which it is looked for
 _LEAST = 2.0  # Hz
 _WIDEST = 0.2  # of the sample rate, so that twice the band can be differentiated
 _WINDOW = 4.0  # s of a spectrum, at most a third of the shortest recording
@@ -103,8 +104,7 @@ def _orders(ripple: TorqueRipple, motion: Motion, left: Array, fastest: float) -
     """Return the orders of a joint's ripple; none where it makes little of what is left [N]."""
     if ripple.unseen or not len(left):
         return []
-    falls = ripple.certain_lines(motion, left, fastest)
-    return list(falls) if sum(falls.values()) > _RIPPLE * np.sum((left - left.mean()) ** 2) else []
+    return list(ripple.certain_lines(motion[:_ROWS], left[:_ROWS], fastest, _RIPPLE))
 
 
 def _spectra(rows: ThinRows, predicted: Array, joint: int, window: float) -> _Spectra:

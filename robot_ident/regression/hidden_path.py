@@ -128,7 +128,7 @@ def misfit_beside_hidden_path(evidence: Evidence) -> tuple[Array, ...]:
 
 
 class _Beside(NamedTuple):
-    """The hidden path of an evidence: kinks of each measurement, given_way: columns [N, n, g] of each trajectory;
+    """What an evidence does not resolve: kinks of each measurement, given_way: columns [N, n, g] of each trajectory;
     values [p + g]: parameters of the base and of the latter, fitted in units of noise and kinks.
     """
 

@@ -11,6 +11,7 @@ import pytest
 
 from robot_ident.diagnosis.diagnose import diagnose
 from robot_ident.diagnosis.diagnosis import Diagnosis
+from robot_ident.estimation.declaration import judge_declaration
 from robot_ident.estimation.identify import estimate, identify
 from robot_ident.estimation.prediction import measured_for
 from robot_ident.model.structure import Structure
@@ -113,6 +114,17 @@ def test_an_axis_that_lies_is_diagnosed(motor: Any, tmp_path: Path) -> None:
     (tmp_path / "motor.urdf").write_text(URDF.replace('<axis xyz="0 0 1"/>', '<axis xyz="0 1 0"/>'))
     found = diagnose_again(identify([recording], load_robot(tmp_path / "motor.urdf")), recording)
     assert {7.0, 14.0} <= set(orders(found).values())
+
+
+def test_a_rotor_heavier_than_the_link_is_no_wrong_gain(motor: Any) -> None:
+    """A rotor that the URDF lacks makes four times its torque: which of the two it is, no motion of one axis tells."""
+    robot, recording = motor
+    ddq = np.gradient(np.gradient(recording.q[:, 0], recording.t), recording.t)
+    smooth = np.convolve(ddq, np.ones(101) / 101, "same")
+    heavier = replace(recording, tau=recording.tau + 6e-4 * smooth[:, None])
+    (judged,) = judge_declaration(heavier, robot)
+    assert judged.share > 3.0 and judged.verdict == "not_told"
+    identify([heavier], robot)
 
 
 def diagnose_again(model: Any, recording: Recording) -> Diagnosis:

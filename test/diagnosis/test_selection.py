@@ -14,10 +14,13 @@ from robot_ident.diagnosis.diagnose import diagnose
 from robot_ident.diagnosis.diagnosis import Diagnosis
 from robot_ident.diagnosis.selection.consistency import splits
 from robot_ident.diagnosis.selection.data_set import DataSet, Rows
+from robot_ident.diagnosis.selection.fitted_parameters import TWO_SIGMA, known_parameters
 from robot_ident.diagnosis.selection.reversals import near_reversals, resolution, unresolved_rows
 from robot_ident.diagnosis.selection.search import Search
 from robot_ident.diagnosis.selection.unseen_reactions import with_unseen_reactions
 from robot_ident.effects import make_effect
+from robot_ident.estimation.solve import solve
+from robot_ident.model.structure import Structure
 from robot_ident.recording.measurement import Measurement, Processing
 from robot_ident.recording.process import process
 from robot_ident.regression.evidence import extended, gather
@@ -169,6 +172,21 @@ def test_an_effect_whose_size_is_vague_is_listed_next_to_an_unknown_cause(bench:
     assert found.verdict == "not_decidable" and not found.missing
     assert (found.others[0].label, found.others[0].probability) == ("time_delay@joint_3", None)
     assert any(note.startswith("time_delay@joint_3 may be missing: its size is known to ") for note in found.notes)
+
+
+def test_what_may_be_zero_is_not_told_from_it(bench: Any) -> None:
+    """A parameter that is hidden, and the same one where nothing is, in the model that `add` makes."""
+    label = "torque_offset@joint_2"
+    chances = {
+        hidden: known_parameters(solve(bench.measure(hidden), Structure.build(bench.robot, [label]), "wls"))[label]
+        for hidden in ((), (f"{label}:torque_offset=15",))
+    }
+    there, nothing = chances[(f"{label}:torque_offset=15",)], chances[()]
+    assert there.chance < TWO_SIGMA and there.parameters[0].value == pytest.approx(15.0, rel=0.2)
+    for found in (there, nothing):
+        assert found.least == found.parameters[0]
+        assert (found.chance < TWO_SIGMA) == (abs(found.least.value) > 2.0 * found.least.std)
+    assert nothing.chance > 1e-3
 
 
 def test_what_is_slow_beside_a_clearance_hides_it_from_nobody(bench: Any) -> None:

@@ -103,8 +103,7 @@ def wrong_axes(evidence: Evidence, base: BaseGram) -> list[FittedFault]:
 
 def _likeliest(evidence: Evidence) -> list[Wiring]:
     """Return the wirings that leave least of some rows, by the part of the model that depends on no other rows."""
-    effects = tuple(e for e in evidence.structure.effects if not e.needs_time and not e.uses_torque)
-    structure = replace(evidence.structure, effects=effects)
+    structure, _ = evidence.structure.with_only(lambda effect: not effect.needs_time and not effect.uses_torque)
     some = []
     for t in evidence.trajectories:
         used = np.flatnonzero((t.weight > 0).any(axis=1))
