@@ -1,4 +1,6 @@
-"""`robot_ident trial`; `--family real`: the base model alone, on recordings with the faults of real ones."""
+"""`robot_ident trial`; `--family real`: recordings with the faults of real ones, the base model alone or with several
+causes on every joint.
+"""
 
 from __future__ import annotations
 
@@ -18,6 +20,7 @@ from robot_ident.errors import InputError, did_you_mean
 if TYPE_CHECKING:
     from robot_ident.robot.robot import Robot
     from robot_ident.testbed.base_trial import BaseOutcome
+    from robot_ident.testbed.causes_trial import CausesOutcome
     from robot_ident.testbed.trial import Case, Outcome
     from robot_ident.trajectories.excitation import Excitation
 
@@ -25,6 +28,7 @@ if TYPE_CHECKING:
 _TRAINING = 3  # motions that are identified and diagnosed; one more is kept unseen
 PERIODS = 16
 """Steady periods of each motion, unless told."""
+_REAL = ("base", "effects")  # kinds of `--family real`
 STOPPED = 130
 """The exit code of a trial that Ctrl-C ended."""
 _ROWS = {
@@ -54,14 +58,15 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
         choices=("effects", "measurement", "real"),
         default="effects",
         help="effects: of the arm; measurement: faults of the recording; real: recordings with the faults of real"
-        " ones, on which fixed filters compete with the base model (default: %(default)s)",
+        " ones (default: %(default)s)",
     )
     hidden.add_argument(
         "--kind",
         action="append",
         default=[],
         help="single, pair_other_joints, same_joint (two effects), triple, null, unknown or single_with_background,"
-        " each with all seeds (default: drawn)",
+        " each with all seeds (default: drawn); of --family real: base, fixed filters compete with the base model, or"
+        " effects, several on every joint but one (default: base)",
     )
     hidden.add_argument(
         "--seeds", default="0:20", metavar="A:B", help="seeds A to B - 1, one case each (default: %(default)s)"
@@ -109,7 +114,7 @@ def run(args: argparse.Namespace) -> int:
         raise InputError(f"--workers {args.workers}: at least 1")
     robot = load_robot(args.robot)
     if args.family == "real":
-        return run_base(args, cases, robot)
+        return (run_causes if cases[0].kind == "effects" else run_base)(args, cases, robot)
     motions = _motions(args, robot)
     series = tuple(motion.series for motion in motions)
     setting = Setting(robot, series[:-1], series[-1], args.periods, args.noise)
@@ -145,12 +150,14 @@ def _cases(args: argparse.Namespace) -> list[Case]:
     from robot_ident.testbed.scenario import KINDS
     from robot_ident.testbed.trial import MEASUREMENT, Case
 
-    if args.family != "effects" and args.kind:
-        raise InputError(f"--kind {args.kind[0]}: is for --family effects")
-
+    if args.family == "measurement" and args.kind:
+        raise InputError(f"--kind {args.kind[0]}: is for --family effects or real")
+    known = _REAL if args.family == "real" else tuple(KINDS)
     for kind in args.kind:
-        if kind not in KINDS:
-            raise InputError(f"--kind {kind!r} is not known{did_you_mean(kind, KINDS)}")
+        if kind not in known:
+            raise InputError(f"--kind {kind!r} is not known to --family {args.family}{did_you_mean(kind, known)}")
+    if args.family == "real" and len(set(args.kind)) > 1:
+        raise InputError("--kind: --family real takes one, base or effects")
     first, colon, last = args.seeds.partition(":")
     if not (colon and first.isdigit() and last.isdigit() and int(first) < int(last)):
         raise InputError(f"--seeds {args.seeds!r}: A:B with 0 <= A < B was expected, like 0:20")
@@ -275,14 +282,7 @@ def run_base(args: argparse.Namespace, cases: Sequence[Case], robot: Robot) -> i
     """Run the cases, print how the chosen base models do beside fixed filters."""
     from robot_ident.testbed.base_trial import CLOSE, FILTERS, BaseOutcome, base_summary
 
-    for option, changed in (
-        ("--excitation", args.excitation),
-        ("--folder", args.folder),
-        ("--noise", args.noise != 1.0),
-        ("--periods", args.periods != PERIODS),
-    ):
-        if changed:
-            raise InputError(f"{option}: has no effect with --family real, which draws motions and noise itself")
+    _refuse_settings(args)
     settings = {"schema": SCHEMA, "robot": robot.name, "family": "real"}
     done = Journal.open(args.cases_file, settings, BaseOutcome.of_dict)
     if not run_cases(partial(_one, robot=robot), cases, done, args):
@@ -315,6 +315,67 @@ def run_base(args: argparse.Namespace, cases: Sequence[Case], robot: Robot) -> i
     for seed, why in result["refused"].items():
         say(f"seed {seed}: no model ({why})")
     return 0
+
+
+def _refuse_settings(args: argparse.Namespace) -> None:
+    """Refuse what `--family real` draws itself."""
+    for option, changed in (
+        ("--excitation", args.excitation),
+        ("--folder", args.folder),
+        ("--noise", args.noise != 1.0),
+        ("--periods", args.periods != PERIODS),
+    ):
+        if changed:
+            raise InputError(f"{option}: has no effect with --family real, which draws motions and noise itself")
+
+
+def run_causes(args: argparse.Namespace, cases: Sequence[Case], robot: Robot) -> int:
+    """Run the cases, print how many names were right and how many causes were found, joint by joint."""
+    from robot_ident.testbed.causes_trial import CausesOutcome, causes_summary
+
+    _refuse_settings(args)
+    settings = {"schema": SCHEMA, "robot": robot.name, "family": "real", "kind": "effects"}
+    done = Journal.open(args.cases_file, settings, CausesOutcome.of_dict)
+    if not run_cases(partial(_with_causes, robot=robot), cases, done, args):
+        return STOPPED
+    outcomes = [done.outcomes[case] for case in cases]
+    result = causes_summary(outcomes)
+    if args.json:
+        each = [one.to_dict() for one in outcomes]
+        print_json({"schema": "robot_ident/trial_real_effects/1", "robot": args.robot, **result, "cases": each})
+        return 0
+    rows = [
+        (
+            rate["kind"],
+            rate["name"],
+            f"{rate['successes']} of {rate['cases']}",
+            f"{100 * rate['lower']:.0f} - {100 * rate['upper']:.0f} %",
+        )
+        for rate in result["rates"]
+    ]
+    say(table(("path", "", "counted", "95 % interval"), rows))
+    say()
+    for one in result["reliability"]:
+        say(
+            f"names with a probability of {one['probability']:.3f} on average: {one['right']} of {one['names']} right"
+            f" ({100 * one['lower']:.0f} to {100 * one['upper']:.0f} %)"
+        )
+    removed = result["error_removed"]
+    if removed["cases"]:
+        say(
+            f"error on the unseen path removed by adding what was named: median {_percent(removed['median'])},"
+            f" 10th percentile {_percent(removed['tenth_percentile'])}, of {removed['cases']} cases"
+        )
+    say(f"one diagnosis: median {result['seconds']:.1f} s of processor time")
+    for seed, why in result["troubles"].items():
+        say(f"seed {seed}: can't be added ({why})")
+    return 0
+
+
+def _with_causes(case: Case, robot: Robot) -> CausesOutcome:
+    from robot_ident.testbed.causes_trial import run_causes_case
+
+    return run_causes_case(case.seed, robot)
 
 
 def _one(case: Case, robot: Robot) -> BaseOutcome:

@@ -6,6 +6,7 @@ Pinocchio's recursive Newton-Euler.
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from dataclasses import dataclass
 
 import numpy as np
@@ -14,16 +15,23 @@ import pinocchio
 from robot_ident.recording import Recording
 from robot_ident.robot import Robot
 from robot_ident.signals.motion import Array
+from robot_ident.testbed.joint_causes import Cause, Course, draw_causes, torque_of
 
 FINE = 1000.0  # Hz, at which the arm moves
 RATES = (50.0, 125.0, 250.0, 500.0, 1000.0)
 KINDS = ("periodic", "cyclic", "one pass")
+
+_SETTLING = 2.0  # s, before a recording begins
+_CAUSES = 43  # stream of the random numbers that draw them, apart from all others
 
 
 @dataclass(frozen=True)
 class LikeReal:
     """One arm with its recording to fit, another path to judge by, its exact torque there, and the scales [n] of its
     efforts.
+
+    causes: what acts besides links, plain friction and offsets; path [N, 3, n]: q, dq, ddq of the recording to fit, and
+    hidden [N, causes]: the torque of each cause along it.
     """
 
     seed: int
@@ -33,10 +41,13 @@ class LikeReal:
     test: Recording
     exact: Array
     scale: Array
+    causes: tuple[Cause, ...]
+    path: Array
+    hidden: Array
 
 
-def like_real(robot: Robot, seed: int) -> LikeReal:
-    """Return what one seed makes of an arm."""
+def like_real(robot: Robot, seed: int, *, causes: bool = False) -> LikeReal:
+    """Return what one seed makes of an arm; causes: with several at every joint but one, and a rest without a name."""
     rng = np.random.default_rng(seed)
     n, kind, rate = robot.n, KINDS[seed % 3], float(rng.choice(RATES))
     friction = rng.uniform(0.03, 0.15, (2, n))
@@ -52,9 +63,15 @@ def like_real(robot: Robot, seed: int) -> LikeReal:
         "step": float(rng.choice([0.0, 1e-5, 2e-4])),
         "lag": rng.uniform(0.02, 0.08),
     }
-    train, _ = _recorded(robot, rng, kind, rate, truth, 24.0)
-    test, exact = _recorded(robot, rng, "one pass", rate, truth, 12.0)
-    return LikeReal(seed, kind, rate, train, test, exact, truth["scale"])
+    drawn: list[Cause] = []
+    whole = _path(robot, rng, kind, float(truth["lag"]), 24.0)
+    if causes:
+        drawn = draw_causes(_course(robot, whole), size, np.random.default_rng([seed, _CAUSES]))
+    train, _, path = _recorded(robot, rng, whole, rate, truth, drawn, kind)
+    hidden = _along(robot, whole, rate, drawn)
+    whole = _path(robot, rng, "one pass", float(truth["lag"]), 12.0)
+    test, exact, _ = _recorded(robot, rng, whole, rate, truth, drawn, "one pass")
+    return LikeReal(seed, kind, rate, train, test, exact, truth["scale"], tuple(drawn), path, hidden)
 
 
 def _size(robot: Robot) -> Array:
@@ -87,13 +104,10 @@ def _reference(rng: np.random.Generator, kind: str, n: int, seconds: float) -> A
     return np.asarray(q + rng.uniform(-0.5, 0.5, n))
 
 
-def _recorded(
-    robot: Robot, rng: np.random.Generator, kind: str, rate: float, truth: dict[str, Array], seconds: float
-) -> tuple[Recording, Array]:
-    """Return a recording and the torque that it would hold without noise, at its samples."""
-    reference = _reference(rng, kind, robot.n, seconds + 2.0)
-    # a servo without feed-forward: a critically damped second order that lags behind
-    w = 1.0 / float(truth["lag"])
+def _path(robot: Robot, rng: np.random.Generator, kind: str, lag: float, seconds: float) -> Array:
+    """Return q, dq, ddq [N, 3, n] of a servo without feed-forward: critically damped, of second order, late."""
+    reference = _reference(rng, kind, robot.n, seconds + _SETTLING)
+    w = 1.0 / lag
     q, dq = reference[0].copy(), np.zeros(robot.n)
     path = np.empty((len(reference), 3, robot.n))
     for k, wanted in enumerate(reference):
@@ -101,14 +115,50 @@ def _recorded(
         path[k] = q, dq, ddq
         dq = dq + ddq / FINE
         q = q + dq / FINE
-    path = path[round(2.0 * FINE) :: round(FINE / rate)]
+    return path
+
+
+def _links(robot: Robot, path: Array) -> Array:
     model, data = robot.rigid.model, robot.rigid.model.createData()
-    links = np.array([pinocchio.rnea(model, data, *state) for state in path])
+    return np.array([pinocchio.rnea(model, data, *state) for state in path])
+
+
+def _course(robot: Robot, whole: Array) -> Course:
+    return Course(whole[:, 0], whole[:, 1], _links(robot, whole))
+
+
+def _sampled(x: Array, rate: float) -> Array:
+    """Return what a driver samples of a fine course, once the servo has settled."""
+    return x[round(_SETTLING * FINE) :: round(FINE / rate)]
+
+
+def _along(robot: Robot, whole: Array, rate: float, causes: Sequence[Cause]) -> Array:
+    """Return the torque [N, causes] of each cause at the samples of a recording."""
+    if not causes:
+        return np.zeros((len(_sampled(whole, rate)), 0))
+    course = _course(robot, whole)
+    return _sampled(np.column_stack([cause.torque(course) for cause in causes]), rate)
+
+
+def _recorded(
+    robot: Robot,
+    rng: np.random.Generator,
+    whole: Array,
+    rate: float,
+    truth: dict[str, Array],
+    causes: Sequence[Cause],
+    source: str,
+) -> tuple[Recording, Array, Array]:
+    """Return a recording, the torque that it would hold without noise, and the path, at its samples."""
+    path = _sampled(whole, rate)
     speed = path[:, 1]
-    exact = truth["scale"] * links + truth["viscous"] * speed + truth["coulomb"] * np.sign(speed) + truth["offset"]
+    exact = truth["scale"] * _links(robot, path)
+    exact = exact + truth["viscous"] * speed + truth["coulomb"] * np.sign(speed) + truth["offset"]
+    if causes:
+        exact = exact + _sampled(torque_of(causes, _course(robot, whole)), rate)
     tau = exact + truth["noise"] * rng.standard_normal(exact.shape)
     seen = path[:, 0] + truth["encoder"] * rng.standard_normal(exact.shape)
     step = float(truth["step"])
     seen = step * np.round(seen / step) if step else seen
     t = np.arange(len(path)) / rate
-    return Recording(robot.joints, t, seen, tau, source=kind), exact
+    return Recording(robot.joints, t, seen, tau, source=source), exact, path

@@ -114,6 +114,7 @@ WORDS: dict[str, list[str]] = {
     "effects": [],
     "trial": ["--excitation", "EXC", "EXC2", "--seeds", "0:1", "--kind", "null", "--periods", "4"],
     "trial --family real": ["--seeds", "3018:3019"],
+    "trial --family real --kind effects": ["--seeds", "5001:5002"],
     "export": ["MODEL", "--urdf", "OUT", "--validation", "OTHER"],
     "montecarlo": ["EXC", "--runs", "20"],
 }

@@ -1,0 +1,212 @@
+"""Recordings like real ones with several causes on every joint but one: which are named, and what does adding them buy?
+
+Each case draws a robot as `base_trial` does and causes besides, identifies without an option, diagnoses, adds what was
+named, and predicts the exact torque of another path. The names are counted joint by joint.
+"""
+
+from __future__ import annotations
+
+import time
+from collections.abc import Mapping, Sequence
+from dataclasses import asdict, dataclass, replace
+from typing import Any
+
+import numpy as np
+from pydantic import TypeAdapter
+
+from robot_ident.diagnosis.diagnose import diagnose
+from robot_ident.diagnosis.diagnosis import Diagnosis
+from robot_ident.effects.effort_gain import EffortGain
+from robot_ident.errors import InputError
+from robot_ident.estimation.effort_checks import taken_as_declared
+from robot_ident.estimation.extend import extend
+from robot_ident.estimation.identify import identify
+from robot_ident.estimation.prediction import measured_for, predict
+from robot_ident.model.model import Model
+from robot_ident.robot.robot import Robot
+from robot_ident.signals.motion import Array, Motion
+from robot_ident.testbed.like_real import KINDS, LikeReal, like_real
+from robot_ident.testbed.trial_table import Rate, wilson
+
+ASKED = 0.15
+"""Share of a joint's excess from which on a cause is asked for."""
+BINS = (0.0, 0.8, 0.95, 0.999, 1.001)
+"""Bounds of the probabilities of names whose truth is counted together."""
+
+_ROWS = 3000  # of the path, on which shares are taken
+_ENDS = 0.5  # s at either end of the unseen path, which filters spoil
+
+
+@dataclass(frozen=True)
+class CausesOutcome:
+    """What one seed gave.
+
+    causes: what acts, with its share of its joint's excess, `name@joint`; the rest without a name is `@joint`. scaled:
+    joints whose efforts have a scale of their own. named: with their probabilities. averaged: whether periods were
+    averaged, so that noise is known. before, after: by joint, the mean square error on the unseen path over the exact
+    torque's variance, without and with what was named. seconds: processor time of the diagnosis. trouble: the message
+    where a step was refused.
+    """
+
+    seed: int
+    kind: str
+    rate: float
+    averaged: bool
+    causes: Mapping[str, float]
+    scaled: tuple[str, ...]
+    verdict: str
+    named: Mapping[str, float]
+    listed: Mapping[str, float]
+    before: tuple[float, ...]
+    after: tuple[float, ...]
+    seconds: float
+    trouble: str = ""
+
+    def to_dict(self) -> dict[str, Any]:
+        """Return it as data."""
+        return asdict(self)
+
+    @classmethod
+    def of_dict(cls, data: Mapping[str, Any]) -> CausesOutcome:
+        """Return an outcome from its data; pydantic's ValidationError where these are none."""
+        return TypeAdapter(cls).validate_python(dict(data))
+
+    @property
+    def silent_joints(self) -> list[str]:
+        """Joints that have no cause with a name."""
+        with_name = {place for name, _, place in map(_apart, self.causes) if name}
+        return [place for name, _, place in map(_apart, self.causes) if not name and place not in with_name]
+
+    def right(self, label: str) -> bool:
+        """Return whether a name is that of a cause at its place, any line of a ripple too, or a gain that there is."""
+        name, _, place = _apart(label)
+        return _plain(label) in self.causes or (name == EffortGain.name and place in self.scaled)
+
+
+def _apart(label: str) -> tuple[str, str, str]:
+    return label.partition("@")
+
+
+def _plain(label: str) -> str:
+    name, at, place = _apart(label)
+    return f"{'torque_ripple' if name.startswith('torque_ripple') else name}{at}{place}"
+
+
+def run_causes_case(seed: int, robot: Robot) -> CausesOutcome:
+    """Draw what one seed gives, identify without an option, diagnose, add what is named."""
+    case = like_real(robot, seed, causes=True)
+    model = identify([case.train], replace(robot, base="prediction"), as_declared=True)
+    measured = measured_for(model, case.train)
+    started = time.process_time()
+    found = diagnose([measured], model.structure, as_declared=taken_as_declared(model.notes))
+    seconds = time.process_time() - started
+    before = _errors(model, case)
+    after, trouble = before, ""
+    effects = [one.effect for one in found.missing if not one.effect.measuring]
+    if effects:
+        try:
+            after = _errors(extend(model, [measured], effects)[-1], case)
+        except InputError as error:
+            trouble = str(error)
+    return CausesOutcome(
+        seed,
+        case.kind,
+        case.rate,
+        measured.motion.periodic,
+        _shares(model, case),
+        tuple(joint for joint, scale in zip(robot.joints, case.scale, strict=True) if scale != 1.0),
+        found.verdict,
+        _probabilities(found),
+        {one.label: float(one.explained) for one in found.others},
+        tuple(float(x) for x in before),
+        tuple(float(x) for x in after),
+        seconds,
+        trouble,
+    )
+
+
+def _probabilities(found: Diagnosis) -> dict[str, float]:
+    return {one.label: 1.0 if one.probability is None else float(one.probability) for one in found.missing}
+
+
+def _errors(model: Model, case: LikeReal) -> Array:
+    """Return by joint the mean square error on the unseen path over the variance of the exact torque."""
+    predicted = predict(model, case.test)
+    exact = np.column_stack([np.interp(predicted.t, case.test.t, x) for x in case.exact.T])
+    ends = round(_ENDS / float(np.mean(np.diff(predicted.t))))
+    return np.asarray(np.mean(((predicted.torque - exact) / exact.std(axis=0))[ends:-ends] ** 2, axis=0))
+
+
+def _shares(model: Model, case: LikeReal) -> dict[str, float]:
+    """Return what share of its joint's excess each cause makes: of what the base model can't take of all of them."""
+    joints, rows = model.robot.joints, slice(None, None, max(1, len(case.path) // _ROWS))
+    path, hidden = case.path[rows], case.hidden[rows]
+    motion = Motion(path[:, 0], path[:, 1], path[:, 2], dt=1.0 / case.rate)
+    base = model.structure.columns(motion, model.values)
+    scale = np.array([max(float(np.std(x)), 1e-12) for x in case.exact.T])
+    columns = (base / scale[:, None]).reshape(-1, base.shape[2])
+    torque = np.zeros((len(path), len(joints), len(case.causes)))
+    for k, cause in enumerate(case.causes):
+        torque[:, cause.joint, k] = hidden[:, k] / scale[cause.joint]
+    flat = torque.reshape(len(columns), -1)
+    left = (flat - columns @ np.linalg.lstsq(columns, flat, rcond=1e-9)[0]).reshape(len(path), len(joints), -1)
+    excess = np.sum(left.sum(axis=2) ** 2, axis=0)
+    return {
+        f"{cause.name}@{joints[cause.joint]}": float(np.sum(left[:, cause.joint, k] ** 2) / excess[cause.joint])
+        for k, cause in enumerate(case.causes)
+    }
+
+
+def causes_summary(outcomes: Sequence[CausesOutcome]) -> dict[str, Any]:
+    """Return how often names were right, causes found, joints without any left alone; error removed; reliability."""
+    rates = []
+    for kind in ("all", *KINDS):
+        own = [one for one in outcomes if kind in ("all", one.kind)]
+        if own:
+            rates += [{"kind": kind, **rate.to_dict()} for rate in _rates(own) if rate.cases]
+    told = [(p, one.right(label)) for one in outcomes for label, p in one.named.items()]
+    reliability = []
+    for low, high in zip(BINS[:-1], BINS[1:], strict=True):
+        right = [ok for p, ok in told if low <= p < high]
+        if right:
+            lower, upper = wilson(sum(right), len(right))
+            mean = float(np.mean([p for p, _ in told if low <= p < high]))
+            bounds = {"probability": mean, "lower": lower, "upper": upper}
+            reliability.append({"names": len(right), "right": sum(right), **bounds})
+    removed = [1.0 - sum(one.after) / sum(one.before) for one in outcomes if one.named and not one.trouble]
+    return {
+        "rates": rates,
+        "reliability": reliability,
+        "error_removed": {
+            "cases": len(removed),
+            "median": float(np.median(removed)) if removed else None,
+            "tenth_percentile": float(np.quantile(removed, 0.1)) if removed else None,
+        },
+        "seconds": float(np.median([one.seconds for one in outcomes])),
+        "troubles": {str(one.seed): one.trouble for one in outcomes if one.trouble},
+    }
+
+
+def _rates(outcomes: Sequence[CausesOutcome]) -> list[Rate]:
+    right = [(one.seed, one.right(label)) for one in outcomes for label in one.named]
+    found = [
+        (one.seed, label in {_plain(name) for name in one.named})
+        for one in outcomes
+        for label, share in one.causes.items()
+        if share >= ASKED and not label.startswith("@")
+    ]
+    disturbed = [
+        (one.seed, any(_apart(name)[2] == joint for name in one.named))
+        for one in outcomes
+        for joint in one.silent_joints
+    ]
+    return [
+        _rate("names that are right", right, hoped=True),
+        _rate(f"causes of {100 * ASKED:.0f} % of a joint's excess and more that are named", found, hoped=True),
+        _rate("joints without a cause that get a name", disturbed, hoped=False),
+    ]
+
+
+def _rate(name: str, happened: Sequence[tuple[int, bool]], *, hoped: bool) -> Rate:
+    otherwise = sorted({seed for seed, one in happened if one is not hoped})
+    return Rate(name, sum(one for _, one in happened), len(happened), tuple(otherwise))
