@@ -18,6 +18,7 @@ class RotorInertia(Effect):
     meaning = "rotor inertia on the joint side"
     coefficients = (Coefficient("rotor_inertia", "kg m^2", "kg", positive=True),)
     symmetry = "conservative"
+    exact = True
     signature = "over acceleration"
     confused_with = ("joint_coupling", "joint_elasticity")
     also_like = ("wrong kinematics",)

@@ -18,6 +18,7 @@ class TorqueOffset(Effect):
     meaning = "constant torque (sensor bias, or Coulomb friction that differs by direction)"
     coefficients = (Coefficient("torque_offset", "Nm", "N"),)
     symmetry = "conservative"
+    exact = True
     signature = "a constant"
     confused_with = ("cable", "viscous_asymmetric")
     also_like = ("a current sensor's bias: the same column",)

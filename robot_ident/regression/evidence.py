@@ -178,7 +178,8 @@ def fitted(
     memory = {} if memory is None else memory
     values = np.zeros(len(structure.names))
     own = rigid[0].shape[2]
-    links = tuple(t.in_noise(_passed_rigid(t, r, memory)) for t, r in zip(trajectories, rigid, strict=True))
+    pairs = zip(trajectories, rigid, strict=True)
+    links = tuple(t.in_noise(structure.reported(_passed_rigid(t, r, memory))) for t, r in pairs)
 
     def effects(place: int) -> Array:
         return structure.columns(trajectories[place].motion, values, rigid[place])[:, :, own:]

@@ -441,3 +441,65 @@ def test_an_end_stop_that_the_first_motion_does_not_reach(bench: Any) -> None:
         torque[:, 0] = 600.0 * np.maximum(0.0, one.motion.q[:, 0] - start)
         pressed.append(replace(one, torque=one.torque + torque))
     assert labels(by_sets(bench, pressed)) == {"end_stop@joint_1"}
+
+
+def _scaled(measured: Measurement, scales: Sequence[float], structure: Structure, values: np.ndarray) -> Measurement:
+    """What drives report whose links' torque arrives in other scales."""
+    links = structure.rigid_columns(measured.motion) @ values[: len(structure.base.columns)]
+    return replace(measured, torque=measured.torque + (np.asarray(scales) - 1.0) * links)
+
+
+SCALES = (1.0, 1.2, 0.85)
+
+
+@pytest.fixture
+def scaled(bench: Any) -> tuple[list[Measurement], Any]:
+    """Recordings of a robot two of whose joints report in other scales, and its model."""
+    plain = bench.structure
+    measured = [_scaled(one, SCALES, plain, plain.true_values()) for one in bench.measure((STRIBECK,))]
+    structure = plain.with_further(["torque_scale@joint_2", "torque_scale@joint_3"])
+    return measured, solve(measured, structure, "wls")
+
+
+def test_a_model_with_torque_scales_leaves_of_its_recordings_what_its_fit_left(scaled: Any) -> None:
+    measured, solution = scaled
+    structure, linear = solution.structure, solution.values[: len(solution.structure.names)]
+    assert structure.scales == pytest.approx(SCALES, rel=0.02)
+    evidence = gather(measured, structure)
+    for t, left in zip(evidence.trajectories, evidence.newton, strict=True):
+        rows = t.weight > 0
+        fitted = t.measured.torque - structure.columns(t.motion, linear) @ linear
+        assert np.allclose(left[rows], fitted[t.measured.rows][rows], atol=0.2)
+
+
+def test_torque_scales_stay_free_in_the_search(scaled: Any) -> None:
+    measured, solution = scaled
+    off = solution.structure.with_settings([1.03 * s for s in solution.structure.settings])
+    data = DataSet(Rows.of(measured, off), [make_effect("stribeck@joint_2", off.robot)])
+    search = Search(data)
+    (stribeck,) = [h for h in search.best_values(search.given(())) if h.label == "stribeck@joint_2"]
+    left = search.given((stribeck,)).loss.sum() / data.dof.sum()
+    assert left < 2.0, "scales that are three per cent off, fixed, would leave a hundred times the noise"
+
+
+def test_an_effect_among_torque_scales_gets_its_name(scaled: Any) -> None:
+    measured, solution = scaled
+    assert labels(diagnose(measured, solution.structure)) == {"stribeck@joint_2"}
+
+
+def test_friction_that_differs_between_directions_does_not_change_with_the_direction(bench: Any) -> None:
+    effect = make_effect("viscous_asymmetric@joint_2", bench.robot)
+    data = DataSet(Rows.of(bench.measure((STRIBECK,)), bench.structure), [effect])
+    search = Search(data)
+    (settings,) = data.hypotheses.values()
+    words = {split.words for split in splits(search.given(()), settings[0])}
+    assert "with the direction of joint_1" in words
+    assert "with the direction of joint_2" not in words, "viscous friction holds the half of it"
+
+
+def test_an_offset_of_the_model_hides_nothing_by_its_formula(bench: Any) -> None:
+    measured = bench.measure(("torque_offset@joint_1:torque_offset=60", "load_friction@joint_1:load_friction=0.02"))
+    structure = bench.structure.with_further(["torque_offset@joint_1"])
+    data = DataSet(Rows.of(measured, structure), [])
+    assert data.known_errors == {}
+    assert labels(diagnose(measured, structure)) == {"load_friction@joint_1"}

@@ -16,6 +16,7 @@ import numpy as np
 from robot_ident.diagnosis.selection.data_set import DataSet
 from robot_ident.diagnosis.selection.fitted_set import FittedSet, standard_errors
 from robot_ident.diagnosis.selection.hypotheses import Hypothesis
+from robot_ident.regression.gram import HELD, least_solution
 from robot_ident.signals.motion import Mask
 
 _FREE = (-np.inf, np.inf)
@@ -60,8 +61,20 @@ def splits(given: FittedSet, h: Hypothesis) -> Iterator[Split]:
         for words, rows in (("position", _upper_half(data, k)), ("direction", _forward(data, k))):
             masks = [half[:, None] & resolved for half, resolved in zip(rows, data.resolved, strict=True)]
             half = _part(data, h, masks)
-            if half is not None:
+            everywhere = _part(data, h, [np.repeat(half[:, None], data.n, axis=1) for half in rows])
+            if half is not None and everywhere is not None and not _held(given, h, everywhere):
                 yield split(f"with the {words} of {name}", len(h.ranges), *whole, half)
+
+
+def _held(given: FittedSet, h: Hypothesis, half: Hypothesis) -> bool:
+    """Return whether the model and an effect hold the half of the effect already, as friction of another size forwards
+    and backwards does that of friction which differs between the directions.
+    """
+    made = given.addition(-1, h, half)
+    own, more = np.split(np.arange(len(made.size)), [len(h.ranges)])
+    onto = least_solution(made.square[np.ix_(own, own)], made.square[np.ix_(own, more)])
+    left = np.diag(made.square)[more] - np.sum(made.square[np.ix_(own, more)] * onto, axis=0)
+    return bool(np.all(left <= HELD * made.size[more]))
 
 
 def _upper_half(data: DataSet, joint: int) -> list[Mask]:

@@ -152,13 +152,25 @@ class DataSet:
         self.grid = {label: len(settings) for label, settings in self.hypotheses.items()}
 
     def _seen(self, evidence: Evidence, validation: Sequence[Trajectory]) -> tuple[list[Torques], list[Array]]:
-        """Return torques and whitened base columns of every fold."""
-        torques, phi = list(evidence.torques), list(evidence.phi)
+        """Return torques and whitened base columns of every fold; torque scales are free to first order."""
+        torques, phi, links = list(evidence.torques), list(evidence.phi), list(evidence.rigid)
         for t in validation:
             rigid = self.structure.rigid_columns(t.motion)
             phi.append(t.weighed(self.structure.columns(t.motion, evidence.values, rigid)))
             torques.append(self.structure.torques(t.motion, evidence.values, rigid))
+            links.append(rigid)
+        if self.structure.scaled:
+            further = [self._by_scale(*pair, evidence.values) for pair in zip(self.folds, links, strict=True)]
+            phi = [t.beside(*pair) for t, *pair in zip(self.folds, phi, further, strict=True)]
         return torques, phi
+
+    def _by_scale(self, t: Trajectory, rigid: Array, values: Array) -> Array:
+        """Return a fold's derivatives [N, n, scales] by the logarithm of each torque scale that is a parameter."""
+        torque = self.structure.reported(rigid) @ values[: rigid.shape[2]]
+        out = np.zeros((*torque.shape, len(self.structure.scaled)))
+        for k, joint in enumerate(self.structure.scaled):
+            out[:, joint, k] = torque[:, joint]
+        return t.weighed(out)
 
     def _errors_of_known(self, values: Array) -> dict[str, Array]:
         """Return by label the squared error [n] that formulas of added effects may make of the training folds: a share
@@ -166,11 +178,12 @@ class DataSet:
         """
         own = self.base_own[: self.training].sum(axis=0)
         added = {effect.label for effect in self.structure.added}
-        rest = ~self.structure.places_of(lambda effect: effect.label in added)
+        rest = np.ones(self.p, dtype=bool)
+        rest[: len(values)] = ~self.structure.places_of(lambda effect: effect.label in added)
         square = pseudo_inverse(own[:, rest][:, :, rest].sum(axis=0))
         out = {}
         for effect, at in self.structure.placed:
-            if effect.label in added:
+            if effect.label in added and not effect.exact:
                 c = np.zeros(self.p)
                 c[at] = values[at]
                 c[rest] = -square @ (own[:, rest][:, :, at].sum(axis=0) @ values[at])
