@@ -24,16 +24,15 @@ from robot_ident.estimation.identify import identify
 from robot_ident.estimation.prediction import measured_for, predict
 from robot_ident.model.model import Model
 from robot_ident.robot.robot import Robot
-from robot_ident.signals.motion import Array, Motion
+from robot_ident.signals.motion import Array
 from robot_ident.testbed.like_real import KINDS, LikeReal, like_real
 from robot_ident.testbed.trial_table import Rate, wilson
 
 ASKED = 0.15
-"""Share of a joint's excess from which on a cause is asked for."""
+"""Share of a joint's excess from which on a cause is asked for, where the excess is larger than what noise leaves."""
 BINS = (0.0, 0.8, 0.95, 0.999, 1.001)
 """Bounds of the probabilities of names whose truth is counted together."""
 
-_ROWS = 3000  # of the path, on which shares are taken
 _ENDS = 0.5  # s at either end of the unseen path, which filters spoil
 
 
@@ -41,8 +40,9 @@ _ENDS = 0.5  # s at either end of the unseen path, which filters spoil
 class CausesOutcome:
     """What one seed gave.
 
-    causes: what acts, with its share of its joint's excess, `name@joint`; the rest without a name is `@joint`. scaled:
-    joints whose efforts have a scale of their own. named: with their probabilities. averaged: whether periods were
+    causes: what acts, with its share of its joint's excess, `name@joint`; the rest without a name is `@joint`.
+    over_noise: by joint the squared excess over that of what noise leaves. scaled: joints whose efforts have a scale of
+    their own. named: with their probabilities. averaged: whether periods were
     averaged, so that noise is known. before, after: by joint, the mean square error on the unseen path over the exact
     torque's variance, without and with what was named. seconds: processor time of the diagnosis. trouble: the message
     where a step was refused.
@@ -53,6 +53,7 @@ class CausesOutcome:
     rate: float
     averaged: bool
     causes: Mapping[str, float]
+    over_noise: Mapping[str, float]
     scaled: tuple[str, ...]
     verdict: str
     named: Mapping[str, float]
@@ -100,6 +101,7 @@ def run_causes_case(seed: int, robot: Robot) -> CausesOutcome:
     started = time.process_time()
     found = diagnose([measured], model.structure, as_declared=taken_as_declared(model.notes))
     seconds = time.process_time() - started
+    shares, over = _visible(model, case)
     before = _errors(model, case)
     after, trouble = before, ""
     effects = [one.effect for one in found.missing if not one.effect.measuring]
@@ -113,7 +115,8 @@ def run_causes_case(seed: int, robot: Robot) -> CausesOutcome:
         case.kind,
         case.rate,
         measured.motion.periodic,
-        _shares(model, case),
+        shares,
+        over,
         tuple(joint for joint, scale in zip(robot.joints, case.scale, strict=True) if scale != 1.0),
         found.verdict,
         _probabilities(found),
@@ -137,24 +140,38 @@ def _errors(model: Model, case: LikeReal) -> Array:
     return np.asarray(np.mean(((predicted.torque - exact) / exact.std(axis=0))[ends:-ends] ** 2, axis=0))
 
 
-def _shares(model: Model, case: LikeReal) -> dict[str, float]:
-    """Return what share of its joint's excess each cause makes: of what the base model can't take of all of them."""
-    joints, rows = model.robot.joints, slice(None, None, max(1, len(case.path) // _ROWS))
-    path, hidden = case.path[rows], case.hidden[rows]
-    motion = Motion(path[:, 0], path[:, 1], path[:, 2], dt=1.0 / case.rate)
-    base = model.structure.columns(motion, model.values)
+def _visible(model: Model, case: LikeReal) -> tuple[dict[str, float], dict[str, float]]:
+    """Return what share of its joint's excess each cause makes, and each joint's excess over what noise leaves.
+
+    The excess is what the base model can't take of all causes, filtered as the recording is; noise is the rest of what
+    the model leaves, that of the encoders included.
+    """
+    joints = model.robot.joints
+
+    def rows_of(torque: Array) -> Array:
+        measured = measured_for(model, replace(case.train, tau=torque))
+        return np.asarray(measured.passed(measured.torque) * measured.used[measured.rows])
+
+    measured = measured_for(model, case.train)
+    used = measured.used[measured.rows]
+    base = measured.passed(model.structure.columns(measured.motion, model.values)) * used[:, :, None]
     scale = np.array([max(float(np.std(x)), 1e-12) for x in case.exact.T])
-    columns = (base / scale[:, None]).reshape(-1, base.shape[2])
-    torque = np.zeros((len(path), len(joints), len(case.causes)))
+    parts = [rows_of(case.train.tau)]
     for k, cause in enumerate(case.causes):
-        torque[:, cause.joint, k] = hidden[:, k] / scale[cause.joint]
-    flat = torque.reshape(len(columns), -1)
-    left = (flat - columns @ np.linalg.lstsq(columns, flat, rcond=1e-9)[0]).reshape(len(path), len(joints), -1)
-    excess = np.sum(left.sum(axis=2) ** 2, axis=0)
-    return {
-        f"{cause.name}@{joints[cause.joint]}": float(np.sum(left[:, cause.joint, k] ** 2) / excess[cause.joint])
-        for k, cause in enumerate(case.causes)
+        more = case.train.tau.copy()
+        more[:, cause.joint] += case.hidden[:, k]
+        parts.append(rows_of(more) - parts[0])
+    columns = (base / scale[:, None]).reshape(-1, base.shape[2])
+    flat = np.stack([(part / scale).ravel() for part in parts], axis=1)
+    left = (flat - columns @ np.linalg.lstsq(columns, flat, rcond=1e-9)[0]).reshape(*used.shape, -1)
+    excess, noise = left[:, :, 1:].sum(axis=2), left[:, :, 0] - left[:, :, 1:].sum(axis=2)
+    of_all = np.maximum(np.sum(excess**2, axis=0), 1e-300)
+    shares = {
+        f"{cause.name}@{joints[cause.joint]}": float(np.sum(left[:, cause.joint, k] ** 2) / of_all[cause.joint])
+        for k, cause in enumerate(case.causes, 1)
     }
+    over = of_all / np.maximum(np.sum(noise**2, axis=0), 1e-300)
+    return shares, {joint: float(x) for joint, x in zip(joints, over, strict=True)}
 
 
 def causes_summary(outcomes: Sequence[CausesOutcome]) -> dict[str, Any]:
@@ -193,7 +210,7 @@ def _rates(outcomes: Sequence[CausesOutcome]) -> list[Rate]:
         (one.seed, label in {_plain(name) for name in one.named})
         for one in outcomes
         for label, share in one.causes.items()
-        if share >= ASKED and not label.startswith("@")
+        if share >= ASKED and one.over_noise[_apart(label)[2]] > 1.0 and not label.startswith("@")
     ]
     disturbed = [
         (one.seed, any(_apart(name)[2] == joint for name in one.named))

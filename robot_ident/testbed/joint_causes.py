@@ -31,11 +31,14 @@ _WAVES = 6  # of the rest
 
 @dataclass(frozen=True)
 class Course:
-    """Where the joints are: q rad, dq rad/s, and the links' torque that the gears carry, Nm, each [N, n]."""
+    """Where the joints are: q rad, dq rad/s, and the links' torque that the gears carry, Nm, each [N, n]; the motors'
+    turns for each of a joint, [n], 1 where they are not known.
+    """
 
     q: Array
     dq: Array
     load: Array
+    ratio: Array
 
 
 @dataclass(frozen=True)
@@ -160,8 +163,9 @@ def _position_friction(course: Course, joint: int, rng: np.random.Generator) -> 
 
 
 def _torque_ripple(course: Course, joint: int, rng: np.random.Generator) -> Torque:
+    ratio = float(course.ratio[joint])
     least = 2.0 * np.pi * 4.0 / float(np.ptp(course.q[:, joint]))  # four cycles within the travel
-    order = float(np.ceil(_between(rng, least, 3.0 * least)))
+    order = float(np.ceil(_between(rng, least, 3.0 * least))) if ratio == 1.0 else ratio * float(rng.integers(1, 3))
     phase, overtone = rng.uniform(-np.pi, np.pi, 2)
     return lambda x, j: np.sin(order * x.q[:, j] + phase) + 0.2 * np.sin(2.0 * order * x.q[:, j] + overtone)
 

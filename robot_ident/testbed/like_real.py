@@ -30,8 +30,8 @@ class LikeReal:
     """One arm with its recording to fit, another path to judge by, its exact torque there, and the scales [n] of its
     efforts.
 
-    causes: what acts besides links, plain friction and offsets; path [N, 3, n]: q, dq, ddq of the recording to fit, and
-    hidden [N, causes]: the torque of each cause along it.
+    causes: what acts besides links, plain friction and offsets; hidden [N, causes]: the torque of each along the
+    recording to fit.
     """
 
     seed: int
@@ -42,7 +42,6 @@ class LikeReal:
     exact: Array
     scale: Array
     causes: tuple[Cause, ...]
-    path: Array
     hidden: Array
 
 
@@ -67,11 +66,11 @@ def like_real(robot: Robot, seed: int, *, causes: bool = False) -> LikeReal:
     whole = _path(robot, rng, kind, float(truth["lag"]), 24.0)
     if causes:
         drawn = draw_causes(_course(robot, whole), size, np.random.default_rng([seed, _CAUSES]))
-    train, _, path = _recorded(robot, rng, whole, rate, truth, drawn, kind)
+    train, _ = _recorded(robot, rng, whole, rate, truth, drawn, kind)
     hidden = _along(robot, whole, rate, drawn)
     whole = _path(robot, rng, "one pass", float(truth["lag"]), 12.0)
-    test, exact, _ = _recorded(robot, rng, whole, rate, truth, drawn, "one pass")
-    return LikeReal(seed, kind, rate, train, test, exact, truth["scale"], tuple(drawn), path, hidden)
+    test, exact = _recorded(robot, rng, whole, rate, truth, drawn, "one pass")
+    return LikeReal(seed, kind, rate, train, test, exact, truth["scale"], tuple(drawn), hidden)
 
 
 def _size(robot: Robot) -> Array:
@@ -124,7 +123,7 @@ def _links(robot: Robot, path: Array) -> Array:
 
 
 def _course(robot: Robot, whole: Array) -> Course:
-    return Course(whole[:, 0], whole[:, 1], _links(robot, whole))
+    return Course(whole[:, 0], whole[:, 1], _links(robot, whole), robot.drives.gear_ratio)
 
 
 def _sampled(x: Array, rate: float) -> Array:
@@ -148,8 +147,8 @@ def _recorded(
     truth: dict[str, Array],
     causes: Sequence[Cause],
     source: str,
-) -> tuple[Recording, Array, Array]:
-    """Return a recording, the torque that it would hold without noise, and the path, at its samples."""
+) -> tuple[Recording, Array]:
+    """Return a recording and the torque that it would hold without noise, at its samples."""
     path = _sampled(whole, rate)
     speed = path[:, 1]
     exact = truth["scale"] * _links(robot, path)
@@ -161,4 +160,4 @@ def _recorded(
     step = float(truth["step"])
     seen = step * np.round(seen / step) if step else seen
     t = np.arange(len(path)) / rate
-    return Recording(robot.joints, t, seen, tau, source=source), exact, path
+    return Recording(robot.joints, t, seen, tau, source=source), exact

@@ -23,6 +23,7 @@ OUTCOME = CausesOutcome(
     100.0,
     True,
     {"stribeck@joint_1": 0.6, "torque_ripple@joint_1": 0.1, "@joint_1": 0.1, "@joint_2": 1.0},
+    {"joint_1": 3.0, "joint_2": 0.5},
     ("joint_2",),
     "missing",
     {"stribeck@joint_1": 1.0},
@@ -38,7 +39,7 @@ def course(seconds: float = 8.0, rate: float = 1000.0) -> Course:
     rates = np.array([0.9, 1.3, 1.7])
     q = 0.8 * np.sin(t[:, None] * rates)
     dq = 0.8 * rates * np.cos(t[:, None] * rates)
-    return Course(q, dq, 100.0 * np.sin(q))
+    return Course(q, dq, 100.0 * np.sin(q), np.ones(3))
 
 
 def test_all_joints_but_one_have_causes_of_the_size_that_is_said() -> None:
@@ -63,7 +64,7 @@ def test_all_joints_but_one_have_causes_of_the_size_that_is_said() -> None:
 
 def test_friction_with_memory_depends_on_the_way_and_not_on_its_speed() -> None:
     slow = course()
-    fast = Course(slow.q[::2], 2.0 * slow.dq[::2], slow.load[::2])
+    fast = Course(slow.q[::2], 2.0 * slow.dq[::2], slow.load[::2], slow.ratio)
     for seed in range(4):
         for cause in draw_causes(slow, np.full(3, 50.0), np.random.default_rng(seed)):
             if cause.name in ("presliding", "friction_behind_play"):
@@ -84,11 +85,12 @@ def test_a_summary_counts_joint_by_joint() -> None:
     wrong = replace(OUTCOME, seed=1, named={"cable@joint_2": 0.9}, after=(0.4, 0.2))
     line = replace(OUTCOME, seed=2, named={"torque_ripple_2@joint_1": 1.0}, trouble="no")
     silent = replace(OUTCOME, seed=3, named={})
+    faint = replace(OUTCOME, seed=4, over_noise={"joint_1": 0.9, "joint_2": 0.5}, named={})
     assert OUTCOME.right("effort_gain@joint_2")
     assert not OUTCOME.right("effort_gain@joint_1")
-    data = causes_summary([OUTCOME, wrong, line, silent])
+    data = causes_summary([OUTCOME, wrong, line, silent, faint])
     of_all = {rate["name"]: (rate["successes"], rate["cases"]) for rate in data["rates"] if rate["kind"] == "all"}
-    assert list(of_all.values()) == [(2, 3), (1, 4), (1, 4)]
+    assert list(of_all.values()) == [(2, 3), (1, 4), (1, 5)]
     assert [rate["exceptions"] for rate in data["rates"] if rate["kind"] == "all"] == [[1], [1, 2, 3], [1]]
     assert [(one["names"], one["right"]) for one in data["reliability"]] == [(1, 0), (2, 2)]
     assert data["error_removed"]["cases"] == 2
