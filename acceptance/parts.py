@@ -17,6 +17,7 @@ MINUTES = {
     "one_axis": 8,
     "real": 2,
     "like_real": 25,
+    "causes": 30,
     "measurement": 20,
     "robots": 20,
     "recorder": 4,

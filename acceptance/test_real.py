@@ -1,4 +1,6 @@
-"""Public recordings of real arms: held-out error of the base model with no option beside a plain fit by hand."""
+"""Public recordings of real arms: held-out error of the base model with no option beside a plain fit by hand, what is
+named, and what adding it does to that error.
+"""
 
 from __future__ import annotations
 
@@ -12,13 +14,16 @@ from real_arms import Case, real_cases
 from scipy.signal import butter, sosfiltfilt
 
 from robot_ident.cli.output import table
+from robot_ident.diagnosis.diagnosis import Diagnosis
 from robot_ident.errors import InputError
+from robot_ident.estimation.extend import extended
 from robot_ident.estimation.identify import identify
-from robot_ident.estimation.prediction import predict
+from robot_ident.estimation.prediction import measured_for, predict
 from robot_ident.model.model import Model
 from robot_ident.model.structure import Structure
 from robot_ident.recording import Processing
 from robot_ident.signals.motion import Array
+from robot_ident.workflow.steps import find_missing
 
 DATA = Path(__file__).resolve().parents[2] / "shared/data"
 WORSE, WORSE_JOINT = 1.02, 1.10  # times the plain fit's error, in all and at any joint
@@ -32,6 +37,16 @@ class Line:
     plain: tuple[Array, float]
     ours: tuple[Array, float]
     model: Model
+    seconds: float
+
+
+@dataclass(frozen=True)
+class Named:
+    """What is named on the recordings that were fitted, the error with it, and the processor time of the diagnosis."""
+
+    line: Line
+    found: Diagnosis
+    after: tuple[Array, float]
     seconds: float
 
 
@@ -76,6 +91,21 @@ def lines(tmp_path_factory: pytest.TempPathFactory) -> list[Line]:
     return out
 
 
+@pytest.fixture(scope="module")
+def named(lines: list[Line]) -> list[Named]:
+    out = []
+    for line in lines:
+        recordings = line.case.train
+        measured = [measured_for(line.model, one) for one in recordings]
+        began = time.process_time()
+        found = find_missing(line.model, measured)
+        seconds = time.process_time() - began
+        effects = [one.effect for one in found.missing if not one.effect.measuring]
+        better = extended(line.model, measured, lambda of=recordings: of, effects)[-1]
+        out.append(Named(line, found, error(better, line.case), seconds))
+    return out
+
+
 def percent(values: Array) -> str:
     return " ".join(f"{100 * value:.3g}" for value in values)
 
@@ -111,3 +141,22 @@ def test_base_models_of_real_arms(lines: list[Line], capsys: pytest.CaptureFixtu
     assert sum(line.ours[1] for line in lines) < sum(line.plain[1] for line in lines)
     of = {line.case.name: line.ours[1] for line in lines}
     assert of["Panda first half -> rest"] <= 0.0130 * 1.01
+
+
+def test_names_on_real_arms(named: list[Named], capsys: pytest.CaptureFixture[str]) -> None:
+    rows = [
+        (
+            one.line.case.name,
+            f"{100 * one.line.ours[1]:.2f}",
+            f"{100 * one.after[1]:.2f}",
+            ", ".join(f"{f.label} ({f.probability or 1.0:.2f}, {100 * f.explained:.0f} %)" for f in one.found.missing)
+            or one.found.verdict,
+            f"{one.seconds:.1f}",
+        )
+        for one in named
+    ]
+    heads = ("fitted to -> judged on", "base, %", "with names, %", "named (probability, share explained)", "CPU s")
+    with capsys.disabled():
+        print("\n" + table(heads, rows))
+    for one in named:
+        assert one.after[1] <= 1.02 * one.line.ours[1], one.line.case.name

@@ -62,23 +62,16 @@ def draw_causes(course: Course, size: Array, rng: np.random.Generator) -> list[C
     for joint in range(n):
         mine: list[Cause] = []
         chosen = rng.choice(list(_LAWS), int(rng.choice(COUNTS)), replace=False) if joint != without else ()
+        total = np.zeros(len(course.q))
         for name in _compatible([str(one) for one in chosen]):
             law = _LAWS[name](course, joint, rng)
-            low, high = np.log(SIZES)
-            wanted = float(np.exp(rng.uniform(low, high))) * size[joint]
-            mine.append(Cause(name, joint, wanted / _rms(law(course, joint)), law))
-        total = sum((one.torque(course) for one in mine), start=np.zeros(len(course.q)))
+            torque = law(course, joint)
+            factor = _between(rng, *SIZES) * size[joint] / _rms(torque)
+            mine.append(Cause(name, joint, factor, law))
+            total += factor * torque
         rest = rng.uniform(*REST) * _rms(total) if mine else ALONE * size[joint]
         law = _field(course, joint, rng)
         out += [*mine, Cause("", joint, rest / _rms(law(course, joint)), law)]
-    return out
-
-
-def torque_of(causes: Sequence[Cause], course: Course) -> Array:
-    """Return the torque [N, n] of all causes along a course."""
-    out = np.zeros_like(course.q)
-    for cause in causes:
-        out[:, cause.joint] += cause.torque(course)
     return out
 
 

@@ -15,13 +15,15 @@ import pinocchio
 from robot_ident.recording import Recording
 from robot_ident.robot import Robot
 from robot_ident.signals.motion import Array
-from robot_ident.testbed.joint_causes import Cause, Course, draw_causes, torque_of
+from robot_ident.testbed.joint_causes import Cause, Course, draw_causes
 
 FINE = 1000.0  # Hz, at which the arm moves
 RATES = (50.0, 125.0, 250.0, 500.0, 1000.0)
 KINDS = ("periodic", "cyclic", "one pass")
 
 _SETTLING = 2.0  # s, before a recording begins
+_SHORT, _LONG = 24.0, 48.0  # s of a recording to fit: enough for a base model, and for causes besides
+_A_POSE = 6.0  # s of a recording, for each pose that it passes
 _CAUSES = 43  # stream of the random numbers that draw them, apart from all others
 
 
@@ -63,13 +65,14 @@ def like_real(robot: Robot, seed: int, *, causes: bool = False) -> LikeReal:
         "lag": rng.uniform(0.02, 0.08),
     }
     drawn: list[Cause] = []
-    whole = _path(robot, rng, kind, float(truth["lag"]), 24.0)
+    path = _path(robot, rng, kind, float(truth["lag"]), _LONG if causes else _SHORT)
     if causes:
-        drawn = draw_causes(_course(robot, whole), size, np.random.default_rng([seed, _CAUSES]))
-    train, _ = _recorded(robot, rng, whole, rate, truth, drawn, kind)
-    hidden = _along(robot, whole, rate, drawn)
-    whole = _path(robot, rng, "one pass", float(truth["lag"]), 12.0)
-    test, exact = _recorded(robot, rng, whole, rate, truth, drawn, "one pass")
+        drawn = draw_causes(_course(robot, path), size, np.random.default_rng([seed, _CAUSES]))
+    hidden = _hidden(robot, path, rate, drawn)
+    train, _ = _recorded(robot, rng, path, rate, truth, _by_joint(hidden, drawn, n), kind)
+    path = _path(robot, rng, "one pass", float(truth["lag"]), 12.0)
+    also = _by_joint(_hidden(robot, path, rate, drawn), drawn, n)
+    test, exact = _recorded(robot, rng, path, rate, truth, also, "one pass")
     return LikeReal(seed, kind, rate, train, test, exact, truth["scale"], tuple(drawn), hidden)
 
 
@@ -93,9 +96,9 @@ def _reference(rng: np.random.Generator, kind: str, n: int, seconds: float) -> A
     amplitude, phase = rng.uniform(0.08, 0.3, (n, 5)), rng.uniform(0.0, 2.0 * np.pi, (n, 5))
     q = np.einsum("jk,tjk->tj", amplitude, np.sin(t[:, None, None] * rates + phase))
     if kind == "cyclic":  # there and back between poses, with rests
-        poses = rng.uniform(-0.9, 0.9, (4, n))
+        poses = rng.uniform(-0.9, 0.9, (max(4, int(seconds / _A_POSE)), n))
         corner = np.arange(0.0, seconds + 1.5, 1.5)
-        course = np.array([poses[k % 4] for k in range(len(corner))])
+        course = np.array([poses[k % len(poses)] for k in range(len(corner))])
         move = np.clip((t % 1.5) / 1.2, 0.0, 1.0)
         blend = 10.0 * move**3 - 15.0 * move**4 + 6.0 * move**5
         at = (t / 1.5).astype(int)
@@ -131,12 +134,20 @@ def _sampled(x: Array, rate: float) -> Array:
     return x[round(_SETTLING * FINE) :: round(FINE / rate)]
 
 
-def _along(robot: Robot, whole: Array, rate: float, causes: Sequence[Cause]) -> Array:
+def _hidden(robot: Robot, whole: Array, rate: float, causes: Sequence[Cause]) -> Array:
     """Return the torque [N, causes] of each cause at the samples of a recording."""
     if not causes:
         return np.zeros((len(_sampled(whole, rate)), 0))
     course = _course(robot, whole)
     return _sampled(np.column_stack([cause.torque(course) for cause in causes]), rate)
+
+
+def _by_joint(hidden: Array, causes: Sequence[Cause], n: int) -> Array:
+    """Return the torque [N, n] of all causes together."""
+    out = np.zeros((len(hidden), n))
+    for cause, torque in zip(causes, hidden.T, strict=True):
+        out[:, cause.joint] += torque
+    return out
 
 
 def _recorded(
@@ -145,7 +156,7 @@ def _recorded(
     whole: Array,
     rate: float,
     truth: dict[str, Array],
-    causes: Sequence[Cause],
+    hidden: Array,
     source: str,
 ) -> tuple[Recording, Array]:
     """Return a recording and the torque that it would hold without noise, at its samples."""
@@ -153,8 +164,7 @@ def _recorded(
     speed = path[:, 1]
     exact = truth["scale"] * _links(robot, path)
     exact = exact + truth["viscous"] * speed + truth["coulomb"] * np.sign(speed) + truth["offset"]
-    if causes:
-        exact = exact + _sampled(torque_of(causes, _course(robot, whole)), rate)
+    exact = exact + hidden
     tau = exact + truth["noise"] * rng.standard_normal(exact.shape)
     seen = path[:, 0] + truth["encoder"] * rng.standard_normal(exact.shape)
     step = float(truth["step"])
