@@ -97,6 +97,15 @@ def test_a_cause_outside_the_catalogue_gets_no_name(bench: Any) -> None:
     assert found.missing == () and found.verdict in ("unexplained", "not_decidable")
 
 
+def test_friction_of_a_drive_is_named_though_most_of_the_rest_has_an_unknown_cause(bench: Any) -> None:
+    rubbing = bench.measure(("viscous_nonlinear@joint_2:viscous_nonlinear=20",))
+    found = by_sets(bench, [_pulled(measured, 8.0) for measured in rubbing])
+    assert labels(found) == {"viscous_nonlinear@joint_2"}
+    (one,) = found.missing
+    assert one.explained < 0.5, "what explains less of anything else gets no name"
+    assert max(found.remaining_rms.values()) > 2.0, "Nm, that nothing accounts for"
+
+
 def test_a_curve_over_a_position_is_no_two_causes(bench: Any) -> None:
     """A bump looks like a cable and an end stop; a cable is one cause, and may be a spring and an offset."""
     found = by_sets(bench, bench.measure(("unknown_bump@joint_2:bump=25,position=0.1,width=0.3",)))

@@ -61,15 +61,18 @@ def splits(given: FittedSet, h: Hypothesis) -> Iterator[Split]:
         for words, rows in (("position", _upper_half(data, k)), ("direction", _forward(data, k))):
             masks = [half[:, None] & resolved for half, resolved in zip(rows, data.resolved, strict=True)]
             half = _part(data, h, masks)
-            everywhere = _part(data, h, [np.repeat(half[:, None], data.n, axis=1) for half in rows])
-            if half is not None and everywhere is not None and not _held(given, h, everywhere):
+            own = words == "direction" and k in h.joints
+            if half is not None and not (own and _held(given, h, rows)):
                 yield split(f"with the {words} of {name}", len(h.ranges), *whole, half)
 
 
-def _held(given: FittedSet, h: Hypothesis, half: Hypothesis) -> bool:
+def _held(given: FittedSet, h: Hypothesis, rows: Sequence[Mask]) -> bool:
     """Return whether the model and an effect hold the half of the effect already, as friction of another size forwards
     and backwards does that of friction which differs between the directions.
     """
+    half = _part(given.data, h, [np.repeat(mask[:, None], given.data.n, axis=1) for mask in rows])
+    if half is None:
+        return True
     made = given.addition(-1, h, half)
     own, more = np.split(np.arange(len(made.size)), [len(h.ranges)])
     onto = least_solution(made.square[np.ix_(own, own)], made.square[np.ix_(own, more)])

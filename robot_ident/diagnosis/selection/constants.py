@@ -22,8 +22,11 @@ SIZE_ERROR = 0.11
 """Relative standard error, errors of a block taken together, to which the size of an effect must be known; of formulas
 that are less exact as much more."""
 
+SIZE_ERROR_OF_FRICTION = 0.15
+"""The same of friction of the joint's own drive."""
+
 COMPLETE_SIZE_ERROR = 0.2
-"""The same where the set leaves no joint more than formulas, the least torque and noise do: what stands in the place of
+"""The same of all effects where the set leaves no joint more than formulas, the least torque and noise do: what stands in the place of
 an unknown cause explains it in part."""
 
 VAGUE = 0.5
@@ -32,12 +35,9 @@ VAGUE = 0.5
 SHARE = 0.5
 """Of what the other effects leave of a joint that an effect must explain on motion that was not fitted."""
 
-SHARE_OF_ALL = 0.2
-"""The same where noise is not known, so that it counts as left: names of less were not found again in other recordings
-of real arms."""
-
-REMAINDER = 2.0
-"""What may be left of a joint, in units of what formulas, the least torque and noise leave."""
+SHARE_OF_FRICTION = 0.2
+"""The same of friction of the joint's own drive, and of all effects where noise is not known, so that it counts as
+left: names of less were not found again in other recordings of real arms."""
 
 CREEP = 0.01
 """Of a joint's largest speed, below which it creeps or sticks: dry friction rises there with speed or displacement, and

@@ -17,7 +17,7 @@ from robot_ident.diagnosis.measuring.jitter import with_jitter
 from robot_ident.diagnosis.measuring.lookalikes import with_line, with_low_pass
 from robot_ident.diagnosis.power import too_little, unseen_below, with_doubt
 from robot_ident.diagnosis.progress import Tell, silent
-from robot_ident.diagnosis.selection.constants import ALTERNATIVE, FORMULA_ERROR, NAMED
+from robot_ident.diagnosis.selection.constants import ALTERNATIVE, NAMED
 from robot_ident.diagnosis.selection.fitted_parameters import TWO_SIGMA, Fitted, known_parameters
 from robot_ident.diagnosis.selection.fitted_set import FittedSet
 from robot_ident.diagnosis.selection.hypotheses import Hypothesis
@@ -266,10 +266,9 @@ def _notes(found: Selection, verdict: Verdict) -> list[str]:
     if verdict == "missing" and tied:
         notes.append(f"these recordings do not tell the sets apart: {either(tied)}")
     given = found.search.given(found.selected)
-    least = 100.0 * found.search.size_error / FORMULA_ERROR
     notes += [
         f"{h.label} may be missing: its size is known to {100 * given.size_error(h):.0f} %, and no name is given beyond"
-        f" {least * h.formula_error:.0f} %; record more periods or another motion"
+        f" {100 * found.search.largest_size_error(h):.0f} %; record more periods or another motion"
         for h in found.vague
     ]
     notes += [f"{h.label}{CORRECT}" for h in found.selected if h.effect.measuring]

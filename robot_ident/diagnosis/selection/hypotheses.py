@@ -5,6 +5,7 @@ from __future__ import annotations
 from collections.abc import Sequence
 from dataclasses import dataclass
 
+from robot_ident.diagnosis.diagnosis import FRICTION
 from robot_ident.diagnosis.selection.constants import FIRST_ORDER_ERROR, FORMULA_ERROR
 from robot_ident.effects import Effect
 from robot_ident.effects.catalogue import candidates_of
@@ -17,6 +18,9 @@ from robot_ident.signals.motion import Array
 
 TIMING = frozenset({"time_delay", "effort_filter"})
 """Forms of one cause: how late an effort is."""
+
+OWN_FRICTION = FRICTION - {"joint_coupling", "temperature_drift"}
+"""Friction of a joint's own drive: every robot has some of it, and what acts from elsewhere hardly looks like it."""
 
 
 def formula_error(effect: Effect) -> float:
@@ -54,6 +58,11 @@ class Hypothesis:
     def formula_error(self) -> float:
         """Relative rms error of its formula."""
         return formula_error(self.effect)
+
+    @property
+    def own_friction(self) -> bool:
+        """Whether it is friction of a joint's own drive."""
+        return self.effect.name in OWN_FRICTION
 
     def excludes(self, other: Hypothesis) -> bool:
         """Return whether both are forms of one cause at one place, of which at most one can be."""

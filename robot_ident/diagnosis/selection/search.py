@@ -18,8 +18,9 @@ from robot_ident.diagnosis.selection.constants import (
     PAIRS,
     REFINED,
     SHARE,
-    SHARE_OF_ALL,
+    SHARE_OF_FRICTION,
     SIZE_ERROR,
+    SIZE_ERROR_OF_FRICTION,
 )
 from robot_ident.diagnosis.selection.data_set import DataSet
 from robot_ident.diagnosis.selection.fitted_set import FittedSet
@@ -119,10 +120,15 @@ class Search:
         """Return whether the size of a hypothesis is known as well as is asked of its formula, and of one that contains
         another the size of what it has more.
         """
-        least = self.size_error * h.formula_error / FORMULA_ERROR
+        least = self.largest_size_error(h)
         parts = [self.part_of(h, name) for name in type(h.effect).contains]
         sets = [beside, *([*beside, part] for part in parts if part is not None)]
         return all(self.given(one).size_error(h) < least for one in sets)
+
+    def largest_size_error(self, h: Hypothesis) -> float:
+        """Return the relative standard error to which the size of a hypothesis must be known."""
+        asked = max(self.size_error, SIZE_ERROR_OF_FRICTION) if h.own_friction else self.size_error
+        return asked * h.formula_error / FORMULA_ERROR
 
     def part_of(self, h: Hypothesis, name: str) -> Hypothesis | None:
         """Return the effect of a name that a hypothesis contains, at its place; None where it is no hypothesis."""
@@ -143,7 +149,7 @@ class Search:
         """Return whether a hypothesis predicts more than it costs and makes sense.
 
         On each joint no more counts than the excess over noise, and only what exceeds the error of the others' formulas
-        and the least torque worth a name; on the joint where it matters most it must explain half of what they leave.
+        and the least torque worth a name; where it matters most it must explain a share of what they leave.
         """
         given = self.given(beside)
         gain = given.held_out_gain(h)
@@ -154,7 +160,8 @@ class Search:
         by_joint = np.minimum(gain.sum(axis=0), given.largest_excess()) * counts
         beyond = by_joint - np.clip(by_joint, 0.0, self.formula_error(beside))
         beyond -= np.clip(beyond, 0.0, self.least)
-        if beyond.sum() <= cost or self._most_share(h, beside) < (SHARE if self.data.floor else SHARE_OF_ALL):
+        least = SHARE_OF_FRICTION if h.own_friction or not self.data.floor else SHARE
+        if beyond.sum() <= cost or self._most_share(h, beside) < least:
             return False
         return self._makes_sense(h, given)
 

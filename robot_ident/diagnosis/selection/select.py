@@ -13,7 +13,6 @@ from robot_ident.diagnosis.selection.constants import (
     COMPLETE_SIZE_ERROR,
     FLEXIBLE_ERRORS,
     FLEXIBLE_SHARE,
-    REMAINDER,
     STANDARD_ERRORS,
     VAGUE,
 )
@@ -24,7 +23,7 @@ from robot_ident.diagnosis.selection.impacts import add_backlash
 from robot_ident.diagnosis.selection.probability import Election, elect
 from robot_ident.diagnosis.selection.ripples import add_ripples
 from robot_ident.diagnosis.selection.search import Search, Selected
-from robot_ident.diagnosis.selection.unknown_cause import curve_of, flexible_beside
+from robot_ident.diagnosis.selection.unknown_cause import curve_of, flexible_beside, friction_of, groups_of
 from robot_ident.model.structure import Structure
 from robot_ident.recording.measurement import Measurement
 from robot_ident.regression.evidence import Evidence
@@ -214,7 +213,7 @@ class _Judged:
 
     def why_not(self, h: Hypothesis) -> str:
         """Return why an effect is not named, were it alone on its joint; empty where nothing speaks against it."""
-        return self._remainder(h) or self._split(h) or self._flexible(self.main[h.label])
+        return self._split(h) or self._flexible(h)
 
     def _one_curve(self, group: Sequence[Hypothesis], joint: int) -> tuple[Hypothesis | None, str]:
         """Return why several effects over one joint's position are no several causes: any curve over it predicts as
@@ -227,22 +226,10 @@ class _Judged:
         if standard_errors(np.concatenate(leads)) > STANDARD_ERRORS:
             return None, ""
         alone = {h: _Judged(self.search, (*rest, h)) for h in group}
-        enough = [h for h, judged in alone.items() if judged.remainder[joint] <= REMAINDER]
+        enough = [h for h, judged in alone.items() if judged.remainder[joint] <= 1.0]
         best = min(enough, key=lambda h: float(alone[h].given.loss[:, joint].sum()), default=None)
         name = self.search.data.structure.robot.joints[joint]
         return best, f"{' and '.join(h.label for h in group)} together predict no better than one curve over {name}"
-
-    def _remainder(self, h: Hypothesis) -> str:
-        """Return whether more is left on a joint that an effect touches than formulas, least torque and noise leave."""
-        data = self.search.data
-        dof = data.dof[: data.training].sum(axis=0)
-        contribution = self.given.contribution(h)
-        for j in h.joints:
-            touched = contribution[j] > self.least[j] + 2.0 * np.sqrt(2.0 * dof[j])
-            if (touched or j == self.main[h.label]) and self.remainder[j] > REMAINDER:
-                name = data.structure.robot.joints[j]
-                return f"the remainder of {name} is {self.remainder[j]:.2g} times what formulas and noise leave"
-        return ""
 
     def _split(self, h: Hypothesis) -> str:
         """Return whether an effect changes with something that it does not depend on."""
@@ -257,11 +244,14 @@ class _Judged:
                 return f"its size changes {split.words}, so that something else acts there"
         return ""
 
-    def _flexible(self, joint: int) -> str:
-        """Return whether a flexible model predicts a joint better than the selected effects do."""
+    def _flexible(self, h: Hypothesis) -> str:
+        """Return whether a flexible model predicts a joint better than the selected effects do; of friction, a flexible
+        model of friction.
+        """
+        joint = self.main[h.label]
         if self.share[joint] >= 1.0 - FLEXIBLE_SHARE:
             return ""
-        flexible = flexible_beside(self._of_other_joints(joint), joint)
+        flexible = flexible_beside(self._of_other_joints(joint), joint, friction_of if h.own_friction else groups_of)
         losses = self.given.block_losses()
         falls = [losses[f][:, joint] - loss for f, loss in enumerate(flexible.losses)]
         share = (self.before[joint] - flexible.total) / self.excess[joint]

@@ -30,25 +30,28 @@ _ROUNDS = 12  # of the prior variances
 def groups_of(motion: Motion, torques: Torques, joint: int, low: Array, high: Array) -> list[Array]:
     """Return groups of columns [N, k] Nm; low, high [n]: what positions reach in all recordings."""
     q, v, n = motion.q, motion.dq, motion.joints
-    own, sign = v[:, joint], np.sign(v[:, joint])
-    load = torques.load[:, joint]
-
-    def bumps(count: int) -> Array:
-        return _bumps(q[:, joint], low[joint], high[joint], count)
 
     def waves(a: int, b: int) -> Array:
         of = [[f(times * q[:, k]) for f in (np.sin, np.cos) for times in _WAVES] for k in (a, b)]
         return np.array([x * y for x in of[0] for y in of[1]]).T
 
     near = [k for k in range(n) if k != joint][:3] if n <= 4 else [k for k in (joint - 1, joint + 1) if 0 <= k < n]
+    beside = [x for k in near for x in (np.sign(v[:, k]), v[:, k], motion.ddq[:, k])]
+    out = [*curve_of(motion, torques, joint, low, high), *friction_of(motion, torques, joint, low, high)]
+    out += [np.array(beside).T] if beside else []
+    return [*out, *(waves(a, b) for a, b in combinations(sorted({joint, *near}), 2))]
+
+
+def friction_of(motion: Motion, torques: Torques, joint: int, low: Array, high: Array) -> list[Array]:
+    """Return the groups of them that friction of the joint's own drive may make."""
+    q, own = motion.q[:, joint], motion.dq[:, joint]
+    sign, load = np.sign(own), torques.load[:, joint]
     speed = [sign * np.exp(-np.abs(own) / s) for s in _SPEEDS]
     speed += [np.abs(own), own * np.abs(own), own**2, own**3]
     loaded = [np.abs(load) * sign, load * np.abs(load), load, np.abs(load), np.abs(load) * own]
-    memory = [dahl(q[:, joint], reach, motion.periodic) - sign for reach in _REACHES]
-    beside = [x for k in near for x in (np.sign(v[:, k]), v[:, k], motion.ddq[:, k])]
-    out = [bumps(16), bumps(60), sign[:, None] * bumps(12)]
-    out += [np.array(group).T for group in (speed, loaded, memory, beside) if group]
-    return [*out, *(waves(a, b) for a, b in combinations(sorted({joint, *near}), 2))]
+    memory = [dahl(q, reach, motion.periodic) - sign for reach in _REACHES]
+    over_position = sign[:, None] * _bumps(q, low[joint], high[joint], 12)
+    return [over_position, *(np.array(group).T for group in (speed, loaded, memory))]
 
 
 def curve_of(motion: Motion, torques: Torques, joint: int, low: Array, high: Array) -> list[Array]:
