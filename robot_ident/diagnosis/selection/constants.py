@@ -26,8 +26,8 @@ SIZE_ERROR_OF_FRICTION = 0.15
 """The same of friction of the joint's own drive."""
 
 COMPLETE_SIZE_ERROR = 0.2
-"""The same of all effects where the set leaves no joint more than formulas, the least torque and noise do: what stands in the place of
-an unknown cause explains it in part."""
+"""The same of all effects where the set leaves no joint more than formulas, the least torque and noise do: what stands
+in the place of an unknown cause explains it in part."""
 
 VAGUE = 0.5
 """The same from which on an effect is not listed either: zero lies within two standard errors."""
@@ -38,6 +38,10 @@ SHARE = 0.5
 SHARE_OF_FRICTION = 0.2
 """The same of friction of the joint's own drive, and of all effects where noise is not known, so that it counts as
 left: names of less were not found again in other recordings of real arms."""
+
+REMAINDER = 2.0
+"""What may be left of a joint, in units of what formulas, the least torque and noise leave; friction of its own drive is
+named beside more."""
 
 CREEP = 0.01
 """Of a joint's largest speed, below which it creeps or sticks: dry friction rises there with speed or displacement, and

@@ -13,6 +13,7 @@ from robot_ident.diagnosis.selection.constants import (
     COMPLETE_SIZE_ERROR,
     FLEXIBLE_ERRORS,
     FLEXIBLE_SHARE,
+    REMAINDER,
     STANDARD_ERRORS,
     VAGUE,
 )
@@ -213,7 +214,7 @@ class _Judged:
 
     def why_not(self, h: Hypothesis) -> str:
         """Return why an effect is not named, were it alone on its joint; empty where nothing speaks against it."""
-        return self._split(h) or self._flexible(h)
+        return self._remainder(h) or self._split(h) or self._flexible(h)
 
     def _one_curve(self, group: Sequence[Hypothesis], joint: int) -> tuple[Hypothesis | None, str]:
         """Return why several effects over one joint's position are no several causes: any curve over it predicts as
@@ -226,10 +227,22 @@ class _Judged:
         if standard_errors(np.concatenate(leads)) > STANDARD_ERRORS:
             return None, ""
         alone = {h: _Judged(self.search, (*rest, h)) for h in group}
-        enough = [h for h, judged in alone.items() if judged.remainder[joint] <= 1.0]
+        enough = [h for h, judged in alone.items() if judged.remainder[joint] <= REMAINDER]
         best = min(enough, key=lambda h: float(alone[h].given.loss[:, joint].sum()), default=None)
         name = self.search.data.structure.robot.joints[joint]
         return best, f"{' and '.join(h.label for h in group)} together predict no better than one curve over {name}"
+
+    def _remainder(self, h: Hypothesis) -> str:
+        """Return whether more is left on a joint that an effect touches than formulas and noise leave."""
+        data = self.search.data
+        dof = data.dof[: data.training].sum(axis=0)
+        contribution = self.given.contribution(h)
+        for j in () if h.own_friction else h.joints:
+            touched = contribution[j] > self.least[j] + 2.0 * np.sqrt(2.0 * dof[j])
+            if (touched or j == self.main[h.label]) and self.remainder[j] > REMAINDER:
+                name = data.structure.robot.joints[j]
+                return f"the remainder of {name} is {self.remainder[j]:.2g} times what formulas and noise leave"
+        return ""
 
     def _split(self, h: Hypothesis) -> str:
         """Return whether an effect changes with something that it does not depend on."""
