@@ -434,6 +434,16 @@ def test_recordings_that_do_not_tell_their_noise_are_searched_alike(bench: Any) 
         assert sum(one.validation_after.values()) < sum(one.validation_before.values())
 
 
+def test_without_a_noise_floor_what_acts_besides_withholds_no_name(bench: Any) -> None:
+    """A drag that grows as joint 3 stretches follows its position as the parts of the named friction would."""
+    measured = one_pass(bench, ("viscous_nonlinear@joint_2:viscous_nonlinear=25",), (0, 1, 2))
+    dragged = [
+        replace(one, torque=one.torque + np.outer(3.0 * one.motion.q[:, 2] * np.sign(one.motion.dq[:, 1]), [0, 1, 0]))
+        for one in measured
+    ]
+    assert "viscous_nonlinear@joint_2" in labels(by_sets(bench, dragged))
+
+
 def test_without_a_noise_floor_nothing_is_called_adequate(bench: Any) -> None:
     found = by_sets(bench, one_pass(bench, (), (0, 1, 2)))
     assert found.verdict in ("not_decidable", "unexplained") and found.missing == ()

@@ -40,8 +40,8 @@ SHARE_OF_FRICTION = 0.2
 left: names of less were not found again in other recordings of real arms."""
 
 REMAINDER = 2.0
-"""What may be left of a joint, in units of what formulas, the least torque and noise leave; friction of its own drive is
-named beside more."""
+"""What may be left of a joint, in units of what formulas, the least torque and noise leave, for an effect to be named
+that is not friction of its own drive."""
 
 CREEP = 0.01
 """Of a joint's largest speed, below which it creeps or sticks: dry friction rises there with speed or displacement, and

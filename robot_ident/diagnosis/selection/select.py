@@ -245,8 +245,12 @@ class _Judged:
         return ""
 
     def _split(self, h: Hypothesis) -> str:
-        """Return whether an effect changes with something that it does not depend on."""
+        """Return whether an effect changes with something that it does not depend on; not asked where noise is not
+        known: all else that the model lacks changes over the path, and the parts of any effect follow it.
+        """
         data = self.search.data
+        if not data.floor:
+            return ""
         rest = self.search.given([x for x in self.selected if x is not h])
         allowed = float(self.search.formula_error(self.selected)[list(h.joints)].sum())
         found = list(splits(rest, h))
