@@ -498,7 +498,7 @@ def test_torque_scales_stay_free_in_the_search(scaled: Any) -> None:
     search = Search(data)
     (stribeck,) = [h for h in search.best_values(search.given(())) if h.label == "stribeck@joint_2"]
     left = search.given((stribeck,)).loss.sum() / data.dof.sum()
-    assert left < 2.0, "scales that are three per cent off, fixed, would leave a hundred times the noise"
+    assert left < 2.0, "scales that are three per cent off would leave much more, were they fixed"
 
 
 def test_an_effect_among_torque_scales_gets_its_name(scaled: Any) -> None:
