@@ -92,13 +92,14 @@ def test_emps_is_told_that_its_friction_differs_by_direction(emps: Emps, low_pas
     assert 0.3 < size.std < 6.0
 
 
-def test_emps_periods_list_the_same(emps: Emps) -> None:
-    """Beside a noise floor far below the model's error what explains half of that is listed, and not named."""
+def test_emps_periods_name_the_same(emps: Emps) -> None:
+    """Far above the noise floor friction that explains two fifths is named, and what is left has no name."""
     measured = process(emps.whole, emps.robot)
     assert measured.periods == 3
     found = diagnose([measured], Structure.build(emps.robot))
-    assert found.verdict == "unexplained" and found.unexplained is not None
-    assert found.others[0].label == "viscous_asymmetric@slide" and found.others[0].explained > 0.4
+    assert [one.label for one in found.missing] == ["viscous_asymmetric@slide"]
+    assert 0.4 < found.missing[0].explained < 0.5
+    assert found.unexplained is not None and found.remaining_rms["slide"] > 0.5
 
 
 def test_the_validation_counts_as_evidence(emps: Emps) -> None:
