@@ -35,7 +35,7 @@ VAGUE = 0.5
 SHARE = 0.5
 """Of what the other effects leave of a joint that an effect must explain on motion that was not fitted."""
 
-SHARE_OF_FRICTION = 0.2
+PARTIAL_SHARE = 0.2
 """The same of friction of the joint's own drive, and of all effects where noise is not known, so that it counts as
 left: names of less were not found again in other recordings of real arms."""
 

@@ -16,9 +16,9 @@ from robot_ident.diagnosis.selection.constants import (
     FORMULA_ERROR,
     LARGEST_SET,
     PAIRS,
+    PARTIAL_SHARE,
     REFINED,
     SHARE,
-    SHARE_OF_FRICTION,
     SIZE_ERROR,
     SIZE_ERROR_OF_FRICTION,
 )
@@ -160,7 +160,7 @@ class Search:
         by_joint = np.minimum(gain.sum(axis=0), given.largest_excess()) * counts
         beyond = by_joint - np.clip(by_joint, 0.0, self.formula_error(beside))
         beyond -= np.clip(beyond, 0.0, self.least)
-        least = SHARE_OF_FRICTION if h.own_friction or not self.data.floor else SHARE
+        least = PARTIAL_SHARE if h.own_friction or not self.data.floor else SHARE
         if beyond.sum() <= cost or self._most_share(h, beside) < least:
             return False
         return self._makes_sense(h, given)
