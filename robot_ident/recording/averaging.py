@@ -49,9 +49,8 @@ def outlying_periods(periods: Array, what: str = "torque") -> list[int]:
 
 
 _LARGEST_FIT = 400  # lines of the least-squares fit where the samples don't fall on a grid
-FINER = (
-    4  # points per sample of a grid that holds few lines: on a coarser one the jumps of Coulomb's column would alias
-)
+_FINER = 4  # points per sample at most, of a grid that holds few lines: on a coarser one jumps of friction would alias
+_PER_LINE = 20.0  # points in a period of the last line: with as many, what aliases into the lines stays below a percent
 
 
 @dataclass(frozen=True)
@@ -145,6 +144,15 @@ def mean_of(q: Array, tau: Array) -> Average:
     )
 
 
+def grid_of_lines(samples: int, lines: int) -> int:
+    """Return how many points a period of so many samples needs where only so many lines of it are known: no fewer than
+    it has samples, finer lest the jumps of Coulomb's column alias into the lines.
+    """
+    from scipy.fft import next_fast_len
+
+    return min(_FINER * samples, next_fast_len(int(max(samples, _PER_LINE * lines)), real=True))
+
+
 def _fit(recording: Recording, clock: Clock, steady: Steady) -> Average:
     """Fit the lines of one period to samples that fall on no common grid, in least squares."""
     first = clock.t[0] + (steady.last - steady.periods * steady.period + 1) * clock.dt
@@ -153,7 +161,7 @@ def _fit(recording: Recording, clock: Clock, steady: Steady) -> Average:
     t = clock.t[inside] - first
     frequency = 1.0 / (steady.period * clock.dt)
     count = min(int(0.45 * steady.period), _LARGEST_FIT)
-    samples = FINER * round(steady.period)
+    samples = grid_of_lines(round(steady.period), count)
     both = np.hstack([recording.q[inside], recording.tau[inside]])
     lines = fit_lines(t, both, frequency, count)
     mean = evaluate(lines, samples, frequency)

@@ -6,7 +6,7 @@ from dataclasses import replace
 
 import numpy as np
 
-from robot_ident.recording.averaging import FINER, Average, average
+from robot_ident.recording.averaging import Average, average, grid_of_lines
 from robot_ident.recording.clock import Clock
 from robot_ident.recording.measurement import Measurement, Processing
 from robot_ident.recording.noise_spectrum import NoiseSpectrum, noise_spectrum
@@ -200,8 +200,8 @@ def _unused(processing: Processing) -> list[str]:
 def _undone(mean: Average, chain: Chain, frequency: float, samples: int) -> tuple[Average, NoiseSpectrum]:
     """Return the mean period without the measuring chain, exactly at every line, and the noise that is left in it.
 
-    Where a filter was inverted the torque has no lines beyond its bandwidth; the grid is then FINER times as fine, lest
-    the jumps of Coulomb's column alias into the band.
+    Where a filter was inverted the torque has no lines beyond its bandwidth; the grid is then finer, lest the jumps of
+    Coulomb's column alias into the band.
     """
     grid = len(mean.q)
     if chain.trivial:
@@ -214,7 +214,7 @@ def _undone(mean: Average, chain: Chain, frequency: float, samples: int) -> tupl
     lines = mean.lines
     if chain.filtered:
         lines = min(int(chain.bandwidth / frequency + 1e-9), (samples - 1) // 2 if lines is None else lines)
-    finer = grid if mean.lines is not None or lines is None else FINER * grid
+    finer = grid if mean.lines is not None or lines is None else grid_of_lines(grid, lines)
     response = chain.response(rates)
     noise = noise_spectrum(mean.scatter, None, lines=lines, response=response, grid=finer)
 
