@@ -38,6 +38,6 @@ def test_names_of_several_causes_on_every_joint(tmp_path: Path, capsys: pytest.C
         rows = [row for one in found for row in one["rates"] if row["name"].startswith(name) and row["kind"] == "all"]
         return float(sum(row["successes"] for row in rows) / max(1, sum(row["cases"] for row in rows)))
 
-    assert share("names that are right") >= 0.95
+    assert share("names that are right, or tied with one that is") >= 0.95
     assert share("causes of") >= 0.8
     assert share("joints without") == 0.0

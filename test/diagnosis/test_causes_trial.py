@@ -90,14 +90,16 @@ def test_a_summary_counts_joint_by_joint() -> None:
     faint = replace(OUTCOME, seed=4, over_noise={"joint_1": 0.9, "joint_2": 0.5}, named={})
     assert OUTCOME.right("effort_gain@joint_2")
     assert not OUTCOME.right("effort_gain@joint_1")
-    data = causes_summary([OUTCOME, wrong, line, silent, faint])
+    tie = {"cable@joint_1": ("end_stop@joint_1", "stribeck@joint_1")}
+    either = replace(OUTCOME, seed=5, named={"cable@joint_1": 0.9}, tied=tie, trouble="no")
+    data = causes_summary([OUTCOME, wrong, line, silent, faint, either])
     of_all = {rate["name"]: (rate["successes"], rate["cases"]) for rate in data["rates"] if rate["kind"] == "all"}
-    assert list(of_all.values()) == [(2, 3), (1, 4), (1, 5)]
-    assert [rate["exceptions"] for rate in data["rates"] if rate["kind"] == "all"] == [[1], [1, 2, 3], [1]]
-    assert [(one["names"], one["right"]) for one in data["reliability"]] == [(1, 0), (2, 2)]
+    assert list(of_all.values()) == [(3, 4), (3, 4), (2, 5), (1, 6)]
+    assert [rate["exceptions"] for rate in data["rates"] if rate["kind"] == "all"] == [[1], [5], [1, 2, 3], [1]]
+    assert [(one["names"], one["right"]) for one in data["reliability"]] == [(2, 1), (2, 2)]
     assert data["error_removed"]["cases"] == 2
     assert data["error_removed"]["median"] == pytest.approx((0.6 - 0.2) / 2)
-    assert data["troubles"] == {"2": "no"}
+    assert data["troubles"] == {"2": "no", "5": "no"}
 
 
 def test_a_trial_prints_what_it_counts(verb: Verb) -> None:

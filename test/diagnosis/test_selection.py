@@ -117,6 +117,15 @@ def test_a_curve_over_a_position_is_no_two_causes(bench: Any) -> None:
     assert f"these recordings do not tell the sets apart: either cable@joint_3, or {other}" in found.notes
 
 
+def test_a_play_and_a_way_to_sliding_are_told_apart_where_the_recording_shows_the_way(bench: Any) -> None:
+    """A milliradian is crossed between two samples; thirty take a tenth of a second, in which friction is away."""
+    fast = by_sets(bench, bench.measure(("presliding@joint_1:reach=0.001",)))
+    assert {label for one in fast.missing for label in (one.label, *one.tied_with)} == set(LATE)
+    slow = by_sets(bench, bench.measure(("friction_behind_play@joint_1:level=20,gap=0.03,reach=0.001",)))
+    assert labels(slow) == {LATE[1]} and slow.tied_sets == ()
+
+
+LATE = ("presliding@joint_1", "friction_behind_play@joint_1")
 EARLY = "time_delay@joint_3:time_delay=-0.003"
 """Half a sample early: it shows in one sample before each reversal."""
 

@@ -17,7 +17,7 @@ from robot_ident.diagnosis.measuring.jitter import with_jitter
 from robot_ident.diagnosis.measuring.lookalikes import with_line, with_low_pass
 from robot_ident.diagnosis.power import too_little, unseen_below, with_doubt
 from robot_ident.diagnosis.progress import Tell, silent
-from robot_ident.diagnosis.selection.constants import ALTERNATIVE, NAMED
+from robot_ident.diagnosis.selection.constants import NAMED
 from robot_ident.diagnosis.selection.fitted_parameters import TWO_SIGMA, Fitted, known_parameters
 from robot_ident.diagnosis.selection.fitted_set import FittedSet
 from robot_ident.diagnosis.selection.hypotheses import Hypothesis
@@ -236,11 +236,7 @@ def _instead_of(found: Selection, h: Hypothesis) -> list[list[str]]:
     if found.election is None or h not in found.selected:
         return []
     mine = {x.label for x in found.selected}
-    return [
-        [other for other in labels if other not in mine]
-        for labels, share in found.election.alternatives.items()
-        if share >= ALTERNATIVE and h.label not in labels
-    ]
+    return [[other for other in labels if other not in mine] for labels in found.election.tied if h.label not in labels]
 
 
 def _alternatives(found: Selection) -> tuple[tuple[str, ...], ...]:
@@ -252,11 +248,7 @@ def _alternatives(found: Selection) -> tuple[tuple[str, ...], ...]:
         return ()
     mine = tuple(sorted(h.label for h in found.selected))
     besides = {*mine, *(h.label for h in found.vague)}
-    others = [
-        labels
-        for labels, share in found.election.alternatives.items()
-        if share >= ALTERNATIVE and labels != mine and not (set(mine) <= set(labels) <= besides)
-    ]
+    others = [labels for labels in found.election.tied if labels != mine and not (set(mine) <= set(labels) <= besides)]
     return (mine, *others) if others else ()
 
 

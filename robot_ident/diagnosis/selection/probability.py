@@ -7,7 +7,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from robot_ident.diagnosis.selection.constants import RESAMPLES
+from robot_ident.diagnosis.selection.constants import ALTERNATIVE, RESAMPLES
 from robot_ident.diagnosis.selection.hypotheses import Hypothesis
 from robot_ident.diagnosis.selection.search import Search, Selected, names
 
@@ -18,12 +18,20 @@ class Election:
     that each set wins, by its labels.
 
     shares: what a set of several effects on a joint wins counts for one of fewer that predicts as well but for what its
-    formulas may err; alternatives: every set's own share.
+    formulas may err; alternatives: every set's own share. alike: sets with another effect in the place of one of the
+    winner's, where both predict as well but for what their formulas may err: real causes are no nearer to a formula.
     """
 
     winner: Selected
     shares: Mapping[tuple[str, ...], float]
     alternatives: Mapping[tuple[str, ...], float]
+    alike: tuple[tuple[str, ...], ...] = ()
+
+    @property
+    def tied(self) -> tuple[tuple[str, ...], ...]:
+        """Sets that these recordings don't tell from the winner: those that win often enough, and those alike."""
+        often = tuple(key for key, share in self.alternatives.items() if share >= ALTERNATIVE)
+        return (*often, *(key for key in self.alike if key not in often))
 
     def probability(self, label: str) -> float:
         """Return the share of the resamples won by sets that hold a label."""
@@ -53,7 +61,25 @@ def elect(search: Search, selected: Selected, seed: int = 0) -> Election:
         shares[simplest] = shares.get(simplest, 0.0) + share
     ahead = [key for key in shares if shares[key] > shares.get(names(selected), 0.0)]
     best = next((key for key in sorted(ahead, key=lambda key: -shares[key]) if _tenable(search, sets[key])), None)
-    return Election(selected if best is None else sets[best], shares, own)
+    winner = selected if best is None else sets[best]
+    return Election(winner, shares, own, tuple(key for key in labels if _alike(search, winner, sets[key])))
+
+
+def _alike(search: Search, winner: Selected, other: Selected) -> bool:
+    """Return whether a set has another effect in the place of one of the winner's, none of which contains the other,
+    and both predict every joint that the two touch as well but for what their formulas may err.
+    """
+    (mine, instead) = ([h for h in one if h.label not in names(two)] for one, two in ((winner, other), (other, winner)))
+    if len(mine) != 1 or len(instead) != 1 or not {*mine[0].joints} & {*instead[0].joints}:
+        return False
+    a, b = mine[0].effect, instead[0].effect
+    if a.name in type(b).contains or b.name in type(a).contains:
+        return False
+    return all(
+        search.as_good(one, two, joint)
+        for joint in {*mine[0].joints, *instead[0].joints}
+        for one, two in ((winner, other), (other, winner))
+    )
 
 
 def _tenable(search: Search, some: Selected) -> bool:
