@@ -6,6 +6,7 @@ from collections.abc import Sequence
 from typing import Any
 
 from robot_ident.effects.effect import Coefficient, Effect, Mathematics, Signals
+from robot_ident.robot.robot import Robot
 
 
 class Cable(Effect):
@@ -26,6 +27,11 @@ class Cable(Effect):
     experiment = "a slow sweep over the whole range of the joint"
     magnitude = "3-20 / 0.2-2 Nm/rad"
     contains = {"torque_offset": "offset"}
+
+    @classmethod
+    def available(cls, robot: Robot, joint: int | None) -> str | None:
+        """Sit on a joint whose position has limits."""
+        return cls.no_end(robot, joint)
 
     def full_terms(self, x: Signals, m: Mathematics) -> Sequence[dict[int, Any]]:
         """Return q and 1."""

@@ -252,6 +252,13 @@ class Effect(ABC):
         """Return why a robot can't have the effect at a joint (None: on the whole of it), or None where it can."""
         return None
 
+    @staticmethod
+    def no_end(robot: Robot, joint: int | None) -> str | None:
+        """Return why a joint whose positions have no limits holds no law over them; None where it has limits."""
+        if joint is None or np.all(np.isfinite([robot.limits.lower[joint], robot.limits.upper[joint]])):
+            return None
+        return "the joint turns without end (its position has no limits)"
+
     def placed_inner(self) -> tuple[Inner, ...]:
         """Return the inner parameters at this place."""
         prismatic = self._prismatic

@@ -9,6 +9,7 @@ from typing import Any
 import numpy as np
 
 from robot_ident.effects.effect import Coefficient, Effect, Inner, Mathematics, Signals
+from robot_ident.robot.robot import Robot
 from robot_ident.signals.motion import Motion
 
 _UPPER, _LOWER, _BOTH = 1.0, -1.0, 0.0
@@ -34,6 +35,11 @@ class EndStop(Effect):
     confused_with = ("cable", "gravity_spring")
     experiment = "two motions that both reach the end: a stop acts beyond one position alone"
     magnitude = "15-120 / 2-20 Nm/rad"
+
+    @classmethod
+    def available(cls, robot: Robot, joint: int | None) -> str | None:
+        """Sit on a joint whose position has limits."""
+        return cls.no_end(robot, joint)
 
     def placed_inner(self) -> tuple[Inner, ...]:
         """Look for the stop within the joint's limits, where it has some."""
@@ -73,6 +79,4 @@ class EndStop(Effect):
 
     def _limits(self) -> tuple[float, float]:
         lower, upper = self.robot.limits.lower[self.joint], self.robot.limits.upper[self.joint]
-        if not (np.isfinite(lower) and np.isfinite(upper)):
-            return (-1.0, 1.0) if self._prismatic else (-2 * np.pi, 2 * np.pi)
         return float(lower), float(upper)

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import sys
 from collections.abc import Callable
+from dataclasses import replace
 from types import SimpleNamespace
 from typing import Any
 
@@ -192,6 +193,16 @@ def test_a_spring_of_unknown_geometry_has_columns_of_its_own(joint: str, kuka: A
 def test_what_a_robot_can_not_have_is_one_line(label: str, words: str, kuka: Any) -> None:
     with pytest.raises(InputError, match=words):
         make_effect(label, kuka.robot)
+
+
+def test_what_is_stretched_over_a_position_needs_its_limits(kuka: Any) -> None:
+    """A shaft that turns without end would wind a cable up, and no stop is reached."""
+    limits = replace(kuka.robot.limits, lower=np.array([-np.inf, -1.2, -1.2]), upper=np.array([np.inf, 1.2, 1.2]))
+    endless = Structure.build(replace(kuka.robot, limits=limits))
+    tried = {effect.label for effect in candidates_of(endless)}
+    assert not tried & {"cable@joint_1", "end_stop@joint_1"} and {"cable@joint_2", "end_stop@joint_2"} <= tried
+    with pytest.raises(InputError, match="cable@joint_1"):
+        make_effect("cable@joint_1", endless.robot)
 
 
 def test_orders_of_a_ripple_count_the_motor_where_its_gear_is_declared(kuka: Any, slide: Any) -> None:
