@@ -4,10 +4,13 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from dataclasses import dataclass
+from functools import cached_property
 
 import numpy as np
 
+from robot_ident.effects import Effect
 from robot_ident.errors import InputError
+from robot_ident.model.rigid_sensitivity import RigidSensitivity
 from robot_ident.model.structure import Structure
 from robot_ident.recording.checks import refuse_silent
 from robot_ident.recording.measurement import Measurement
@@ -37,24 +40,67 @@ class Equations:
         return len(self.torque)
 
 
+class Compared:
+    """One measurement's torque and columns as they are compared, low-passed and decimated; while inner parameters are
+    searched, what does not change from one trial to the next is passed once.
+    """
+
+    def __init__(self, measured: Measurement, structure: Structure) -> None:
+        """Compute the columns of the links."""
+        self.measured = measured
+        self.rigid = structure.rigid_columns(measured.motion)
+        self._kept: dict[str, tuple[object, Array]] = {}
+        self._arm: tuple[bytes, RigidSensitivity] | None = None
+
+    @cached_property
+    def torque(self) -> Array:
+        """[N, n] Nm."""
+        return self.measured.passed(self.measured.torque)
+
+    @cached_property
+    def _links(self) -> Array:
+        return self.measured.passed(self.rigid)
+
+    def columns(self, structure: Structure, values: Array | None) -> Array:
+        """Return Phi [N, n, p]; values [p]: where columns depend on the model's torque."""
+        arm = self._sensitivity(structure, values) if structure.uses_torque and values is not None else None
+        _, *parts = structure.parts(self.measured.motion, values, self.rigid, arm)
+        passed = [self._passed(*pair) for pair in zip(structure.effects, parts, strict=True)]
+        return np.concatenate([structure.reported(self._links), *passed], axis=2)
+
+    def _sensitivity(self, structure: Structure, values: Array) -> RigidSensitivity:
+        state = values[: self.rigid.shape[2]].tobytes() + structure.scales.tobytes()
+        if self._arm is None or self._arm[0] != state:
+            self._arm = state, structure.sensitivity(self.measured.motion, values)
+        return self._arm[1]
+
+    def _passed(self, effect: Effect, columns: Array) -> Array:
+        """Return an effect's columns as they are compared, as they were where nothing has changed."""
+        if effect.uses_torque:
+            return self.measured.passed(columns)
+        state = (effect.setting, effect.coefficients)
+        if effect.label not in self._kept or self._kept[effect.label][0] != state:
+            self._kept[effect.label] = state, self.measured.passed(columns)
+        return self._kept[effect.label][1]
+
+
 def stack(
     measurements: Sequence[Measurement],
     structure: Structure,
     values: Array | None = None,
-    rigid: Sequence[Array] | None = None,
+    compared: Sequence[Compared] | None = None,
 ) -> Equations:
     """Return the equations of some measurements; InputError when a joint has too few rows.
 
-    values [p]: where columns depend on the model's torque. rigid: base columns of each measurement, where known
-    already.
+    values [p]: where columns depend on the model's torque. compared: the measurements as they are compared, where
+    their columns are computed again and again.
     """
     refuse_silent(measurements, "; identify the others alone: --joints {moving}")
     source = ", ".join(measured.source for measured in measurements)
     parts: list[list[np.ndarray]] = []
     for block, measured in enumerate(measurements):
-        known = None if rigid is None else rigid[block]
-        phi = measured.passed(structure.columns(measured.motion, values, known))
-        torque = measured.passed(measured.torque)
+        one = Compared(measured, structure) if compared is None else compared[block]
+        phi, torque = one.columns(structure, values), one.torque
         used = measured.used[measured.rows]
         variance = measured.averaged_variance
         for joint in range(structure.robot.n):

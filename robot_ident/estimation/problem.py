@@ -10,7 +10,7 @@ import numpy as np
 
 from robot_ident.effects.torque_scale import SPREAD, TorqueScale
 from robot_ident.estimation.covariance import sandwich
-from robot_ident.estimation.equations import Equations, stack
+from robot_ident.estimation.equations import Compared, Equations, stack
 from robot_ident.estimation.least_squares import Factor, factor, ordinary
 from robot_ident.estimation.row_noise import RowNoise, row_noise
 from robot_ident.model.structure import Structure
@@ -40,15 +40,15 @@ class Solution:
 
 
 class Problem:
-    """The measurements with what does not change while parameters are searched: base columns and noise."""
+    """The measurements with what does not change while parameters are searched: columns and noise."""
 
     def __init__(self, measurements: Sequence[Measurement], structure: Structure, *, weighted: bool = True) -> None:
-        """Compute the base columns once; `weighted` by the noise, or every row alike."""
+        """Compute the links' columns once; `weighted` by the noise, or every row alike."""
         self.measurements = measurements
         self.names = structure.names
         self.source = ", ".join(measured.source for measured in measurements)
         self.weighted = weighted
-        self.rigid = [structure.rigid_columns(measured.motion) for measured in measurements]
+        self.compared = [Compared(measured, structure) for measured in measurements]
         equations = self.equations(structure, None)
         self.variance, self.notes = _variances(equations, structure, measurements, self.source)
         self.noise: RowNoise = row_noise(measurements, equations, self.variance)
@@ -62,7 +62,7 @@ class Problem:
         """Return the same problem, same rows and noise, along other motions."""
         other = copy(self)
         other.measurements = measurements
-        other.rigid = [structure.rigid_columns(measured.motion) for measured in measurements]
+        other.compared = [Compared(measured, structure) for measured in measurements]
         return other
 
     def weighed_anew(self, structure: Structure) -> Problem:
@@ -92,7 +92,7 @@ class Problem:
 
     def equations(self, structure: Structure, values: Array | None) -> Equations:
         """Return the equations for given inner parameters and torques."""
-        return stack(self.measurements, structure, values, self.rigid)
+        return stack(self.measurements, structure, values, self.compared)
 
     def linear(self, structure: Structure, start: Array | None = None) -> tuple[Array, Array, Equations]:
         """Return (theta [p], (F' W F)^-1, equations) for given inner parameters; `covariance` says what the noise makes

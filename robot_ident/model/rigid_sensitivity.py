@@ -51,13 +51,22 @@ class RigidSensitivity:
 
     def gravity(self, direction: Array) -> Array:
         """Return the torque [N, n] Nm per m/s^2 of gravity in a direction [3] of the base (it is linear in gravity)."""
+        torque = np.asarray(self._gravity @ np.asarray(direction, dtype=float))
+        return torque if self.scales is None else np.asarray(torque * self.scales)
+
+    @cached_property
+    def _gravity(self) -> Array:
+        """The torque [N, n, 3] Nm per m/s^2 of gravity along x, y and z of the base."""
         import pinocchio
 
         model = self._model()
-        model.gravity.linear = np.asarray(direction, dtype=float)
-        data = model.createData()
-        torque = np.array([pinocchio.computeGeneralizedGravity(model, data, q).copy() for q in self.motion.q])
-        return torque if self.scales is None else np.asarray(torque * self.scales)
+        out = np.empty((*self.motion.q.shape, 3))
+        for axis, direction in enumerate(np.eye(3)):
+            model.gravity.linear = direction
+            data = model.createData()
+            for row, q in zip(out[:, :, axis], self.motion.q, strict=True):
+                row[:] = pinocchio.computeGeneralizedGravity(model, data, q)
+        return out
 
     def mounted(self, joint: int) -> Array:
         """Return the change of torque [N, n, 3] Nm per metre by which a joint's origin moves along x, y, z of the frame

@@ -212,28 +212,47 @@ class Structure:
         values [p or more] are needed where an effect depends on the model's torque (zero torque is taken without them).
         rigid: `rigid_columns`, where they are known already.
         """
+        return np.concatenate(self.parts(motion, values, rigid), axis=2)
+
+    def parts(
+        self,
+        motion: Motion,
+        values: Array | None = None,
+        rigid: Array | None = None,
+        sensitivity: RigidSensitivity | None = None,
+    ) -> list[Array]:
+        """Return the columns [N, n, k] of the base parameters and of each effect apart; sensitivity: of the rigid arm
+        with these values, where it is known already.
+        """
         rigid = self.reported(self.rigid_columns(motion) if rigid is None else rigid)
         plain = [rigid, *(effect.columns(motion) for effect in self.effects if not effect.uses_torque)]
         if not self.uses_torque:
-            return np.concatenate(plain, axis=2)
-        torques = self._torques(motion, plain, values)
-        parts, rest = [rigid], iter(plain[1:])
-        for effect in self.effects:
-            parts.append(effect.columns(motion, torques) if effect.uses_torque else next(rest))
-        return np.concatenate(parts, axis=2)
+            return plain
+        torques = self._torques(motion, plain, values, sensitivity)
+        rest = iter(plain[1:])
+        return [rigid, *(e.columns(motion, torques) if e.uses_torque else next(rest) for e in self.effects)]
+
+    def sensitivity(self, motion: Motion, values: Array) -> RigidSensitivity:
+        """Return how the torque of the rigid arm with parameters values [p or more] changes along a motion."""
+        return RigidSensitivity(self.robot, self.base, values[: len(self.base.columns)], motion, self.scales)
 
     def torques(self, motion: Motion, values: Array, rigid: Array | None = None) -> Torques:
         """Return the torques [N, n] that effects may depend on; rigid: as for `columns`."""
         rigid = self.reported(self.rigid_columns(motion) if rigid is None else rigid)
         return self._torques(motion, [rigid, *(e.columns(motion) for e in self.effects if not e.uses_torque)], values)
 
-    def _torques(self, motion: Motion, plain: Sequence[Array], values: Array | None) -> Torques:
+    def _torques(
+        self,
+        motion: Motion,
+        plain: Sequence[Array],
+        values: Array | None,
+        sensitivity: RigidSensitivity | None = None,
+    ) -> Torques:
         if values is None:
             nothing = np.zeros(plain[0].shape[:2])
             return Torques(nothing, nothing)
         load, total, dry = self.load_total_dry(plain, values)
-        rigid = RigidSensitivity(self.robot, self.base, values[: len(self.base.columns)], motion, self.scales)
-        return Torques(load, total, rigid, dry)
+        return Torques(load, total, sensitivity or self.sensitivity(motion, values), dry)
 
     def load_total_dry(self, plain: Sequence[Any], values: Array) -> tuple[Any, Any, Any]:
         """Return the torque of what loads the gear, of all effects that don't depend on torque, and of dry friction.

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from dataclasses import replace
 from typing import Any
 
 import numpy as np
@@ -9,11 +10,13 @@ import pytest
 from scipy.signal import lfilter
 
 from robot_ident.errors import InputError
+from robot_ident.estimation.equations import stack
 from robot_ident.estimation.least_squares import factor
 from robot_ident.estimation.problem import Problem
 from robot_ident.estimation.projection import Projection
 from robot_ident.model.structure import Structure
 from robot_ident.recording import Measurement, Recording, process
+from robot_ident.signals.filters import PeriodicLowPass
 from robot_ident.signals.motion import Array
 
 STRIBECK = ["stribeck@joint_1", "gravity_spring@joint_2", "stribeck@joint_3"]
@@ -40,6 +43,23 @@ def whole(problem: Problem, structure: Structure, near: Array | None) -> Array:
     equations = problem.equations(structure, near)
     values = problem.factored(equations.phi, problem.names).solve(problem.right(equations.torque))
     return problem.noise.whiten(equations.torque - equations.phi @ values)
+
+
+@pytest.mark.parametrize("low_pass", [None, 20.0])
+def test_what_is_kept_between_trials_changes_no_column(arm: Any, low_pass: float | None) -> None:
+    effects = [*STRIBECK, "torque_scale@joint_2", "load_friction@joint_3", "base_tilt", "joint_elasticity@joint_1"]
+    structure = Structure.build(arm.robot, effects)
+    whole = measured(arm, 0.0)
+    assert whole.base_frequency is not None
+    passes = None if low_pass is None else PeriodicLowPass(low_pass, whole.base_frequency, whole.motion.samples)
+    problem = Problem([replace(whole, low_pass=passes)], structure)
+    rng = np.random.default_rng(3)
+    values, twice = problem.linear(structure)[0], 0.5 * structure.true_values()
+    for near in (values, None, twice, values):
+        moved = elsewhere(structure, rng)
+        kept, anew = problem.equations(moved, near), stack(problem.measurements, moved, near)
+        np.testing.assert_allclose(kept.phi, anew.phi, atol=1e-12 * np.abs(anew.phi).max())
+        assert np.array_equal(kept.torque, anew.torque)
 
 
 @pytest.mark.parametrize("effects", [STRIBECK, [*STRIBECK, "load_friction@joint_3"]])
