@@ -65,6 +65,17 @@ def test_one_effort_under_two_names(sign: float) -> None:
         check_samples(replace(recording, tau=tau))
 
 
+@pytest.mark.parametrize("bits", [12, 16])
+@pytest.mark.parametrize("share", [0.2, 0.25, 1 / 3, 0.4001])
+def test_steady_speeds_on_an_encoder_are_taken(bits: int, share: float) -> None:
+    """At so many counts and a share of one a sample the positions bend every so many samples, by one count."""
+    step = 2.0 * np.pi / 2**bits
+    speeds = np.repeat((np.array([7, -11, 19, -27, 9]) + share) * step, 1400)
+    q = np.round(np.cumsum(speeds) / step)[:, None] * step
+    tau = np.sign(speeds)[:, None] + np.random.default_rng(1).normal(0.0, 0.1, q.shape)
+    check_samples(Recording(("shaft",), np.arange(len(q)) / 250.0, q, tau))
+
+
 @pytest.mark.parametrize("step", [1e-5, 1e-3, 1e-2])
 @pytest.mark.parametrize("rate", [20.0, 100.0, 1000.0])
 def test_what_was_measured_is_taken(step: float, rate: float) -> None:
