@@ -1,1 +1,1 @@
-"""Self-contained HTML pages: a frame, and sections that are each a small class with its template."""
+"""Self-contained HTML pages: a frame, and sections that are each a function that fills a template."""

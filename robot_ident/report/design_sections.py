@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 from collections.abc import Mapping
-from dataclasses import dataclass
 from typing import Any
 
 from robot_ident.design.bound import Bound
@@ -18,194 +17,86 @@ from robot_ident.trajectories.excitation import Excitation
 from robot_ident.workflow.findings import Findings
 
 
-@dataclass(frozen=True)
-class Convergence(Section):
-    """The best value over time."""
-
-    found: DesignResult
-    bound: Bound | None
-
-    title = "How the search went"
-    template = "one_plot.html.j2"
-
-    def context(self) -> Mapping[str, Any]:
-        """Return the figure."""
-        figure = convergence_figure(self.found, self.bound)
-        return {"figure": Plot(figure, convergence_text(self.found, self.bound))}
+def _one_plot(title: str, plot: Plot) -> Section:
+    return Section(title, "one_plot.html.j2", {"figure": plot})
 
 
-@dataclass(frozen=True)
-class DesignVerdict(Section):
-    """The verdict on a design."""
-
-    found: DesignResult
-    bound: Bound | None
-
-    title = "Verdict"
-    template = "design_verdict.html.j2"
-
-    def context(self) -> Mapping[str, Any]:
-        """Return the sentence, the figures and the notes."""
-        found, bound = self.found, self.bound
-        figures = [
-            ("log10 det of the covariance", f"{found.log10_det_covariance:.2f}"),
-            ("condition number", f"{found.condition_number:.2f}"),
-            ("parameters", str(len(found.parameters))),
-            ("time of the search", f"{found.seconds:.0f} s"),
+def _verdict_section(found: DesignResult, bound: Bound | None) -> Section:
+    """Return the sentence, the figures and the notes."""
+    figures = [
+        ("log10 det of the covariance", f"{found.log10_det_covariance:.2f}"),
+        ("condition number", f"{found.condition_number:.2f}"),
+        ("parameters", str(len(found.parameters))),
+        ("time of the search", f"{found.seconds:.0f} s"),
+    ]
+    notes, rest = list(found.notes), ""
+    if bound is not None:
+        efficiency = bound.efficiency(found.log10_det_covariance)
+        figures[2:2] = [
+            ("no trajectory gets below", f"{bound.log10_det_covariance:.2f}"),
+            ("D-efficiency, at least", f"{efficiency:.0%}"),
         ]
-        notes = list(found.notes)
-        if bound is not None:
-            efficiency = bound.efficiency(found.log10_det_covariance)
-            figures[2:2] = [
-                ("no trajectory gets below", f"{bound.log10_det_covariance:.2f}"),
-                ("D-efficiency, at least", f"{efficiency:.0%}"),
-            ]
-            notes.append(bound.explanation())
-        return {"verdict": self._verdict(), "figures": figures, "notes": notes}
-
-    def _verdict(self) -> str:
-        found = self.found
-        motion = "The motion keeps" if len(found.excitations) == 1 else f"All {len(found.excitations)} motions keep"
-        tightest = found.margins.tightest
-        nearest = f"; the tightest: {tightest}" if tightest else ""
-        rest = ""
-        if self.bound is not None:
-            share = self.bound.efficiency(found.log10_det_covariance)
-            rest = f" Per parameter it tells at least {share:.0%} of what any motion within them could."
-        return f"{motion} every limit{nearest}.{rest}"
+        notes.append(bound.explanation())
+        rest = f" Per parameter it tells at least {efficiency:.0%} of what any motion within them could."
+    motion = "The motion keeps" if len(found.excitations) == 1 else f"All {len(found.excitations)} motions keep"
+    nearest = f"; the tightest: {found.margins.tightest}" if found.margins.tightest else ""
+    words = f"{motion} every limit{nearest}.{rest}"
+    return Section("Verdict", "design_verdict.html.j2", {"verdict": words, "figures": figures, "notes": notes})
 
 
-_HEADER = ("limit", "joint or rule", "reached", "allowed", "margin", "unit", "at t [s]", "by")
+def _margins(margins: Margins) -> dict[str, Any]:
+    """Return the table of a motion's margins, or of the tightest of several motions."""
+    header = ("limit", "joint or rule", "reached", "allowed", "margin", "unit", "at t [s]", "by")
+    rows = [item.cells for item in margins.items]
+    return {"margins": Table(header, rows, numeric=(2, 3, 4, 6)), "unknown": margins.unknown}
 
 
-@dataclass(frozen=True)
-class LimitMargins(Section):
-    """The margins of a motion, or the tightest of several."""
-
-    margins: Margins
-    several: bool = False
-
-    title = "Limits"
-    template = "margins.html.j2"
-
-    def context(self) -> Mapping[str, Any]:
-        """Return the table."""
-        rows = [item.cells for item in self.margins.items]
-        table = Table(_HEADER, rows, numeric=(2, 3, 4, 6))
-        return {"margins": table, "several": self.several, "unknown": self.margins.unknown}
+def _trajectory(excitation: Excitation, robot: Robot) -> Plot:
+    """Return position, velocity and acceleration."""
+    caption = "One period. Dashed: limits of the joint of that colour, grey where joints share one."
+    return Plot(trajectory_figure(excitation, robot), trajectory_text(excitation, robot), caption)
 
 
-@dataclass(frozen=True)
-class Trajectory(Section):
-    """Position, velocity and acceleration; `number` where there are several motions."""
-
-    excitation: Excitation
-    robot: Robot
-    number: int | None = None
-
-    title = "Motion of the joints"
-    template = "one_plot.html.j2"
-
-    @property
-    def heading(self) -> str:
-        """The title, with the number of the motion."""
-        return self.title if self.number is None else f"{self.title}, motion {self.number}"
-
-    def context(self) -> Mapping[str, Any]:
-        """Return the figure."""
-        caption = "One period. Dashed: limits of the joint of that colour, grey where joints share one."
-        figure = trajectory_figure(self.excitation, self.robot)
-        return {"figure": Plot(figure, trajectory_text(self.excitation, self.robot), caption)}
-
-
-@dataclass(frozen=True)
-class Excitations(Section):
-    """Every excitation with its margins; a word where none is known."""
-
-    found: Findings
-
-    title = "Excitation"
-    template = "excitation.html.j2"
-
-    def context(self) -> Mapping[str, Any]:
-        """Return the motions that are known."""
-        motions = []
-        for played in self.found.played:
-            motion = Trajectory(played.excitation, self.found.robot).context()
-            limits = LimitMargins(played.margins).context()
-            achieved = played.excitation.achieved
-            told = [f"criterion {played.excitation.criterion}"] if played.excitation.criterion else []
-            for key, name in (("log10_det_covariance", "log10 det"), ("condition_number", "condition number")):
-                if isinstance(achieved.get(key), (int, float)):
-                    told.append(f"{name} {achieved[key]:.4g}")
-            motions.append(
-                {
-                    "path": played.path,
-                    "told": ", ".join(told),
-                    "kept": played.margins.kept,
-                    "tightest": str(played.margins.tightest) if played.margins.tightest else "",
-                    **motion,
-                    **limits,
-                }
-            )
-        return {"motions": motions}
-
-
-@dataclass(frozen=True)
-class Sigma(Section):
-    """Standard deviations of all parameters; units [p]."""
-
-    found: DesignResult
-    units: tuple[str, ...]
-
-    title = "How well each parameter will be known"
-    template = "one_plot.html.j2"
-
-    def context(self) -> Mapping[str, Any]:
-        """Return the figure."""
-        periods = self.found.excitation.achieved["periods"]
-        caption = (
-            f"Standard deviations after {periods} averaged periods, with the torque noise that the robot is given."
+def excitations_section(found: Findings) -> Section:
+    """Return every excitation with its margins; a word where none is known."""
+    motions = []
+    for played in found.played:
+        achieved = played.excitation.achieved
+        told = [f"criterion {played.excitation.criterion}"] if played.excitation.criterion else []
+        for key, name in (("log10_det_covariance", "log10 det"), ("condition_number", "condition number")):
+            if isinstance(achieved.get(key), (int, float)):
+                told.append(f"{name} {achieved[key]:.4g}")
+        motions.append(
+            {
+                "path": played.path,
+                "told": ", ".join(told),
+                "kept": played.margins.kept,
+                "tightest": str(played.margins.tightest) if played.margins.tightest else "",
+                "figure": _trajectory(played.excitation, found.robot),
+                **_margins(played.margins),
+            }
         )
-        return {"figure": Plot(sigma_figure(self.found, self.units), sigma_text(self.found), caption)}
+    return Section("Excitation", "excitation.html.j2", {"motions": motions})
 
 
-@dataclass(frozen=True)
-class Workspace(Section):
-    """The path of the end effector beside the regions that are forbidden to it."""
-
-    excitation: Excitation
-    robot: Robot
-    number: int | None = None
-
-    title = "Way through the workspace"
-    template = "one_plot.html.j2"
-
-    @property
-    def heading(self) -> str:
-        """The title, with the number of the motion."""
-        return self.title if self.number is None else f"{self.title}, motion {self.number}"
-
-    def context(self) -> Mapping[str, Any]:
-        """Return the figure."""
-        rules = [rule.text for rule in self.robot.workspace]
-        caption = f"Rules: {'; '.join(rules)}." if rules else "This robot has no rules of the workspace."
-        figure = workspace_figure(self.excitation, self.robot)
-        return {"figure": Plot(figure, workspace_text(self.excitation, self.robot), caption)}
+def _sigma(found: DesignResult, units: tuple[str, ...]) -> Plot:
+    """Return the standard deviations of all parameters; units [p]."""
+    periods = found.excitation.achieved["periods"]
+    caption = f"Standard deviations after {periods} averaged periods, with the torque noise that the robot is given."
+    return Plot(sigma_figure(found, units), sigma_text(found), caption)
 
 
-@dataclass(frozen=True)
-class Provenance(Section):
-    """Options and versions that give a result again."""
+def _workspace(excitation: Excitation, robot: Robot) -> Plot:
+    """Return the path of the end effector beside the regions that are forbidden to it."""
+    rules = [rule.text for rule in robot.workspace]
+    caption = f"Rules: {'; '.join(rules)}." if rules else "This robot has no rules of the workspace."
+    return Plot(workspace_figure(excitation, robot), workspace_text(excitation, robot), caption)
 
-    entries: Mapping[str, Any]
 
-    title = "Provenance"
-    template = "provenance.html.j2"
-
-    def context(self) -> Mapping[str, Any]:
-        """Return the entries as lines."""
-        return {"entries": [(name, _words(value)) for name, value in self.entries.items()]}
+def provenance_section(entries: Mapping[str, Any]) -> Section:
+    """Return options and versions that give a result again, as lines."""
+    lines = [(name, _words(value)) for name, value in entries.items()]
+    return Section("Provenance", "provenance.html.j2", {"entries": lines})
 
 
 def _words(value: Any) -> str:
@@ -221,13 +112,15 @@ def design_sections(
     several = len(found.excitations) > 1
     motions: list[Section] = []
     for number, excitation in enumerate(found.excitations, 1):
-        shown = number if several else None
-        motions += [Trajectory(excitation, robot, shown), Workspace(excitation, robot, shown)]
+        which = f", motion {number}" if several else ""
+        motions.append(_one_plot(f"Motion of the joints{which}", _trajectory(excitation, robot)))
+        motions.append(_one_plot(f"Way through the workspace{which}", _workspace(excitation, robot)))
+    search = Plot(convergence_figure(found, bound), convergence_text(found, bound))
     return [
-        DesignVerdict(found, bound),
+        _verdict_section(found, bound),
         *motions,
-        LimitMargins(found.margins, several),
-        Sigma(found, units),
-        Convergence(found, bound),
-        Provenance(found.excitation.reproduce),
+        Section("Limits", "margins.html.j2", {**_margins(found.margins), "several": several}),
+        _one_plot("How well each parameter will be known", _sigma(found, units)),
+        _one_plot("How the search went", search),
+        provenance_section(found.excitation.reproduce),
     ]

@@ -3,12 +3,11 @@
 from __future__ import annotations
 
 import re
-from abc import ABC, abstractmethod
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from datetime import datetime, timezone
 from pathlib import Path
-from typing import TYPE_CHECKING, Any, ClassVar
+from typing import TYPE_CHECKING, Any
 
 from robot_ident import __version__
 from robot_ident.figures.theme import FONT, private, recoloured
@@ -36,29 +35,22 @@ class Table:
     numeric: Sequence[int] = ()
 
 
-class Section(ABC):
-    """A part of a page. A subclass states `title` and `template` (a file beside the others) and gives `context`.
+@dataclass(frozen=True)
+class Section:
+    """A part of a page: its title, a template (a file beside the others) and what that needs.
 
     Whatever is in the context is escaped; a `Plot` is drawn by the template's `{{ plot(NAME) }}`, a `Table` by
     `{{ table(NAME) }}`.
     """
 
-    title: ClassVar[str]
-    template: ClassVar[str]
-
-    @abstractmethod
-    def context(self) -> Mapping[str, Any]:
-        """Return what the template needs."""
-
-    @property
-    def heading(self) -> str:
-        """The title as it is shown."""
-        return self.title
+    title: str
+    template: str
+    context: Mapping[str, Any]
 
     @property
     def anchor(self) -> str:
         """The section's place in the page's address."""
-        return re.sub(r"[^a-z0-9]+", "-", self.heading.lower()).strip("-")
+        return re.sub(r"[^a-z0-9]+", "-", self.title.lower()).strip("-")
 
 
 _TEMPLATES = Path(__file__).parent / "templates"
@@ -80,11 +72,11 @@ def render_page(title: str, sections: Sequence[Section], *, subtitle: str = "") 
     drawing = _Drawing(environment)
     parts = [
         {
-            "heading": section.heading,
+            "heading": section.title,
             "anchor": section.anchor,
             "body": _safe(
                 environment.get_template(section.template).render(
-                    **section.context(), plot=drawing.plot, table=drawing.table
+                    **section.context, plot=drawing.plot, table=drawing.table
                 )
             ),
         }

@@ -11,12 +11,12 @@ from robot_ident.paper import printed
 from robot_ident.paper.excitation import CRITERIA, Excitations, sigma_share
 from robot_ident.paper.study import Study
 from robot_ident.paper.table_i import TableI
-from robot_ident.report.page import Plot, Table
-from robot_ident.report.paper_section import NAMES, PaperSection, again, numbers, power
+from robot_ident.report.page import Plot, Section, Table
+from robot_ident.report.paper_section import NAMES, again, numbers, paper_section, power
 from robot_ident.signals.motion import Array
 
 
-def robot_section(study: Study, table: TableI) -> PaperSection:
+def robot_section(study: Study, table: TableI) -> Section:
     """Return fig. 1 and Table I."""
     rows = [
         (f"p{k}", name if name != f"p{k}" else "", meaning, f"{shown:g}", f"{value:.2f}", unit)
@@ -35,7 +35,7 @@ def robot_section(study: Study, table: TableI) -> PaperSection:
             "Simulated is the printed set as it is (--printed-table): the equation of motion holds for it, although no"
             " mass distribution has these moments."
         )
-    return PaperSection(
+    return paper_section(
         "1. The robot and its parameters (section IV-A, fig. 1, Table I)",
         "The first three axes of a KUKA IR 361. The torque is linear in the parameters, eq. (1): tau = Phi(q, dq, ddq)"
         " theta. theta has 21 of them: 15 combinations of inertial parameters, p1 to p15, and viscous and Coulomb"
@@ -57,7 +57,7 @@ def robot_section(study: Study, table: TableI) -> PaperSection:
     )
 
 
-def excitation_section(study: Study, found: Excitations) -> PaperSection:
+def excitation_section(study: Study, found: Excitations) -> Section:
     """Return section IV: figs. 2 and 3, both criteria, Table II, the counts of 200 runs."""
     best, bound = found.optimal["d-optimal"], found.bound
     criteria = []
@@ -96,7 +96,7 @@ def excitation_section(study: Study, found: Excitations) -> PaperSection:
     )
     wider = float(np.mean(fewer.sigma / best.runs.sigma))
     ratio, of_c1 = sigma_share(found, "d-optimal"), sigma_share(found, "condition")
-    return PaperSection(
+    return paper_section(
         "2. Optimal excitation and its estimates (section IV, figs. 2 and 3, Table II)",
         "Trajectories are finite Fourier series, eq. (11): q(t) = q0 + sum_l a_l / (w l) sin(w l t) - b_l / (w l) cos(w"
         " l t), l = 1 to 5, w / 2 pi = 0.1 Hz. Periodic motions are averaged, tell their noise without a model,"
@@ -244,7 +244,7 @@ def _table_ii(found: Excitations) -> Table:
     return Table(header, rows, numeric=tuple(range(1, 9)))
 
 
-def iteration_section(study: Study) -> PaperSection:
+def iteration_section(study: Study) -> Section:
     """Return section III-B, from measurement to measurement."""
     found, bound = study.redesign, study.excitations.bound
     rows = [
@@ -260,7 +260,7 @@ def iteration_section(study: Study) -> PaperSection:
     last = found.rounds[-1].sigma
     apart = float(np.exp(np.mean(np.log(last / study.excitations.optimal["d-optimal"].runs.sigma))))
     gain = float(np.max(np.abs(study.excitations.sigma_cr / study.excitations.optimal["d-optimal"].runs.sigma - 1.0)))
-    return PaperSection(
+    return paper_section(
         "3. Design by the Cramér-Rao bound, iterated (section III-B)",
         "Measured positions and torques are q(k) + n_q(k) and tau(k) + n_tau(k), eq. (2). Maximum likelihood minimises"
         " K = 1/2 sum_k sum_i [(q_m,i - q_i(delta, k))^2 / s_q,i^2 + (tau_m,i - tau_i(vartheta, k))^2 / s_tau,i^2],"

@@ -20,14 +20,14 @@ from robot_ident.paper.friction import Friction, validated
 from robot_ident.paper.measuring import NOMINAL, MeasuringChain
 from robot_ident.paper.missing import SEEN, Missing
 from robot_ident.paper.study import SPRING_FLOOR, Study
-from robot_ident.report.page import Plot, Table
-from robot_ident.report.paper_section import NAMES, PaperSection, again, numbers, power
+from robot_ident.report.page import Plot, Section, Table
+from robot_ident.report.paper_section import NAMES, again, numbers, paper_section, power
 from robot_ident.residuals.beside import Beside, beside
 
 _SLOW = 0.05  # rad/s
 
 
-def measuring_section(study: Study, found: MeasuringChain) -> PaperSection:
+def measuring_section(study: Study, found: MeasuringChain) -> Section:
     """Return section V-A: the filter, the noise, the criteria with 25 parameters."""
     identified, real = found.identified, found.real
     words = {"ignored": "ignored", "nominal": "nominal Butterworth undone", "identified": "identified filter undone"}
@@ -55,7 +55,7 @@ def measuring_section(study: Study, found: MeasuringChain) -> PaperSection:
                 power(model.log10_det_covariance),
             )
         )
-    return PaperSection(
+    return paper_section(
         "4. The measuring chain (section V-A)",
         "The spring of axis 2 and torque offsets are added to the parameters (no count is printed; 21 + 3 + 1 = 25 in"
         " our reading). The data begin after the transient. The motor currents pass Butterworth filters of order 8 at"
@@ -142,7 +142,7 @@ def _filter_difference(found: MeasuringChain) -> str:
     )
 
 
-def friction_section(study: Study, found: Friction) -> PaperSection:
+def friction_section(study: Study, found: Friction) -> Section:
     """Return section V-B and C: figs. 4 and 5, model 1 against model 2."""
     mse, noise = found.residual("model 2")
     one, two = found.models["model 1"], found.models["model 2"]
@@ -178,7 +178,7 @@ def friction_section(study: Study, found: Friction) -> PaperSection:
     slow = found.validation["model of the condition number alone"]
     pace = float(study.slow_motion.series.extremes().dq.largest[0] / two.robot.limits.velocity[0])
     aside = {"model 2": validated(two, found.validation_recording)}
-    return PaperSection(
+    return paper_section(
         "5. Residuals, validation, two models (section V-B and C, figs. 4 and 5)",
         "Model 1 comes from the c1-optimal, model 2 from the c2-optimal trajectory, both with spring and offsets. Model"
         " 2 leaves mean squared residuals of 81.1, 88.8, 23.1 (Nm)^2 where the noise is 25.1, 26.5, 9.5; they peak at"
@@ -250,7 +250,7 @@ def friction_section(study: Study, found: Friction) -> PaperSection:
     )
 
 
-def missing_section(study: Study, found: Missing) -> PaperSection:
+def missing_section(study: Study, found: Missing) -> Section:
     """Return what became of the 21 parameters: what was named and added, and the figures with it."""
     first, last = found.steps[0], found.steps[-1]
     measured = measured_for(last.model, found.recordings[-1])
@@ -303,7 +303,7 @@ def missing_section(study: Study, found: Missing) -> PaperSection:
     paragraphs.append(
         f"The truth: {', '.join((*found.truth[: -len(study.real.hidden)], *study.real.hidden))} (Nm, rad/s)."
     )
-    return PaperSection(
+    return paper_section(
         "6. What the paper leaves as future work: the loop closes",
         "The friction model is called too simple, since the residual peaks at low velocity, and better ones are left to"
         " future work. Which effect of friction is missing, the paper does not say.",

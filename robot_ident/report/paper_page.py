@@ -6,12 +6,12 @@ from collections.abc import Sequence
 
 from robot_ident.paper.study import Study
 from robot_ident.paper.table_i import table_i
+from robot_ident.report.page import Section
 from robot_ident.report.paper_design import excitation_section, iteration_section, robot_section
 from robot_ident.report.paper_experiment import friction_section, measuring_section, missing_section
-from robot_ident.report.paper_section import PaperSection
 
 
-def paper_sections(study: Study, sections: Sequence[int]) -> list[PaperSection]:
+def paper_sections(study: Study, sections: Sequence[int]) -> list[Section]:
     """Return the asked sections of the page, computed."""
     made = {
         1: lambda: robot_section(study, table_i(study.robot)),

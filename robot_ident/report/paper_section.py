@@ -2,9 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterable, Mapping, Sequence
-from dataclasses import dataclass
-from typing import Any
+from collections.abc import Iterable, Sequence
 
 import numpy as np
 
@@ -14,46 +12,30 @@ from robot_ident.report.page import Plot, Section, Table
 NAMES = {"condition": "c1", "d-optimal": "c2"}
 
 
-@dataclass(frozen=True)
-class PaperSection(Section):
-    """One section of the paper. says: what is printed; finds: what is found here; items: plots and tables."""
-
-    name: str
-    says: str
-    finds: Sequence[str]
-    items: Sequence[Plot | Table]
-    difference: str
-    commands: Sequence[str]
-
-    title = "Section of the paper"
-    template = "paper.html.j2"
-
-    @property
-    def heading(self) -> str:
-        """The section's own name."""
-        return self.name
-
-    def context(self) -> Mapping[str, Any]:
-        """Return texts, plots and tables."""
-        return {
-            "says": self.says,
-            "finds": self.finds,
-            "items": self.items,
-            "difference": self.difference,
-            "commands": self.commands,
-        }
+def paper_section(
+    name: str,
+    says: str,
+    finds: Sequence[str],
+    items: Sequence[Plot | Table],
+    difference: str,
+    commands: Sequence[str],
+) -> Section:
+    """Return one section of the paper. says: what is printed; finds: what is found here; items: plots and tables."""
+    told = {"says": says, "finds": finds, "items": items, "difference": difference, "commands": commands}
+    return Section(name, "paper.html.j2", told)
 
 
-def as_markdown(title: str, subtitle: str, sections: Sequence[PaperSection]) -> str:
+def as_markdown(title: str, subtitle: str, sections: Sequence[Section]) -> str:
     """Return texts and tables of the page in Markdown, and in words what its figures show."""
     lines = [f"# {title}", "", subtitle]
     for section in sections:
-        lines += ["", f"## {section.name}", "", f"**The paper.** {section.says}"]
-        for number, paragraph in enumerate(section.finds):
+        told = section.context
+        lines += ["", f"## {section.title}", "", f"**The paper.** {told['says']}"]
+        for number, paragraph in enumerate(told["finds"]):
             lines += ["", f"{'' if number else '**Here.** '}{paragraph}"]
-        for item in section.items:
+        for item in told["items"]:
             lines += ["", *(_rows(item) if isinstance(item, Table) else [f"*Figure.* {item.caption} {item.text}"])]
-        lines += ["", f"**The difference.** {section.difference}", "", "```sh", *section.commands, "```"]
+        lines += ["", f"**The difference.** {told['difference']}", "", "```sh", *told["commands"], "```"]
     return "\n".join(lines) + "\n"
 
 

@@ -5,7 +5,6 @@ from __future__ import annotations
 import platform
 import shlex
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass
 from importlib.metadata import PackageNotFoundError, version
 from pathlib import Path
 from typing import Any
@@ -23,68 +22,59 @@ from robot_ident.figures.theme import POINTS
 from robot_ident.figures.torque_over_time import torque_figure, torque_text
 from robot_ident.model.model import Model
 from robot_ident.recording.measurement import Source
-from robot_ident.report.design_sections import Excitations
+from robot_ident.report.design_sections import excitations_section
 from robot_ident.report.page import Plot, Section, Table, write_page
 from robot_ident.report.wording import NOTHING, joined, percent, short, verdict, with_sigma
 from robot_ident.residuals.beside import Beside, beside
 from robot_ident.residuals.comparison import JointComparison
 from robot_ident.residuals.residual_lines import ResidualLines, residual_lines
+from robot_ident.robot.robot import Robot
 from robot_ident.workflow.findings import Findings
 
 _HEADER = ("effect", "", "explains", "p", "at joint", "before", "after", "validation before", "validation after")
 
 
-@dataclass(frozen=True)
-class Candidates(Section):
-    """What the first model lacked, and what the last one lacks."""
+def candidates_section(found: Findings) -> Section:
+    """Return what the first and the last model lack: verdict, candidates, and what to do next."""
+    models = []
+    for place, diagnosis in sorted(found.diagnoses.items()):
+        step, listed = found.steps[place], [*diagnosis.missing, *diagnosis.others]
+        models.append(
+            {
+                "name": step.name,
+                "verdict": diagnosis.in_words,
+                "figure": Plot(candidates_figure(diagnosis), candidates_text(diagnosis)) if listed else None,
+                "figures": Table(_HEADER, [_row(s, diagnosis) for s in listed], numeric=(2, 3, 5, 6, 7, 8)),
+                "named": [_named(finding, step, found) for finding in diagnosis.missing],
+                "remains": [
+                    f"{joint} {value:.3g} {found.robot.torque_unit(found.robot.joint_index(joint))}"
+                    for joint, value in diagnosis.remaining_rms.items()
+                    if value > 0.0
+                ],
+                "unexplained": _unexplained(diagnosis),
+            }
+        )
+    return Section("What is missing", "candidates.html.j2", {"models": models, "several": len(found.training) > 1})
 
-    found: Findings
 
-    title = "What is missing"
-    template = "candidates.html.j2"
-
-    def context(self) -> Mapping[str, Any]:
-        """Return for each diagnosed model the verdict, the candidates and what to do next."""
-        models = []
-        for place, diagnosis in sorted(self.found.diagnoses.items()):
-            step, listed = self.found.steps[place], [*diagnosis.missing, *diagnosis.others]
-            models.append(
-                {
-                    "name": step.name,
-                    "verdict": diagnosis.in_words,
-                    "figure": Plot(candidates_figure(diagnosis), candidates_text(diagnosis)) if listed else None,
-                    "figures": Table(_HEADER, [_row(s, diagnosis) for s in listed], numeric=(2, 3, 5, 6, 7, 8)),
-                    "named": [self._named(finding, step) for finding in diagnosis.missing],
-                    "remains": self._remains(diagnosis),
-                    "unexplained": _unexplained(diagnosis),
-                }
-            )
-        return {"models": models, "several": len(self.found.training) > 1}
-
-    def _named(self, finding: Finding, step: Step) -> dict[str, Any]:
-        """Return a named effect with its size, its ties and the command that adds it."""
-        bags = [source.path for source in self.found.training]
-        unseen = [word for source in self.found.validation for word in ("--validation", source.path)]
-        add = ["robot_ident", "add", step.path, finding.label, "--bag", *bags, *unseen, "-o", "model_with_it.yaml"]
-        effect = finding.effect
-        return {
-            "label": finding.label,
-            "meaning": effect.meaning,
-            "equation": effect.equation,
-            "sizes": [p.in_words for p in finding.parameters],
-            "tied": list(finding.tied_with),
-            "experiment": finding.experiment or effect.experiment,
-            "tell": _tell(finding, step),
-            "add": "" if effect.measuring else shlex.join(add),
-        }
-
-    def _remains(self, diagnosis: Diagnosis) -> list[str]:
-        robot = self.found.robot
-        return [
-            f"{joint} {value:.3g} {robot.torque_unit(robot.joint_index(joint))}"
-            for joint, value in diagnosis.remaining_rms.items()
-            if value > 0.0
-        ]
+def _named(finding: Finding, step: Step, found: Findings) -> dict[str, Any]:
+    """Return a named effect with its size, its ties, the command that adds it, and the one that designs the motion
+    which tells it from the first that it is tied with.
+    """
+    bags = [source.path for source in found.training]
+    unseen = [word for source in found.validation for word in ("--validation", source.path)]
+    add = ["robot_ident", "add", step.path, finding.label, "--bag", *bags, *unseen, "-o", "model_with_it.yaml"]
+    effect, design = finding.effect, ["robot_ident", "design", "--model", step.path, "--tell", finding.label]
+    return {
+        "label": finding.label,
+        "meaning": effect.meaning,
+        "equation": effect.equation,
+        "sizes": [p.in_words for p in finding.parameters],
+        "tied": list(finding.tied_with),
+        "experiment": finding.experiment or effect.experiment,
+        "tell": shlex.join([*design, finding.tied_with[0], "-o", "tell.yaml"]) if finding.tied_with else "",
+        "add": "" if effect.measuring else shlex.join(add),
+    }
 
 
 def _row(finding: Finding, diagnosis: Diagnosis) -> tuple[str, ...]:
@@ -104,14 +94,6 @@ def _row(finding: Finding, diagnosis: Diagnosis) -> tuple[str, ...]:
     )
 
 
-def _tell(finding: Finding, step: Step) -> str:
-    """Return the command that designs the motion which tells an effect from the first that it is tied with."""
-    if not finding.tied_with:
-        return ""
-    words = ["robot_ident", "design", "--model", step.path, "--tell", finding.label, finding.tied_with[0]]
-    return shlex.join([*words, "-o", "tell.yaml"])
-
-
 def _unexplained(diagnosis: Diagnosis) -> dict[str, Any] | None:
     if diagnosis.unexplained is None:
         return None
@@ -124,53 +106,47 @@ _SENTENCES = 4  # regions named for a joint
 _SHARE = 0.005  # of the excess from which on a variable is listed
 
 
-@dataclass(frozen=True)
-class Misfit(Section):
-    """Where the first and the last model fail."""
+def misfit_section(found: Findings) -> Section:
+    """Return where the first and the last model fail: sentences and tables of the joints that each does not fit, and
+    the figures.
+    """
+    besides = {step.name: [beside(step.model, one.measured) for one in found.training] for step in found.ends}
+    lines = {
+        name: [residual_lines(b, source.measured) for b, source in zip(every, found.training, strict=True)]
+        for name, every in besides.items()
+    }
+    told = {
+        "models": [_misfit(step, found.robot) for step in found.ends],
+        "over": Plot(residual_over_figure(besides), residual_over_text(besides)),
+        "lines": _line_plots(lines, found),
+    }
+    return Section("Where it fails", "misfit.html.j2", told)
 
-    found: Findings
 
-    title = "Where it fails"
-    template = "misfit.html.j2"
+def _misfit(step: Step, robot: Robot) -> dict[str, Any]:
+    """Return the joints that a model does not fit: in words, and what their excess depends on."""
+    failing = [joint for joint in step.comparison.joints if joint.explained_by]
+    told = []
+    for joint in failing:
+        number = robot.joint_index(joint.name)
+        beyond = "residual, noise included" if joint.noise_variance is None else "excess over the noise"
+        excess = f"{short(joint.excess)} {robot.torque_unit(number)} rms {beyond}"
+        words = [region.in_words(robot, number) for region in joint.worst[:_SENTENCES]]
+        told.append({"name": joint.name, "excess": excess, "words": words, "reversal": _reversal(joint)})
+    return {"name": step.name, "joints": told, "shares": _shares(failing)}
 
-    def context(self) -> Mapping[str, Any]:
-        """Return sentences and tables of the joints that a model does not fit, and the figures."""
-        besides = {s.name: [beside(s.model, one.measured) for one in self.found.training] for s in self.found.ends}
-        models = [self._model(step) for step in self.found.ends]
-        lines = {
-            name: [residual_lines(b, source.measured) for b, source in zip(found, self.found.training, strict=True)]
-            for name, found in besides.items()
-        }
-        return {
-            "models": models,
-            "over": Plot(residual_over_figure(besides), residual_over_text(besides)),
-            "lines": self._lines(lines),
-        }
 
-    def _model(self, step: Step) -> dict[str, Any]:
-        """Return the joints that a model does not fit: in words, and what their excess depends on."""
-        robot, failing = self.found.robot, [joint for joint in step.comparison.joints if joint.explained_by]
-        told = []
-        for joint in failing:
-            number = robot.joint_index(joint.name)
-            beyond = "residual, noise included" if joint.noise_variance is None else "excess over the noise"
-            excess = f"{short(joint.excess)} {robot.torque_unit(number)} rms {beyond}"
-            words = [region.in_words(robot, number) for region in joint.worst[:_SENTENCES]]
-            told.append({"name": joint.name, "excess": excess, "words": words, "reversal": _reversal(joint)})
-        return {"name": step.name, "joints": told, "shares": _shares(failing)}
-
-    def _lines(self, lines: Mapping[str, list[ResidualLines]]) -> list[Plot]:
-        """Return the lines of all recordings together, or, where they don't share their frequencies, of each."""
-        sources = self.found.training
-        joint = {name: one for name, found in lines.items() if (one := together(found)) is not None}
-        if len(joint) == len(lines):
-            count = len(sources)
-            caption = f"Root mean square over {count} recordings. " if count > 1 else ""
-            return [_line_plot(joint, count, self.found, caption)]
-        return [
-            _line_plot({name: found[k] for name, found in lines.items()}, 1, self.found, f"{source.path}. ")
-            for k, source in enumerate(sources)
-        ]
+def _line_plots(lines: Mapping[str, list[ResidualLines]], found: Findings) -> list[Plot]:
+    """Return the lines of all recordings together, or, where they don't share their frequencies, of each."""
+    joint = {name: one for name, every in lines.items() if (one := together(every)) is not None}
+    if len(joint) == len(lines):
+        count = len(found.training)
+        caption = f"Root mean square over {count} recordings. " if count > 1 else ""
+        return [_line_plot(joint, count, found, caption)]
+    return [
+        _line_plot({name: every[k] for name, every in lines.items()}, 1, found, f"{source.path}. ")
+        for k, source in enumerate(found.training)
+    ]
 
 
 def _line_plot(lines: Mapping[str, ResidualLines], count: int, found: Findings, caption: str) -> Plot:
@@ -205,55 +181,44 @@ def _reversal(joint: JointComparison) -> str:
 _UNSURE = 2.0  # sigmas of its value that a parameter must have to be told from zero
 
 
-@dataclass(frozen=True)
-class Parameters(Section):
-    """Every parameter of the last model, beside the first one's where there are two."""
-
-    found: Findings
-
-    title = "Parameters"
-    template = "parameters.html.j2"
-
-    def context(self) -> Mapping[str, Any]:
-        """Return the table, those that are badly known, and how far they moved."""
-        before, after = self.found.ends[0], self.found.ends[-1]
-        was = _values(before.model) if before is not after else {}
-        unsure = [p.name for p, value, std in _rows(after.model) if std > 0.0 and abs(value) < _UNSURE * std]
-        resting = {p.name for p, at_bound in zip(after.model.parameters, after.model.at_bound, strict=True) if at_bound}
-        header = ["parameter", "value", "sigma", "unit", "sigma / value", "meaning"]
-        rows = []
-        for p, value, std in _rows(after.model):
-            share = "at its bound" if p.name in resting else _share(value, std)
-            row = [p.name, f"{value:.4g}", f"{std:.2g}" if std else NOTHING, p.unit, share, p.meaning]
-            if was:
-                row[1:1] = [with_sigma(*was[p.name]) if p.name in was else NOTHING]
-            rows.append(row)
+def parameters_section(found: Findings) -> Section:
+    """Return every parameter of the last model, beside the first one's where there are two, those that are badly known,
+    and how far they moved.
+    """
+    before, after = found.ends[0], found.ends[-1]
+    was = {p.name: (value, std) for p, value, std in _rows(before.model)} if before is not after else {}
+    unsure = [p.name for p, value, std in _rows(after.model) if std > 0.0 and abs(value) < _UNSURE * std]
+    resting = {p.name for p, at_bound in zip(after.model.parameters, after.model.at_bound, strict=True) if at_bound}
+    header = ["parameter", "value", "sigma", "unit", "sigma / value", "meaning"]
+    rows = []
+    for p, value, std in _rows(after.model):
+        share = "at its bound" if p.name in resting else _share(value, std)
+        row = [p.name, f"{value:.4g}", f"{std:.2g}" if std else NOTHING, p.unit, share, p.meaning]
         if was:
-            header[1:1] = [f"in {before.name}"]
-        numeric = (1, 2, 3, 5) if was else (1, 2, 4)
-        figure = Plot(parameters_figure(before.model, after.model), parameters_text(before.model, after.model))
-        return {
-            "figures": Table(header, rows, numeric),
-            "model": after.name,
-            "unsure": joined(unsure),
-            "count": len(rows),
-            "moved": figure if was else None,
-            "before": before.name,
-            "condition": f"{after.model.condition_number:.4g}",
-            "determinant": f"{after.model.log10_det_covariance:.2f}",
-            "estimator": after.model.estimator,
-            "notes": list(after.model.notes),
-        }
+            row[1:1] = [with_sigma(*was[p.name]) if p.name in was else NOTHING]
+        rows.append(row)
+    if was:
+        header[1:1] = [f"in {before.name}"]
+    figure = Plot(parameters_figure(before.model, after.model), parameters_text(before.model, after.model))
+    told = {
+        "figures": Table(header, rows, numeric=(1, 2, 3, 5) if was else (1, 2, 4)),
+        "model": after.name,
+        "unsure": joined(unsure),
+        "count": len(rows),
+        "moved": figure if was else None,
+        "before": before.name,
+        "condition": f"{after.model.condition_number:.4g}",
+        "determinant": f"{after.model.log10_det_covariance:.2f}",
+        "estimator": after.model.estimator,
+        "notes": list(after.model.notes),
+    }
+    return Section("Parameters", "parameters.html.j2", told)
 
 
 def _rows(model: Model) -> list[tuple[Any, float, float]]:
     """Return parameters with value and standard deviation, 0 where there is none."""
     told = zip(model.parameters, model.values, model.std, model.at_bound, strict=True)
     return [(p, float(v), 0.0 if at_bound else float(s)) for p, v, s, at_bound in told]
-
-
-def _values(model: Model) -> dict[str, tuple[float, float]]:
-    return {p.name: (value, std) for p, value, std in _rows(model)}
 
 
 def _share(value: float, std: float) -> str:
@@ -263,42 +228,30 @@ def _share(value: float, std: float) -> str:
     return f"{share:.1f} %" if share < 100.0 / _UNSURE else "badly known"
 
 
-@dataclass(frozen=True)
-class Staircase(Section):
-    """Excess over noise of every model, on fitted recordings and on the validation, with residual and noise."""
-
-    found: Findings
-
-    title = "Error reduction"
-    template = "staircase.html.j2"
-
-    def context(self) -> Mapping[str, Any]:
-        """Return the figure and its numbers."""
-        steps, foreseen = self.found.steps, self.found.foreseen
-        listed = [(step.name, step.added, step.training, step.validation) for step in steps]
-        if foreseen is not None:
-            listed.append(("predicted", foreseen.added, foreseen.training, foreseen.validation))
-        rows = [
-            (name, joined(added), joint, *_figures(training.get(joint)), *_figures(validation.get(joint)))
-            for name, added, training, validation in listed
-            for joint in self.found.robot.joints
-        ]
-        kinds = ("excess", "residual", "noise", "excess, validation", "residual", "noise")
-        return {
-            "figure": Plot(staircase_figure(steps, foreseen), staircase_text(steps)),
-            "figures": Table(("model", "adds", "joint", *kinds), rows, numeric=(3, 4, 5, 6, 7, 8)),
-            "foreseen": None if foreseen is None else joined(foreseen.added),
-            "how": self._how(),
-        }
-
-    def _how(self) -> str:
-        """Return how the residual on the validation was taken."""
-        kinds = {source.measured.base_frequency is not None for source in self.found.validation}
-        if not kinds:
-            return ""
-        if kinds == {True}:
-            return "Validation: averaged periods, as on the fitted recordings."
-        return "Validation: samples that move, low-passed."
+def staircase_section(found: Findings) -> Section:
+    """Return excess over noise of every model, on fitted recordings and on the validation, with residual and noise."""
+    steps, foreseen = found.steps, found.foreseen
+    listed = [(step.name, step.added, step.training, step.validation) for step in steps]
+    if foreseen is not None:
+        listed.append(("predicted", foreseen.added, foreseen.training, foreseen.validation))
+    rows = [
+        (name, joined(added), joint, *_figures(training.get(joint)), *_figures(validation.get(joint)))
+        for name, added, training, validation in listed
+        for joint in found.robot.joints
+    ]
+    kinds = ("excess", "residual", "noise", "excess, validation", "residual", "noise")
+    how = ""
+    if found.validation:
+        averaged = all(source.measured.base_frequency is not None for source in found.validation)
+        how = "averaged periods, as on the fitted recordings" if averaged else "samples that move, low-passed"
+        how = f"Validation: {how}."
+    told = {
+        "figure": Plot(staircase_figure(steps, foreseen), staircase_text(steps)),
+        "figures": Table(("model", "adds", "joint", *kinds), rows, numeric=(3, 4, 5, 6, 7, 8)),
+        "foreseen": None if foreseen is None else joined(foreseen.added),
+        "how": how,
+    }
+    return Section("Error reduction", "staircase.html.j2", told)
 
 
 def _figures(level: Level | None) -> tuple[str, str, str]:
@@ -309,43 +262,15 @@ def _figures(level: Level | None) -> tuple[str, str, str]:
     return excess, short(level.rms), short(level.noise)
 
 
-@dataclass(frozen=True)
-class Fitted(Section):
-    """One period of every recording, as in the paper's Fig. 4."""
-
-    found: Findings
-
-    title = "Measured and predicted"
-    template = "torque.html.j2"
-
-    def context(self) -> Mapping[str, Any]:
-        """Return a figure for each recording."""
-        return {"plots": _plots(self.found, self.found.training), "missing": ""}
-
-
-@dataclass(frozen=True)
-class Unseen(Section):
-    """A motion that no model was fitted to, as in the paper's Fig. 5."""
-
-    found: Findings
-
-    title = "On the validation motion"
-    template = "torque.html.j2"
-
-    def context(self) -> Mapping[str, Any]:
-        """Return a figure for each recording to validate on."""
-        missing = "None was given; --validation BAG2 adds one: only it shows whether an effect is real."
-        return {"plots": _plots(self.found, self.found.validation), "missing": missing}
-
-
-def _plots(found: Findings, sources: Sequence[Source]) -> list[Plot]:
+def torque_section(title: str, found: Findings, sources: Sequence[Source]) -> Section:
+    """Return one period of every recording, as in the paper's Figs. 4 and 5."""
     plots = []
     for source in sources:
         besides = {step.name: beside(step.model, source.measured) for step in found.ends}
-        one = next(iter(besides.values()))
-        text = f"{source.path}. {torque_text(besides)}"
-        plots.append(Plot(torque_figure(besides), text, torque_caption(source.path, one)))
-    return plots
+        caption = torque_caption(source.path, next(iter(besides.values())))
+        plots.append(Plot(torque_figure(besides), f"{source.path}. {torque_text(besides)}", caption))
+    missing = "None was given; --validation BAG2 adds one: only it shows whether an effect is real."
+    return Section(title, "torque.html.j2", {"plots": plots, "missing": missing})
 
 
 def torque_caption(path: str, one: Beside) -> str:
@@ -362,96 +287,73 @@ def torque_caption(path: str, one: Beside) -> str:
     return "; ".join(told) + "."
 
 
-@dataclass(frozen=True)
-class Verdict(Section):
-    """What a reader who stops here takes away."""
-
-    found: Findings
-
-    title = "Verdict"
-    template = "verdict.html.j2"
-
-    def context(self) -> Mapping[str, Any]:
-        """Return the sentence, how the last model fares at each joint, and what limits the judgement."""
-        last, unseen = self.found.last, bool(self.found.last.validation)
-        header = ["joint", "residual", "noise", "excess rms", "chi²/dof", "p", ""]
-        rows = []
-        for joint in last.comparison.joints:
-            fit, noise = joint.misfit, joint.noise_variance
-            figures = (
-                joint.residual_mse**0.5,
-                None if noise is None else noise**0.5,
-                None if noise is None else joint.excess,
-            )
-            row = [joint.name, *(short(value) for value in figures)]
-            row += [NOTHING, NOTHING] if fit is None else [short(fit.statistic), f"{fit.p_value:.2g}"]
-            row.append(joint.in_words)
-            if unseen:
-                level = last.validation[joint.name]
-                row += [short(level.rms), short(level.noise)]
-            rows.append(row)
+def verdict_section(found: Findings) -> Section:
+    """Return the sentence that a reader who stops here takes away, how the last model fares at each joint, and what
+    limits the judgement.
+    """
+    last, unseen = found.last, bool(found.last.validation)
+    header = ["joint", "residual", "noise", "excess rms", "chi²/dof", "p", ""]
+    rows = []
+    for joint in last.comparison.joints:
+        fit, noise = joint.misfit, joint.noise_variance
+        floor, excess = (None, None) if noise is None else (noise**0.5, joint.excess)
+        row = [joint.name, *(short(value) for value in (joint.residual_mse**0.5, floor, excess))]
+        row += [NOTHING, NOTHING] if fit is None else [short(fit.statistic), f"{fit.p_value:.2g}"]
+        row.append(joint.in_words)
         if unseen:
-            header += ["on validation", "its noise"]
-        notes = dict.fromkeys((*self.found.diagnosis.notes, *last.comparison.notes))
-        units = sorted({self.found.robot.torque_unit(k) for k in range(self.found.robot.n)})
-        return {
-            "verdict": verdict(self.found),
-            "model": last.path,
-            "unit": ", ".join(units),
-            "figures": Table(header, rows, numeric=(1, 2, 3, 4, 5, 7, 8)),
-            "unseen": unseen,
-            "notes": list(notes),
-        }
+            level = last.validation[joint.name]
+            row += [short(level.rms), short(level.noise)]
+        rows.append(row)
+    if unseen:
+        header += ["on validation", "its noise"]
+    told = {
+        "verdict": verdict(found),
+        "model": last.path,
+        "unit": ", ".join(sorted({found.robot.torque_unit(k) for k in range(found.robot.n)})),
+        "figures": Table(header, rows, numeric=(1, 2, 3, 4, 5, 7, 8)),
+        "unseen": unseen,
+        "notes": list(dict.fromkeys((*found.diagnosis.notes, *last.comparison.notes))),
+    }
+    return Section("Verdict", "verdict.html.j2", told)
 
 
 _LIBRARIES = ("numpy", "scipy", "pin", "casadi", "plotly")
 
 
-@dataclass(frozen=True)
-class Origin(Section):
-    """Hashes, versions, options, commands."""
+def origin_section(found: Findings) -> Section:
+    """Return hashes, versions, options and commands."""
+    sources = [(one, "fitted") for one in found.training] + [(one, "validation") for one in found.validation]
+    header = ("recording", "as", "samples", "duration [s]", "compared rows")
+    told = {
+        "recordings": Table(header, [_recording(source, use) for source, use in sources], numeric=(2, 3)),
+        "hashes": [f"{source.sha256}  {source.path}" for source, _ in sources],
+        "notes": [f"{source.path}: {note}" for source, _ in sources for note in source.measured.notes],
+        "models": [_model(step, {source.sha256 for source in found.training}) for step in found.steps],
+        "versions": _versions(),
+        "commands": [*(_made_by(step, found.effects_from) for step in found.steps), found.command],
+    }
+    return Section("Provenance", "origin.html.j2", told)
 
-    found: Findings
 
-    title = "Provenance"
-    template = "origin.html.j2"
-
-    def context(self) -> Mapping[str, Any]:
-        """Return tables of recordings and models, versions and commands."""
-        sources = [(one, "fitted") for one in self.found.training] + [
-            (one, "validation") for one in self.found.validation
-        ]
-        header = ("recording", "as", "samples", "duration [s]", "compared rows")
-        rows = [_recording(source, use) for source, use in sources]
-        return {
-            "recordings": Table(header, rows, numeric=(2, 3)),
-            "hashes": [f"{source.sha256}  {source.path}" for source, _ in sources],
-            "notes": [f"{source.path}: {note}" for source, _ in sources for note in source.measured.notes],
-            "models": [self._model(step) for step in self.found.steps],
-            "versions": _versions(),
-            "commands": [*(_made_by(step, self.found.effects_from) for step in self.found.steps), self.found.command],
-        }
-
-    def _model(self, step: Step) -> dict[str, Any]:
-        model, provenance = step.model, step.model.provenance
-        here = {source.sha256 for source in self.found.training}
-        seen = [one for one in provenance.get("recordings", []) if isinstance(one, Mapping)]
-        hashes = {one.get("sha256") for one in seen}
-        if not seen:
-            fitted = "its recordings are not noted"
-        elif hashes == here:
-            fitted = "fitted to the recordings above, by their hashes"
-        else:
-            fitted = "fitted to other recordings: " + joined([str(one.get("path")) for one in seen])
-        options = {**{k: v for k, v in model.processing.items() if v not in (None, 1)}, **provenance.get("options", {})}
-        return {
-            "path": step.path,
-            "robot": model.robot.name,
-            "made": f"{provenance.get('date', 'no date')}, robot_ident {provenance.get('robot_ident', 'unknown')}",
-            "fitted": fitted,
-            "effects": ", ".join(model.structure.labels),
-            "options": ", ".join(f"{key} {value}" for key, value in options.items()),
-        }
+def _model(step: Step, here: set[str]) -> dict[str, Any]:
+    """Return where a model comes from; here: the hashes of the recordings that it is held beside."""
+    model, provenance = step.model, step.model.provenance
+    seen = [one for one in provenance.get("recordings", []) if isinstance(one, Mapping)]
+    if not seen:
+        fitted = "its recordings are not noted"
+    elif {one.get("sha256") for one in seen} == here:
+        fitted = "fitted to the recordings above, by their hashes"
+    else:
+        fitted = "fitted to other recordings: " + joined([str(one.get("path")) for one in seen])
+    options = {**{k: v for k, v in model.processing.items() if v not in (None, 1)}, **provenance.get("options", {})}
+    return {
+        "path": step.path,
+        "robot": model.robot.name,
+        "made": f"{provenance.get('date', 'no date')}, robot_ident {provenance.get('robot_ident', 'unknown')}",
+        "fitted": fitted,
+        "effects": ", ".join(model.structure.labels),
+        "options": ", ".join(f"{key} {value}" for key, value in options.items()),
+    }
 
 
 def _recording(source: Source, use: str) -> tuple[str, ...]:
@@ -512,15 +414,15 @@ def _processing(processing: Mapping[str, Any], trajectory: bool) -> list[str]:
 def report_sections(found: Findings) -> list[Section]:
     """Return the sections of a report, in the order in which they are read."""
     return [
-        Verdict(found),
-        Staircase(found),
-        Fitted(found),
-        Unseen(found),
-        Misfit(found),
-        Candidates(found),
-        Parameters(found),
-        Excitations(found),
-        Origin(found),
+        verdict_section(found),
+        staircase_section(found),
+        torque_section("Measured and predicted", found, found.training),
+        torque_section("On the validation motion", found, found.validation),
+        misfit_section(found),
+        candidates_section(found),
+        parameters_section(found),
+        excitations_section(found),
+        origin_section(found),
     ]
 
 

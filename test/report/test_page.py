@@ -3,8 +3,7 @@
 from __future__ import annotations
 
 import re
-from collections.abc import Callable, Mapping
-from dataclasses import dataclass
+from collections.abc import Callable
 from pathlib import Path
 from typing import Any
 
@@ -13,7 +12,7 @@ import pytest
 
 from robot_ident.errors import InputError
 from robot_ident.figures.torque_over_time import torque_figure, torque_text
-from robot_ident.report.design_sections import Provenance
+from robot_ident.report.design_sections import provenance_section
 from robot_ident.report.page import Plot, Section, render_page, write_page
 from robot_ident.report.sections import torque_caption
 from robot_ident.residuals.beside import Beside
@@ -24,33 +23,14 @@ Wait = Callable[..., None]
 EVIL = "</script><script>document.title = 'caught'</script><img src=x onerror=\"document.title='caught'\">&amp;"
 
 
-@dataclass(frozen=True)
-class Evil(Section):
-    """A section whose every text wants to be code."""
+def evil() -> Section:
+    """Return a section whose every text wants to be code."""
+    from plotly.graph_objects import Figure, Scatter
 
-    title = EVIL
-    template = "one_plot.html.j2"
+    from robot_ident.figures.theme import themed
 
-    def context(self) -> Mapping[str, Any]:
-        from plotly.graph_objects import Figure, Scatter
-
-        from robot_ident.figures.theme import themed
-
-        figure = themed(Figure(Scatter(x=[0, 1], y=[1, 2], name="</script><b>", text=["</script>"] * 2)), height=300)
-        return {"figure": Plot(figure, EVIL, EVIL)}
-
-
-@dataclass(frozen=True)
-class Long(Section):
-    """A section of one plot."""
-
-    figure: Plot
-
-    title = "Long"
-    template = "one_plot.html.j2"
-
-    def context(self) -> Mapping[str, Any]:
-        return {"figure": self.figure}
+    figure = themed(Figure(Scatter(x=[0, 1], y=[1, 2], name="</script><b>", text=["</script>"] * 2)), height=300)
+    return Section(EVIL, "one_plot.html.j2", {"figure": Plot(figure, EVIL, EVIL)})
 
 
 def test_everything_opens_with_the_network_off(opened: Open, design_page: Path) -> None:
@@ -97,7 +77,7 @@ def test_no_button_sends_a_figure_away(opened: Open, press_all: Callable[[Any], 
 
 
 def test_text_of_users_stays_text(opened: Open, tmp_path: Path) -> None:
-    write_page(tmp_path / "evil.html", EVIL, [Evil(), Provenance({EVIL: EVIL})], subtitle=EVIL)
+    write_page(tmp_path / "evil.html", EVIL, [evil(), provenance_section({EVIL: EVIL})], subtitle=EVIL)
     page = opened(tmp_path / "evil.html")
     assert page.title() == EVIL
     assert page.locator("h1").inner_text() == EVIL
@@ -115,7 +95,7 @@ def test_it_is_one_file_below_six_megabytes(design_page: Path) -> None:
 
 
 def test_a_page_without_plots_carries_no_library() -> None:
-    assert len(render_page("t", [Provenance({"seed": 1})])) < 30_000
+    assert len(render_page("t", [provenance_section({"seed": 1})])) < 30_000
 
 
 def test_an_existing_page_is_not_replaced(design_page: Path) -> None:
@@ -132,7 +112,8 @@ def test_a_million_rows_stay_below_six_megabytes(arm: Any) -> None:
     used = np.ones((rows, n), dtype=bool)
     found = Beside("long", arm.robot, t, zero, zero, zero, zero, measured, zero, used, np.ones(n), 1.0, 1, None, None)
     figure = torque_figure({"model": found})
-    text = render_page("long", [Long(Plot(figure, torque_text({"model": found}), torque_caption("long", found)))])
+    plot = Plot(figure, torque_text({"model": found}), torque_caption("long", found))
+    text = render_page("long", [Section("Long", "one_plot.html.j2", {"figure": plot})])
     assert len(text.encode()) < 6e6
     assert "1000000 rows; of each curve the extremes of 1000 stretches of time are drawn" in text
     curve = next(trace for trace in figure.data if trace.name == "measured" and trace.yaxis == "y3")

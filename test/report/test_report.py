@@ -150,7 +150,7 @@ def test_every_plot_has_words_and_units(findings: Findings) -> None:
         inner = value.values() if isinstance(value, dict) else value if isinstance(value, (list, tuple)) else []
         return [plot for item in inner for plot in plots(item)]
 
-    found = [plot for section in report_sections(findings) for plot in plots(dict(section.context()))]
+    found = [plot for section in report_sections(findings) for plot in plots(dict(section.context))]
     assert len(found) == 9
     for plot in found:
         assert any(joint in plot.text or "parameters" in plot.text for joint in findings.robot.joints), plot.text

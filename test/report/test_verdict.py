@@ -10,7 +10,7 @@ import pytest
 from robot_ident.cli.main import build_parser
 from robot_ident.diagnosis.diagnosis import EVERYWHERE, Diagnosis, Unexplained
 from robot_ident.provenance import fingerprint
-from robot_ident.report.sections import Candidates, Origin
+from robot_ident.report.sections import candidates_section, origin_section
 from robot_ident.report.wording import joined, percent, short, verdict, with_sigma
 from robot_ident.workflow.findings import Findings
 
@@ -92,14 +92,14 @@ def test_what_is_everywhere_sits_nowhere(findings: Findings) -> None:
 
 
 def test_commands_can_be_run_again(findings: Findings) -> None:
-    commands = Origin(findings).context()["commands"]
+    commands = origin_section(findings).context["commands"]
     for command in commands[:2]:
         words = shlex.split(command)
         args = build_parser("identify").parse_args(words[1:])
         assert args.bags == [source.path for source in findings.training]
         assert args.output in {step.path for step in findings.steps}
     assert args.effect == ["stribeck@joint_2"]
-    model = Candidates(findings).context()["models"][0]
+    model = candidates_section(findings).context["models"][0]
     added = build_parser("add").parse_args(shlex.split(model["named"][0]["add"])[1:])
     assert added.effects == ["stribeck@joint_2"]
 
@@ -107,14 +107,14 @@ def test_commands_can_be_run_again(findings: Findings) -> None:
 def test_a_tie_gives_the_experiment_that_tells(findings: Findings) -> None:
     found = findings.diagnoses[0]
     tied = replace(found.missing[0], tied_with=("viscous_nonlinear@joint_2",))
-    context = Candidates(only_first(findings, replace(found, missing=(tied,)))).context()
+    context = candidates_section(only_first(findings, replace(found, missing=(tied,)))).context
     told = context["models"][0]["named"][0]["tell"]
     args = build_parser("design").parse_args(shlex.split(told)[1:])
     assert args.tell == ["stribeck@joint_2", "viscous_nonlinear@joint_2"]
 
 
 def test_recordings_are_told_by_their_hashes(findings: Findings) -> None:
-    context = Origin(findings).context()
+    context = origin_section(findings).context
     for source, line in zip((*findings.training, *findings.validation), context["hashes"], strict=True):
         assert line == f"{fingerprint(source.path)}  {source.path}"
     assert all(model["fitted"].startswith("fitted to the recordings above") for model in context["models"])
