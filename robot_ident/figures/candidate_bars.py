@@ -18,7 +18,7 @@ def candidates_figure(found: Diagnosis) -> Figure:
     """Return a bar for each candidate: the share [%] of the excess on its joints that it removes on trajectories left
     out of the fit; those named missing are filled, the others hatched.
     """
-    from plotly.graph_objects import Bar, Figure
+    from plotly.graph_objects import Figure
 
     figure = Figure()
     for label, findings, colour, pattern in (
@@ -26,26 +26,21 @@ def candidates_figure(found: Diagnosis) -> Figure:
         ("not named", found.others, GREY, "/"),
     ):
         if findings:
-            figure.add_trace(
-                Bar(
-                    y=[plain(finding.label) for finding in findings],
-                    x=[100.0 * finding.explained for finding in findings],
-                    orientation="h",
-                    name=label,
-                    text=[_share(finding) for finding in findings],
-                    textposition="outside",
-                    cliponaxis=False,
-                    marker={"color": colour, "pattern": {"shape": pattern}},
-                    hovertemplate="%{y}: %{x:.1f} %<extra>" + label + "</extra>",
-                )
+            figure.add_bar(
+                y=[plain(finding.label) for finding in findings],
+                x=[100.0 * finding.explained for finding in findings],
+                orientation="h",
+                name=label,
+                text=[_share(finding) for finding in findings],
+                textposition="outside",
+                cliponaxis=False,
+                marker={"color": colour, "pattern": {"shape": pattern}},
+                hovertemplate="%{y}: %{x:.1f} %<extra>" + label + "</extra>",
             )
     order = [plain(finding.label) for finding in (*found.missing, *found.others)]
     figure.update_yaxes(categoryorder="array", categoryarray=order[::-1], automargin=True, showgrid=False)
-    figure.update_xaxes(
-        title_text="of the excess error explained on motion left out [%]",
-        range=[0, 112],
-        tickvals=[0, 20, 40, 60, 80, 100],
-    )
+    title = "of the excess error explained on motion left out [%]"
+    figure.update_xaxes(title_text=title, range=[0, 112], tickvals=[0, 20, 40, 60, 80, 100])
     return themed(figure, height=130 + _BAR * len(order))
 
 

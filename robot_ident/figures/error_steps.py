@@ -3,14 +3,14 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Mapping, Sequence
+from collections.abc import Sequence
 from typing import TYPE_CHECKING
 
 from robot_ident.diagnosis.staircase import Foreseen, Level, Step
 from robot_ident.figures.theme import BLUE, VERMILLION, plain, themed
 
 if TYPE_CHECKING:
-    from plotly.graph_objects import Bar, Figure
+    from plotly.graph_objects import Figure
 
 
 _ROW = 130  # px of a joint
@@ -32,8 +32,8 @@ def staircase_figure(steps: Sequence[Step], foreseen: Foreseen | None = None) ->
     figure = make_subplots(rows=robot.n, cols=1, shared_xaxes=True, vertical_spacing=0.12 / robot.n)
     for number, joint in enumerate(robot.joints):
         place, unit = {"row": number + 1, "col": 1}, robot.torque_unit(number)
-        noise = [level.noise or 0.0 for step in every for level in _levels(step, joint)]
-        highest = max([*noise, *(level.excess for step in every for level in _levels(step, joint))]) or 1.0
+        both = [levels[joint] for step in every for levels in (step.training, step.validation) if joint in levels]
+        highest = max(max(level.noise or 0.0, level.excess) for level in both) or 1.0
         for label, kind, colour in (
             ("fitted recordings", [step.training for step in every], BLUE),
             ("validation", [step.validation for step in every], VERMILLION),
@@ -41,44 +41,33 @@ def staircase_figure(steps: Sequence[Step], foreseen: Foreseen | None = None) ->
             levels = [levels.get(joint) for levels in kind]
             if not any(levels):
                 continue
-            bars = _bars(label, names, levels, colour, unit)
-            bars.text = ["" if level is None else _short(level.excess, highest) for level in levels]
-            bars.marker.pattern.shape = ["" if k < len(steps) else "/" for k in range(len(every))]
-            bars.showlegend = number == 0
-            figure.add_trace(bars, **place)
+            known = all(level is None or level.noise is not None for level in levels)
+            name = label if known else f"{label} (noise unknown: residual)"
+            hatched = ["" if k < len(steps) else "/" for k in range(len(every))]
+            figure.add_bar(
+                x=names,
+                y=[None if level is None else level.excess for level in levels],
+                text=["" if level is None else _short(level.excess, highest) for level in levels],
+                textposition="outside",
+                cliponaxis=False,
+                name=name,
+                legendgroup=label,
+                showlegend=number == 0,
+                marker={"color": colour, "pattern": {"shape": hatched}},
+                customdata=["" if level is None else _total(level, unit) for level in levels],
+                hovertemplate=f"%{{x}}<br>{name}: %{{y:.3g}} {unit} rms<br>%{{customdata}}<extra></extra>",
+                **place,
+            )
         title, reach = f"{plain(joint)}<br>[{unit} rms]", (0.0, _HEADROOM * highest)
         figure.update_yaxes(title={"text": title, "font": {"size": 13}}, range=reach, nticks=4, **place)
     figure.update_xaxes(showgrid=False)
     return themed(figure, height=120 + _ROW * robot.n, bargap=0.35, bargroupgap=0.08)
 
 
-def _levels(step: Step | Foreseen, joint: str) -> list[Level]:
-    return [levels[joint] for levels in (step.training, step.validation) if joint in levels]
-
-
 def _lines(step: Step | Foreseen) -> list[str]:
     """Return a step's name and what it adds."""
     name = "predicted" if isinstance(step, Foreseen) else step.name
     return [name, *(part for label in step.added for part in f"+ {label}".replace("@", "\n@").split("\n"))]
-
-
-def _bars(label: str, names: Sequence[str], levels: Sequence[Level | None], colour: str, unit: str) -> Bar:
-    """Return the bars of a joint on one kind of recordings."""
-    from plotly.graph_objects import Bar
-
-    known = all(level is None or level.noise is not None for level in levels)
-    name = label if known else f"{label} (noise unknown: residual)"
-    return Bar(
-        x=names,
-        y=[None if level is None else level.excess for level in levels],
-        textposition="outside",
-        cliponaxis=False,
-        name=name,
-        legendgroup=label,
-        marker={"color": colour},
-        customdata=["" if level is None else _total(level, unit) for level in levels],
-        hovertemplate=f"%{{x}}<br>{name}: %{{y:.3g}} {unit} rms<br>%{{customdata}}<extra></extra>",
-    )
 
 
 def _short(value: float, largest: float) -> str:
@@ -95,20 +84,17 @@ def _total(level: Level, unit: str) -> str:
 def staircase_text(steps: Sequence[Step]) -> str:
     """Return what the figure shows: first and last excess of every joint, with its residual and its noise."""
     robot, first, last = steps[0].model.robot, steps[0], steps[-1]
+    kinds = [("fitted recordings", first.training, last.training), ("validation", first.validation, last.validation)]
     parts = []
     for number, joint in enumerate(robot.joints):
         unit = robot.torque_unit(number)
         told = [
             f"{where} {_fall(before[joint], after[joint], unit, len(steps) > 1)}"
-            for where, before, after in _kinds(first, last)
+            for where, before, after in kinds
+            if after
         ]
         parts.append(f"{joint}: {', '.join(told)}")
     return f"Excess over noise of {len(steps)} model{'s' if len(steps) > 1 else ''}. {'; '.join(parts)}."
-
-
-def _kinds(first: Step, last: Step) -> list[tuple[str, Mapping[str, Level], Mapping[str, Level]]]:
-    kinds = [("fitted recordings", first.training, last.training)]
-    return [*kinds, ("validation", first.validation, last.validation)] if last.validation else kinds
 
 
 def _fall(first: Level, last: Level, unit: str, several: bool) -> str:

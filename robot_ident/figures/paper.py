@@ -4,11 +4,12 @@ round to round, the filter's response, model 1 against model 2.
 
 from __future__ import annotations
 
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING
 
 import numpy as np
 
-from robot_ident.figures.theme import BLUE, GREEN, GREY, ORANGE, PURPLE, VERMILLION, colour, themed
+from robot_ident.figures.parameter_bars import sigmas_over_names
+from robot_ident.figures.theme import BLUE, GREEN, GREY, ORANGE, PURPLE, VERMILLION, add_level, colour, themed
 from robot_ident.paper import printed
 from robot_ident.paper.excitation import Excitations
 from robot_ident.paper.friction import Draws
@@ -31,7 +32,6 @@ def robot_figure(robot: Robot) -> Figure:
     """Return the arm from the side (x, z) [m] as its URDF says, at q = 0 and bent, with every joint's frame; axes that
     point to the reader or away are not drawn.
     """
-    from plotly.graph_objects import Scatter
     from plotly.subplots import make_subplots
 
     poses = (("q = 0", np.zeros(robot.n)), (f"q = {_BENT} rad", np.array(_BENT[: robot.n])))
@@ -40,27 +40,33 @@ def robot_figure(robot: Robot) -> Figure:
         place = {"row": 1, "col": column}
         frames = _frames(robot, q)
         way = np.array([np.zeros(3), *(origin for _, origin, _ in frames)])
-        line = {"color": GREY, "width": 10}
-        figure.add_trace(
-            Scatter(x=way[:, 0], y=way[:, 2], mode="lines", line=line, showlegend=False, hoverinfo="skip"), **place
-        )
+        silent = {"line": {"color": GREY, "width": 10}, "showlegend": False, "hoverinfo": "skip"}
+        figure.add_scatter(x=way[:, 0], y=way[:, 2], mode="lines", **silent, **place)
         for number, (name, origin, axes) in enumerate(frames[: robot.n]):
             for axis, shade in ((0, VERMILLION), (1, GREEN), (2, BLUE)):
                 tip = origin + _ARROW * axes[:, axis]
                 if np.hypot(*(tip - origin)[[0, 2]]) < 0.1 * _ARROW:
                     continue  # it points to the reader or away
-                figure.add_trace(_arrow(origin, tip, f"{'xyz'[axis]}{number + 1}", shade, _LABELS[number]), **place)
+                figure.add_scatter(
+                    x=[origin[0], tip[0]],
+                    y=[origin[2], tip[2]],
+                    mode="lines+markers+text",
+                    line={"color": shade, "width": 3},
+                    marker={"size": [0, 8], "symbol": "arrow", "angleref": "previous", "color": shade},
+                    text=["", f"{'xyz'[axis]}{number + 1}"],
+                    textposition=_LABELS[number],
+                    textfont={"color": shade},
+                    showlegend=False,
+                    hoverinfo="skip",
+                    **place,
+                )
             spot = {"size": 11, "color": colour(number), "line": {"width": 2, "color": GREY}}
             words = f"{name}: z {_toward(axes[:, 2])}<extra></extra>"
-            point = {"x": [origin[0]], "y": [origin[2]], "mode": "markers", "marker": spot, "name": name}
-            figure.add_trace(Scatter(**point, legendgroup=name, showlegend=column == 1, hovertemplate=words), **place)
-        end = {
-            "x": way[-1:, 0],
-            "y": way[-1:, 2],
-            "mode": "markers",
-            "marker": {"size": 11, "symbol": "square", "color": GREY},
-        }
-        figure.add_trace(Scatter(**end, name=robot.end_effector, legendgroup="end", showlegend=column == 1), **place)
+            look = {"mode": "markers", "marker": spot, "name": name, "legendgroup": name, "hovertemplate": words}
+            figure.add_scatter(x=[origin[0]], y=[origin[2]], showlegend=column == 1, **look, **place)
+        square = {"size": 11, "symbol": "square", "color": GREY}
+        end = {"mode": "markers", "marker": square, "name": robot.end_effector, "legendgroup": "end"}
+        figure.add_scatter(x=way[-1:, 0], y=way[-1:, 2], showlegend=column == 1, **end, **place)
         figure.update_xaxes(title_text="x [m]", range=[-0.8, 1.4], constrain="domain", **place)
         figure.update_yaxes(range=[-0.1, 2.6], scaleanchor="x" if column == 1 else "x2", constrain="domain", **place)
     figure.update_yaxes(title_text="z [m]", row=1, col=1)
@@ -79,23 +85,6 @@ def _frames(robot: Robot, q: Array) -> list[tuple[str, Array, Array]]:
     return [(name, np.array(place.translation), np.array(place.rotation)) for name, place in places]
 
 
-def _arrow(origin: Array, tip: Array, name: str, shade: str, place: str) -> Any:
-    from plotly.graph_objects import Scatter
-
-    return Scatter(
-        x=[origin[0], tip[0]],
-        y=[origin[2], tip[2]],
-        mode="lines+markers+text",
-        line={"color": shade, "width": 3},
-        marker={"size": [0, 8], "symbol": "arrow", "angleref": "previous", "color": shade},
-        text=["", name],
-        textposition=place,
-        textfont={"color": shade},
-        showlegend=False,
-        hoverinfo="skip",
-    )
-
-
 def _toward(axis: Array) -> str:
     if abs(axis[1]) < 0.5:
         return "in the plane of the picture"
@@ -110,55 +99,28 @@ def robot_text(robot: Robot) -> str:
 
 def sigmas_figure(found: Excitations) -> Figure:
     """Return the standard deviations of Table II: of both trajectories, printed and here, on a logarithmic axis."""
-    from plotly.graph_objects import Figure, Scatter
-
-    figure = Figure()
-    names = {"condition": "c1", "d-optimal": "c2"}
-    for criterion, shade in (("condition", ORANGE), ("d-optimal", BLUE)):
+    series = [
+        (f"{name}, {who}", values, shade, symbol)
+        for criterion, name, shade in (("condition", "c1", ORANGE), ("d-optimal", "c2", BLUE))
         for who, values, symbol in (
             ("paper", printed.SIGMA[criterion], "diamond-open"),
-            ("here", found.optimal[criterion].runs.sigma, "circle"),
-        ):
-            label = f"{names[criterion]}, {who}"
-            figure.add_trace(
-                Scatter(
-                    x=list(found.names),
-                    y=list(values),
-                    mode="markers",
-                    name=label,
-                    marker={"color": shade, "symbol": symbol, "size": 9, "line": {"width": 2, "color": shade}},
-                    hovertemplate="%{x}: %{y:.4g}<extra>" + label + "</extra>",
-                )
-            )
-    figure.update_yaxes(title_text="standard deviation [SI units]", type="log", dtick="D2")
-    figure.update_xaxes(tickangle=-60, showgrid=True)
-    return themed(figure, height=480)
+            ("here", list(found.optimal[criterion].runs.sigma), "circle"),
+        )
+    ]
+    return sigmas_over_names(found.names, series, "standard deviation [SI units]", 480)
 
 
 def rounds_figure(found: Redesigned, bound: float) -> Figure:
     """Return log10 det of the Cramer-Rao bound from round to round, above what no trajectory passes."""
-    from plotly.graph_objects import Figure, Scatter
+    from plotly.graph_objects import Figure
 
     rounds = list(range(1, len(found.rounds) + 1))
     values = [one.log10_det_bound for one in found.rounds]
-    figure = Figure(
-        Scatter(
-            x=rounds,
-            y=values,
-            mode="lines+markers",
-            line={"color": BLUE, "width": 2},
-            marker={"size": 9},
-            name="at its estimate",
-        )
-    )
+    figure, line = Figure(), {"color": BLUE, "width": 2}
+    figure.add_scatter(x=rounds, y=values, mode="lines+markers", line=line, marker={"size": 9}, name="at its estimate")
     span = [0.8, len(rounds) + 0.2]
-    lines = (
-        (bound, "no trajectory passes", GREEN, "dot"),
-        (printed.LOG10_DET["d-optimal"], "the paper's c2", ORANGE, "dash"),
-    )
-    for value, name, shade, dashes in lines:
-        line = {"color": shade, "dash": dashes, "width": 2}
-        figure.add_trace(Scatter(x=span, y=[value, value], mode="lines", line=line, name=f"{name}: {value:.2f}"))
+    add_level(figure, span, bound, "no trajectory passes", GREEN, "dot")
+    add_level(figure, span, printed.LOG10_DET["d-optimal"], "the paper's c2", ORANGE, "dash")
     figure.update_xaxes(title_text="measurement", dtick=1, range=span)
     figure.update_yaxes(title_text="log10 det of the bound")
     return themed(figure, height=360)
@@ -166,7 +128,6 @@ def rounds_figure(found: Redesigned, bound: float) -> Figure:
 
 def response_figure(found: MeasuringChain) -> Figure:
     """Return gain and phase of the filter over frequency: measured, identified, the nominal Butterworth filter."""
-    from plotly.graph_objects import Scatter
     from plotly.subplots import make_subplots
 
     figure = make_subplots(rows=2, cols=1, shared_xaxes=True, vertical_spacing=0.06)
@@ -184,9 +145,9 @@ def response_figure(found: MeasuringChain) -> Figure:
             "line": {"color": shade, "width": 2},
             "marker": {"color": shade, "size": 5},
         }
-        figure.add_trace(Scatter(x=frequency, y=np.abs(value), **look), row=1, col=1)
+        figure.add_scatter(x=frequency, y=np.abs(value), **look, row=1, col=1)
         phase = np.rad2deg(np.unwrap(np.angle(value)))
-        figure.add_trace(Scatter(x=frequency, y=phase, showlegend=False, **look), row=2, col=1)
+        figure.add_scatter(x=frequency, y=phase, showlegend=False, **look, row=2, col=1)
     figure.update_yaxes(title_text="gain", type="log", row=1, col=1)
     figure.update_yaxes(title_text="phase [deg]", row=2, col=1)
     figure.update_xaxes(type="log")
@@ -196,21 +157,19 @@ def response_figure(found: MeasuringChain) -> Figure:
 
 def draws_figure(draws: Draws, joints: tuple[str, ...]) -> Figure:
     """Return by which share model 1 errs more than model 2 on each draw of the validation motion, by joint."""
-    from plotly.graph_objects import Box, Figure
+    from plotly.graph_objects import Figure
 
     figure = Figure()
     for joint, name in enumerate(joints):
-        figure.add_trace(
-            Box(
-                y=100.0 * draws.worse[:, joint],
-                name=name,
-                boxpoints="all",
-                jitter=0.4,
-                pointpos=0.0,
-                marker={"color": colour(joint), "size": 6},
-                line={"color": colour(joint)},
-                showlegend=False,
-            )
+        figure.add_box(
+            y=100.0 * draws.worse[:, joint],
+            name=name,
+            boxpoints="all",
+            jitter=0.4,
+            pointpos=0.0,
+            marker={"color": colour(joint), "size": 6},
+            line={"color": colour(joint)},
+            showlegend=False,
         )
     figure.add_hline(100.0 * printed.MODEL_1_WORSE, line={"color": PURPLE, "dash": "dash", "width": 2})
     figure.update_yaxes(title_text="model 1 worse than model 2 [%]")

@@ -26,7 +26,7 @@ def parameters_figure(before: Model, after: Model) -> Figure:
     """Return how far each parameter that two models share has moved, (after - before) / sigma before, with the 95 %
     interval of either: 2 sigma on either side.
     """
-    from plotly.graph_objects import Figure, Scatter
+    from plotly.graph_objects import Figure
 
     shared = _shared(before, after)
     figure = Figure()
@@ -36,16 +36,14 @@ def parameters_figure(before: Model, after: Model) -> Figure:
             ("after", [one[1] for one in shared], [2.0 * one[2] for one in shared]),
         )
     ):
-        figure.add_trace(
-            Scatter(
-                y=[plain(one[0]) for one in shared],
-                x=moved,
-                error_x={"type": "data", "array": wide, "thickness": 1.5},
-                mode="markers",
-                name=f"{label}, ± 2 sigma",
-                marker={"color": model_colour(number, 2), "symbol": ("square-open", "circle")[number], "size": 8},
-                hovertemplate="%{y}: moved by %{x:.2f} sigma<extra>" + label + "</extra>",
-            )
+        figure.add_scatter(
+            y=[plain(one[0]) for one in shared],
+            x=moved,
+            error_x={"type": "data", "array": wide, "thickness": 1.5},
+            mode="markers",
+            name=f"{label}, ± 2 sigma",
+            marker={"color": model_colour(number, 2), "symbol": ("square-open", "circle")[number], "size": 8},
+            hovertemplate="%{y}: moved by %{x:.2f} sigma<extra>" + label + "</extra>",
         )
     figure.update_yaxes(autorange="reversed", automargin=True, dtick=1)
     figure.update_xaxes(title_text="moved, in sigma of the model before")
@@ -81,8 +79,6 @@ def is_paper_model(robot: str, parameters: Sequence[str]) -> bool:
 
 def sigma_figure(found: DesignResult, units: tuple[str, ...]) -> Figure:
     """Return the standard deviations [unit of the parameter] on a logarithmic axis; units [p]."""
-    from plotly.graph_objects import Figure, Scatter
-
     names = [
         f"{name} [{unit.replace('^2', '²')}]" if unit else name
         for name, unit in zip(found.parameters, units, strict=True)
@@ -90,21 +86,28 @@ def sigma_figure(found: DesignResult, units: tuple[str, ...]) -> Figure:
     series: list[tuple[str, Any, str, str]] = [("this design", np.asarray(found.sigma), BLUE, "circle")]
     if (paper := _paper(found)) is not None:
         series.append(("Swevers et al. 1997, Table II", paper, ORANGE, "diamond-open"))
+    return sigmas_over_names(names, series, "standard deviation", 520)
+
+
+def sigmas_over_names(
+    names: Sequence[str], series: Sequence[tuple[str, Any, str, str]], title: str, height: int
+) -> Figure:
+    """Return (label, standard deviations [p], colour, symbol) over the names of parameters, on a logarithmic axis."""
+    from plotly.graph_objects import Figure
+
     figure = Figure()
-    for name, values, colour, symbol in series:
-        figure.add_trace(
-            Scatter(
-                x=names,
-                y=values,
-                mode="markers",
-                name=name,
-                marker={"color": colour, "symbol": symbol, "size": 9, "line": {"width": 2, "color": colour}},
-                hovertemplate="%{x}: %{y:.4g}<extra>" + name + "</extra>",
-            )
+    for label, values, colour, symbol in series:
+        figure.add_scatter(
+            x=list(names),
+            y=values,
+            mode="markers",
+            name=label,
+            marker={"color": colour, "symbol": symbol, "size": 9, "line": {"width": 2, "color": colour}},
+            hovertemplate="%{x}: %{y:.4g}<extra>" + label + "</extra>",
         )
-    figure.update_yaxes(title_text="standard deviation", type="log", dtick="D2")
+    figure.update_yaxes(title_text=title, type="log", dtick="D2")
     figure.update_xaxes(tickangle=-60, showgrid=True)
-    return themed(figure, height=520)
+    return themed(figure, height=height)
 
 
 def sigma_text(found: DesignResult) -> str:

@@ -10,14 +10,14 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from robot_ident.figures.theme import model_colour, plain, themed
+from robot_ident.figures.theme import model_colour, plain, themed, trace
 from robot_ident.figures.torque_over_time import noise_band
 from robot_ident.residuals.beside import Beside
 from robot_ident.robot.robot import Robot
 from robot_ident.signals.motion import Array, Mask
 
 if TYPE_CHECKING:
-    from plotly.graph_objects import Figure, Scatter
+    from plotly.graph_objects import Figure
 
 
 @dataclass(frozen=True)
@@ -101,14 +101,27 @@ def residual_over_figure(besides: Mapping[str, Sequence[Beside]]) -> Figure:
         for column, variable in enumerate(_VARIABLES):
             place, first = {"row": joint + 1, "col": column + 1}, joint == column == 0
             curves = _curves(besides, joint, variable)
-            band = _band(list(curves.values())[-1], shown=first)
-            if band is not None:
-                figure.add_trace(band, **place)
+            last = list(curves.values())[-1]
+            if len(last.middle) and np.all(np.isfinite(last.spread)):
+                wide = _SURE * float(np.median(last.spread))
+                label = f"noise of a bin's mean, ± {_SURE:g} sigma"
+                figure.add_trace(noise_band(last.middle, wide, label, shown=first), **place)
             for (model, side), curve in curves.items():
                 number = list(besides).index(model)
                 colour = model_colour(number, len(besides))
                 shown = joint == 0 and (column == 0 or (column == 1 and side != 0))
-                figure.add_trace(_line(curve, model, side, colour, shown, robot.torque_unit(joint)), **place)
+                words, dash, symbol = _SIDES[side]
+                line = trace(
+                    f"{plain(model)}{words}",
+                    shown,
+                    f"%{{x:.4g}}: %{{y:.3g}} {robot.torque_unit(joint)}",
+                    x=curve.middle,
+                    y=curve.mean,
+                    mode="lines+markers",
+                    line={"color": colour, "dash": dash, "width": 1.3},
+                    marker={"symbol": symbol, "size": 6, "color": colour},
+                )
+                figure.add_trace(line, **place)
             figure.update_xaxes(title_text=f"{variable.name} [{variable.unit(robot, joint)}]", **place)
         figure.update_yaxes(title_text=f"{plain(name)}<br>residual [{robot.torque_unit(joint)}]", row=joint + 1, col=1)
     return themed(figure, height=110 + _ROW * robot.n)
@@ -116,49 +129,14 @@ def residual_over_figure(besides: Mapping[str, Sequence[Beside]]) -> Figure:
 
 def _curves(besides: Mapping[str, Sequence[Beside]], joint: int, variable: _Variable) -> dict[tuple[str, int], Binned]:
     """Return the curves of a panel by model and direction."""
-    return {
-        (model, side): _along(found, joint, variable, side)
-        for model, found in besides.items()
-        for side in ((1, -1) if variable.directed else (0,))
-    }
-
-
-def _along(found: Sequence[Beside], joint: int, variable: _Variable, side: int) -> Binned:
-    used = [b.used[:, joint] & ((b.dq[:, joint] * side > 0.0) if side else True) for b in found]
-    return binned(
-        [variable.values(b, joint) for b in found],
-        [b.residual[:, joint] for b in found],
-        used,
-        [float(b.sigma[joint] ** 2 / b.independent) for b in found],
-        _BINS,
-    )
-
-
-def _line(curve: Binned, model: str, side: int, colour: str, shown: bool, unit: str) -> Scatter:
-    from plotly.graph_objects import Scatter
-
-    words, dash, symbol = _SIDES[side]
-    label = f"{plain(model)}{words}"
-    return Scatter(
-        x=curve.middle,
-        y=curve.mean,
-        name=label,
-        legendgroup=label,
-        showlegend=shown,
-        mode="lines+markers",
-        line={"color": colour, "dash": dash, "width": 1.3},
-        marker={"symbol": symbol, "size": 6, "color": colour},
-        hovertemplate=f"%{{x:.4g}}: %{{y:.3g}} {unit}<extra>{label}</extra>",
-    )
-
-
-def _band(curve: Binned, *, shown: bool) -> Scatter | None:
-    if not len(curve.middle) or not np.all(np.isfinite(curve.spread)):
-        return None
-    label = f"noise of a bin's mean, ± {_SURE:g} sigma"
-    wide = _SURE * float(np.median(curve.spread))
-    start, end = float(curve.middle[0]), float(curve.middle[-1])
-    return noise_band(start, end, wide, label, shown=shown)
+    curves = {}
+    for model, found in besides.items():
+        x, y = [variable.values(b, joint) for b in found], [b.residual[:, joint] for b in found]
+        variance = [float(b.sigma[joint] ** 2 / b.independent) for b in found]
+        for side in (1, -1) if variable.directed else (0,):
+            used = [b.used[:, joint] & ((b.dq[:, joint] * side > 0.0) if side else True) for b in found]
+            curves[model, side] = binned(x, y, used, variance, _BINS)
+    return curves
 
 
 def residual_over_text(besides: Mapping[str, Sequence[Beside]]) -> str:

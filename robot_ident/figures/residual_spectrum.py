@@ -3,20 +3,21 @@
 from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
-from robot_ident.figures.theme import NOISE_LINE, extremes_along, model_colour, plain, themed
+from robot_ident.figures.theme import NOISE_LINE, extremes_along, model_colour, plain, themed, trace
 from robot_ident.residuals.residual_lines import ResidualLines
 from robot_ident.robot.robot import Robot
 from robot_ident.signals.motion import Array, Mask
 
 if TYPE_CHECKING:
-    from plotly.graph_objects import Figure, Scatter
+    from plotly.graph_objects import Figure
 
 
 _ROW = 260  # px of a joint
+_HOVER = "%{{x:.4g}} Hz: %{{y:.3g}} {unit} rms"
 LINES = 1200
 """Markers of a kind at most, beyond which the extremes of stretches of frequency are drawn."""
 _SAME = 1e-3  # by which the base frequencies of two recordings of one motion may differ
@@ -37,12 +38,10 @@ def residual_lines_figure(lines: Mapping[str, ResidualLines], robot: Robot, coun
         unit, place = robot.torque_unit(joint), {"row": joint + 1, "col": 1}
         for number, (model, found) in enumerate(lines.items()):
             colour = model_colour(number, len(lines))
-            for kind, rows in (("excited lines", found.excited), ("other lines", ~found.excited)):
+            for kind, rows, filled in (("excited lines", found.excited, True), ("other lines", ~found.excited, False)):
                 if rows.any():
-                    trace = _points(
-                        f"{plain(model)}, {kind}", found, rows, joint, colour, unit, filled=kind == "excited lines"
-                    )
-                    figure.add_trace(trace, **place)
+                    label = f"{plain(model)}, {kind}"
+                    figure.add_trace(_points(label, found, rows, joint, colour, unit, filled=filled), **place)
         last = list(lines.values())[-1]
         if np.all(np.isfinite(last.noise[:, joint])):
             figure.add_trace(_level("noise", last, last.noise[:, joint], "solid", unit, joint), **place)
@@ -86,41 +85,19 @@ def _exceeded(count: int) -> float:
 
 def _points(
     label: str, found: ResidualLines, rows: Mask, joint: int, colour: str, unit: str, *, filled: bool
-) -> Scatter:
-    from plotly.graph_objects import Scatter
-
+) -> dict[str, Any]:
     x, y = found.frequency[rows], found.residual[rows, joint]
     keep = extremes_along(x, y, LINES)
-    return Scatter(
-        x=x[keep].astype(np.float32),
-        y=y[keep].astype(np.float32),
-        name=label,
-        legendgroup=label,
-        showlegend=joint == 0,
-        mode="markers",
-        marker={
-            "color": colour,
-            "size": 9 if filled else 4,
-            "symbol": "diamond" if filled else "circle-open",
-        },
-        hovertemplate=f"%{{x:.4g}} Hz: %{{y:.3g}} {unit} rms<extra>{label}</extra>",
-    )
+    marker = {"color": colour, "size": 9 if filled else 4, "symbol": "diamond" if filled else "circle-open"}
+    points = {"x": x[keep].astype(np.float32), "y": y[keep].astype(np.float32)}
+    return trace(label, joint == 0, _HOVER.format(unit=unit), mode="markers", marker=marker, **points)
 
 
-def _level(label: str, found: ResidualLines, y: Array, dash: str, unit: str, joint: int) -> Scatter:
-    from plotly.graph_objects import Scatter
-
+def _level(label: str, found: ResidualLines, y: Array, dash: str, unit: str, joint: int) -> dict[str, Any]:
     keep = extremes_along(found.frequency, y, 200)
-    return Scatter(
-        x=found.frequency[keep],
-        y=y[keep],
-        name=label,
-        legendgroup=label,
-        showlegend=joint == 0,
-        mode="lines",
-        line={"color": NOISE_LINE, "dash": dash, "width": 2},
-        hovertemplate=f"%{{x:.4g}} Hz: %{{y:.3g}} {unit} rms<extra>{label}</extra>",
-    )
+    line = {"color": NOISE_LINE, "dash": dash, "width": 2}
+    points = {"x": found.frequency[keep], "y": y[keep]}
+    return trace(label, joint == 0, _HOVER.format(unit=unit), mode="lines", line=line, **points)
 
 
 def residual_lines_text(lines: Mapping[str, ResidualLines], robot: Robot, count: int = 1) -> str:

@@ -85,6 +85,19 @@ def themed(figure: Figure, *, height: int, **layout: Any) -> Figure:
     return figure
 
 
+def trace(label: str, shown: bool, hover: str, **look: Any) -> dict[str, Any]:
+    """Return a trace; all of one label share an entry of the legend. hover: what is said of a point."""
+    hover = f"{hover}<extra>{label}</extra>"
+    legend = {"name": label, "legendgroup": label, "showlegend": shown, "hovertemplate": hover}
+    return {"type": "scatter", **legend, **look}
+
+
+def add_level(figure: Figure, span: list[float], value: float, name: str, shade: str, dashes: str) -> None:
+    """Add a horizontal line, with its value in the legend."""
+    line = {"color": shade, "dash": dashes, "width": 2}
+    figure.add_scatter(x=span, y=[value, value], mode="lines", line=line, name=f"{name}: {value:.2f}")
+
+
 def recoloured(shade: str, axes: list[str]) -> dict[str, Any]:
     """Return the layout that turns a figure with such axes light or dark, as plotly's relayout takes it."""
     tone = SHADES[shade]

@@ -27,7 +27,6 @@ def workspace_figure(excitation: Excitation, robot: Robot, frame: str | None = N
     Shaded dark: where the rules for this frame forbid every point behind the picture's; light: where only some (at
     other angles from the side, at other heights from above).
     """
-    from plotly.graph_objects import Scatter
     from plotly.subplots import make_subplots
 
     frame = frame or robot.end_effector
@@ -38,22 +37,19 @@ def workspace_figure(excitation: Excitation, robot: Robot, frame: str | None = N
     )  # plotly puts the titles where the legend would be
     side, above = _spans(r, p[:, 2], floor=0.0), _spans(p[:, 0], p[:, 1], equal=True)
     for column, spans in ((1, side), (2, above)):
-        for trace in _shading(robot, frame, spans, p, from_side=column == 1):
-            trace.showlegend = trace.name not in {other.name for other in figure.data}
-            figure.add_trace(trace, row=1, col=column)
+        for region in _shading(robot, frame, spans, p, from_side=column == 1):
+            first = region["name"] not in {other.name for other in figure.data}
+            figure.add_contour(**region, showlegend=first, row=1, col=column)
     line = {"color": BLUE, "width": 2}
     words = ("r %{x:.3f} m, z %{y:.3f} m", "x %{x:.3f} m, y %{y:.3f} m")
     for column, (x, y) in enumerate(((r, p[:, 2]), (p[:, 0], p[:, 1])), 1):
         hover = f"{words[column - 1]}<extra>{frame}</extra>"
         shown = {"showlegend": column == 1, "legendgroup": "path", "hovertemplate": hover}
-        figure.add_trace(
-            Scatter(x=x, y=y, mode="lines", line=line, name=f"path of {frame}", **shown), row=1, col=column
-        )
+        place = {"row": 1, "col": column}
+        figure.add_scatter(x=x, y=y, mode="lines", line=line, name=f"path of {frame}", **shown, **place)
         start = {"size": 10, "color": GREEN, "symbol": "diamond"}
         shown |= {"legendgroup": "start", "hovertemplate": f"start, {hover}"}
-        figure.add_trace(
-            Scatter(x=x[:1], y=y[:1], mode="markers", marker=start, name="start", **shown), row=1, col=column
-        )
+        figure.add_scatter(x=x[:1], y=y[:1], mode="markers", marker=start, name="start", **shown, **place)
     for column, ((low, high), (bottom, top)) in enumerate((side, above), 1):
         figure.update_xaxes(range=[low, high], constrain="domain", row=1, col=column)
         anchor = "x" if column == 1 else "x2"  # a metre is as long in both directions
@@ -98,10 +94,8 @@ def _spans(x: Array, y: Array, *, floor: float | None = None, equal: bool = Fals
     return (float(first[0]), float(high[0] + room)), (float(first[1]), float(high[1] + room))
 
 
-def _shading(robot: Robot, frame: str, spans: Spans, path: Array, *, from_side: bool) -> list[Any]:
-    """Return traces that fill where the rules forbid some, and where they forbid all, of what is behind a point."""
-    from plotly.graph_objects import Contour
-
+def _shading(robot: Robot, frame: str, spans: Spans, path: Array, *, from_side: bool) -> list[dict[str, Any]]:
+    """Return contours that fill where the rules forbid some, and where they forbid all, of what is behind a point."""
     rules = [rule for rule in robot.workspace if rule.frame == frame]
     if not rules:
         return []
@@ -120,18 +114,8 @@ def _shading(robot: Robot, frame: str, spans: Spans, path: Array, *, from_side: 
         (margin.max(axis=2), FORBIDDEN, "forbidden"),
     ):
         if values.min() < 0.0:
+            grid = {"x": np.round(x, 4), "y": np.round(y, 4), "z": np.round(values.T, 4).astype("float32")}
+            look = {"fillcolor": fill, "line": {"width": 1, "color": "rgba(213, 94, 0, 0.6)"}, "hoverinfo": "skip"}
             region = {"type": "constraint", "operation": ">", "value": 0.0}  # what keeps it is left clear
-            out.append(
-                Contour(
-                    x=np.round(x, 4),
-                    y=np.round(y, 4),
-                    z=np.round(values.T, 4).astype("float32"),
-                    contours=region,
-                    fillcolor=fill,
-                    line={"width": 1, "color": "rgba(213, 94, 0, 0.6)"},
-                    name=name,
-                    legendgroup=name,
-                    hoverinfo="skip",
-                )
-            )
+            out.append({"contours": region, "name": name, "legendgroup": name, **grid, **look})
     return out

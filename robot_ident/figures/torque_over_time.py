@@ -3,34 +3,24 @@
 from __future__ import annotations
 
 from collections.abc import Mapping
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
-from robot_ident.figures.theme import MEASURED, NOISE, extremes, model_colour, plain, themed
+from robot_ident.figures.theme import MEASURED, NOISE, extremes, model_colour, plain, themed, trace
 from robot_ident.residuals.beside import Beside
 from robot_ident.signals.motion import Array
 
 if TYPE_CHECKING:
-    from plotly.graph_objects import Figure, Scatter
+    from plotly.graph_objects import Figure
 
 
-def noise_band(start: float, end: float, wide: float, label: str, *, shown: bool) -> Scatter:
-    """Return the band from -wide to wide between two abscissas; `shown`: it has an entry in the legend."""
-    from plotly.graph_objects import Scatter
-
-    return Scatter(
-        x=[start, end, end, start],
-        y=[-wide, -wide, wide, wide],
-        fill="toself",
-        fillcolor=NOISE,
-        line={"width": 0},
-        mode="lines",
-        name=label,
-        legendgroup=label,
-        showlegend=shown,
-        hoverinfo="skip",
-    )
+def noise_band(x: Array, wide: float, label: str, *, shown: bool) -> dict[str, Any]:
+    """Return the band from -wide to wide along x [N]; `shown`: it has an entry in the legend."""
+    start, end = float(x[0]), float(x[-1])
+    corners = {"x": [start, end, end, start], "y": [-wide, -wide, wide, wide]}
+    look = {"fill": "toself", "fillcolor": NOISE, "line": {"width": 0}, "mode": "lines", "hoverinfo": "skip"}
+    return {"type": "scatter", "name": label, "legendgroup": label, "showlegend": shown, **corners, **look}
 
 
 _JOINT = 320  # px: torque above, residual below
@@ -60,7 +50,8 @@ def torque_figure(besides: Mapping[str, Beside]) -> Figure:
         torque = _curve("measured", found.t, found.measured[:, joint], MEASURED, unit, joint)
         figure.add_trace(torque, row=upper, col=1)
         if np.isfinite(found.sigma[joint]):
-            figure.add_trace(_band(found, joint), row=lower, col=1)
+            wide, label = BAND * float(found.sigma[joint]), f"noise, ± {BAND:g} sigma"
+            figure.add_trace(noise_band(found.t, wide, label, shown=joint == 0), row=lower, col=1)
         for place, (model, one) in enumerate(besides.items()):
             colour = model_colour(place, len(besides))
             torque = _curve(f"predicted, {plain(model)}", one.t, one.predicted[:, joint], colour, unit, joint)
@@ -83,28 +74,12 @@ def _moving(found: Beside) -> list[float]:
     return [max(float(found.t[0]), float(start - room)), min(float(found.t[-1]), float(end + room))]
 
 
-def _curve(label: str, t: Array, y: Array, colour: str, unit: str, joint: int) -> Scatter:
-    from plotly.graph_objects import Scatter
-
+def _curve(label: str, t: Array, y: Array, colour: str, unit: str, joint: int) -> dict[str, Any]:
     rows = extremes(y)
     # an even grid needs no abscissae
     along = {"x0": t[0], "dx": t[1] - t[0]} if len(rows) == len(t) > 1 else {"x": t[rows].astype(np.float32)}
-    return Scatter(
-        **along,
-        y=y[rows].astype(np.float32),
-        name=label,
-        legendgroup=label,
-        showlegend=joint == 0,
-        mode="lines",
-        line={"color": colour, "width": 1.3},
-        hovertemplate=f"%{{x:.4g}} s: %{{y:.4g}} {unit}<extra>{label}</extra>",
-    )
-
-
-def _band(found: Beside, joint: int) -> Scatter:
-    wide, label = BAND * float(found.sigma[joint]), f"noise, ± {BAND:g} sigma"
-    start, end = float(found.t[0]), float(found.t[-1])
-    return noise_band(start, end, wide, label, shown=joint == 0)
+    look = {"y": y[rows].astype(np.float32), "mode": "lines", "line": {"color": colour, "width": 1.3}}
+    return trace(label, joint == 0, f"%{{x:.4g}} s: %{{y:.4g}} {unit}", **along, **look)
 
 
 def torque_text(besides: Mapping[str, Beside]) -> str:

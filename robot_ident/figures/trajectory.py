@@ -12,7 +12,7 @@ import numpy as np
 from robot_ident.design.bound import Bound
 from robot_ident.design.design import DesignResult
 from robot_ident.figures.parameter_bars import is_paper_model
-from robot_ident.figures.theme import BLUE, GREEN, GREY, ORANGE, colour, dash, themed
+from robot_ident.figures.theme import BLUE, GREEN, GREY, ORANGE, add_level, colour, dash, themed, trace
 from robot_ident.paper.printed import CONDITION, LOG10_DET
 from robot_ident.robot.robot import Robot
 from robot_ident.signals.motion import Array
@@ -83,26 +83,16 @@ def point_to_point_figure(motion: PointToPoint, robot: Robot) -> Figure:
 
 
 def _curve(t: Array, values: Array, robot: Robot, joint: int, name: str, order: int, shown: bool) -> Any:
-    from plotly.graph_objects import Scatter
-
-    unit = _unit("m" if robot.prismatic[joint] else "rad", order)
-    return Scatter(
-        x=t,
-        y=np.round(values, 6),
-        name=name,
-        legendgroup=name,
-        showlegend=shown,
-        mode="lines",
-        line={"color": colour(joint), "dash": dash(joint), "width": 2},
-        hovertemplate=f"%{{y:.3f}} {unit}<extra>{name}</extra>",
-    )
+    line = {"color": colour(joint), "dash": dash(joint), "width": 2}
+    hover = f"%{{y:.3f}} {_unit(robot.prismatic[joint], order)}"
+    return trace(name, shown, hover, x=t, y=np.round(values, 6), mode="lines", line=line)
 
 
 def trajectory_text(excitation: Excitation, robot: Robot) -> str:
     """Return in words what the figure shows."""
     q, dq, ddq = excitation.series.extremes()
     parts = [
-        f"{name} moves from {q.lower[k]:.2f} to {q.upper[k]:.2f} {_unit('m' if robot.prismatic[k] else 'rad', 0)},"
+        f"{name} moves from {q.lower[k]:.2f} to {q.upper[k]:.2f} {_unit(robot.prismatic[k], 0)},"
         f" at most {dq.largest[k]:.2f} per s and {ddq.largest[k]:.2f} per s squared"
         for k, name in enumerate(excitation.joints)
     ]
@@ -125,38 +115,33 @@ def _limits(robot: Robot, order: int) -> list[tuple[float, str]]:
     return list(out.items())
 
 
-def _unit(base: str, order: int) -> str:
-    return base + ("", "/s", "/s²")[order]
+def _unit(slides: bool, order: int) -> str:
+    return ("m" if slides else "rad") + ("", "/s", "/s²")[order]
 
 
 def _units(robot: Robot, order: int) -> str:
-    bases = dict.fromkeys("m" if slides else "rad" for slides in robot.prismatic)
-    return ", ".join(_unit(base, order) for base in bases)
+    return ", ".join(dict.fromkeys(_unit(slides, order) for slides in robot.prismatic))
 
 
 def convergence_figure(found: DesignResult, bound: Bound | None = None) -> Figure:
     """Return the criterion's best value over time, as steps, with the bound and (for its robot) the paper's value."""
-    from plotly.graph_objects import Figure, Scatter
+    from plotly.graph_objects import Figure
 
     seconds, costs = _history(found)
-    figure = Figure(
-        Scatter(
-            x=seconds,
-            y=costs,
-            mode="lines+markers",
-            line={"shape": "hv", "color": BLUE, "width": 2},
-            marker={"size": 6},
-            name="best so far",
-            hovertemplate="%{y:.3f} after %{x:.1f} s<extra></extra>",
-        )
+    figure = Figure()
+    figure.add_scatter(
+        x=seconds,
+        y=costs,
+        mode="lines+markers",
+        line={"shape": "hv", "color": BLUE, "width": 2},
+        marker={"size": 6},
+        name="best so far",
+        hovertemplate="%{y:.3f} after %{x:.1f} s<extra></extra>",
     )
-    span = [0.0, max(seconds[-1], 1.0)]
-    for value, name, shade, dashes in _references(found, bound):
-        line = {"color": shade, "dash": dashes, "width": 2}
-        figure.add_trace(Scatter(x=span, y=[value, value], mode="lines", line=line, name=f"{name}: {value:.2f}"))
+    for reference in _references(found, bound):
+        add_level(figure, [0.0, max(seconds[-1], 1.0)], *reference)
     figure.update_xaxes(title_text="time of the search [s]", rangemode="tozero")
-    title = "condition number" if _by_condition(found) else "log10 det of the covariance"
-    figure.update_yaxes(title_text=title)
+    figure.update_yaxes(title_text="condition number" if _by_condition(found) else "log10 det of the covariance")
     return themed(figure, height=380)
 
 
