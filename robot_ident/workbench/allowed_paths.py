@@ -5,7 +5,8 @@ it may write: under new names, and over what was saved since the workbench was s
 from __future__ import annotations
 
 import os
-from collections.abc import Iterator, Sequence
+from collections.abc import Callable, Iterator, Sequence
+from itertools import islice
 from pathlib import Path
 
 from robot_ident.errors import InputError
@@ -61,23 +62,23 @@ class Allowed:
 
 def recordings_below(root: Path) -> list[str]:
     """Return the recordings below a folder, relative to it, those of one folder together."""
-    found = (path for path in _walk(root, 0) if is_recording(path))
-    return [str(path.relative_to(root)) for _, path in zip(range(_MOST), found, strict=False)]
+    return _below(root, is_recording)
 
 
 def models_below(root: Path) -> list[str]:
     """Return the model files below a folder, relative to it."""
     from robot_ident.model.model_file import is_model
 
-    found = (path for path in _walk(root, 0) if path.suffix in (".yaml", ".yml") and is_model(path))
-    return [str(path.relative_to(root)) for _, path in zip(range(_MOST), found, strict=False)]
+    return _below(root, lambda path: path.suffix in (".yaml", ".yml") and is_model(path))
 
 
 def robots_below(root: Path) -> list[str]:
     """Return the robots that are there without a file, and the descriptions below a folder, relative to it."""
-    found = (path for path in _walk(root, 0) if path.suffix == ".urdf" or _describes_robot(path))
-    below = [str(path.relative_to(root)) for _, path in zip(range(_MOST), found, strict=False)]
-    return [*BUILT_IN, *below]
+    return [*BUILT_IN, *_below(root, lambda path: path.suffix == ".urdf" or _describes_robot(path))]
+
+
+def _below(root: Path, wanted: Callable[[Path], bool]) -> list[str]:
+    return [str(path.relative_to(root)) for path in islice(filter(wanted, _walk(root, 0)), _MOST)]
 
 
 def _describes_robot(path: Path) -> bool:

@@ -37,10 +37,6 @@ class Condition:
         except (KeyError, TypeError, ValueError) as error:
             raise InputError(f"{dict(data)}: no region") from error
 
-    def to_dict(self) -> dict[str, Any]:
-        """Return the condition as the browser keeps it."""
-        return {"variable": self.variable, "lower": self.lower, "upper": self.upper, "recording": self.recording}
-
 
 @dataclass(frozen=True)
 class Held:

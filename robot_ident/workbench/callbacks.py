@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Mapping
+from collections.abc import Mapping
 from dataclasses import asdict, dataclass
 from typing import Any
 
@@ -38,6 +38,10 @@ def now(desk: Desk, session: Session) -> tuple[dict[str, Any], dict[str, Any]]:
     return stand, {key: value for key, value in asdict(job).items() if key != "task"}
 
 
+Stand = dict[str, Any] | None
+"""Where a session stands, as the page keeps it; None on the first page."""
+
+
 @dataclass
 class Page:
     """What the page held when a button was pressed, and what the deed changes of it."""
@@ -68,13 +72,7 @@ def _register_session(app: Dash, desk: Desk) -> None:
         prevent_initial_call=True,
     )
     def pressed(
-        click: dict[str, Any],
-        stand: dict[str, Any],
-        overlays: list[str],
-        names: Any,
-        ids: Any,
-        other: Any,
-        replace: Any,
+        click: dict[str, Any], stand: Stand, overlays: list[str], names: Any, ids: Any, other: Any, replace: Any
     ) -> tuple[Any, ...]:
         if not click or stand is None:
             raise PreventUpdate
@@ -87,96 +85,59 @@ def _register_session(app: Dash, desk: Desk) -> None:
         except InputError as error:
             return no_update, no_update, no_update, str(error), ""
         try:
-            if cause["do"] in MOVES and desk.jobs(session).look().running:
-                raise InputError("something is being computed; wait for it, or cancel it")
-            DEEDS[cause["do"]](desk, session, page)
+            _do(cause["do"], desk, session, page)
         except InputError as error:
             if cause["do"].startswith("save "):  # of the buttons that stand beside the names
                 page.saved = html.Span(str(error), className="wrong")
             else:
                 page.said = str(error)
-        stand, job = now(desk, session)
-        return stand, job, page.overlays, page.said, page.saved
+        return *now(desk, session), page.overlays, page.said, page.saved
 
-
-def _open(desk: Desk, session: Session, page: Page) -> None:
-    desk.jobs(session).start({"task": "open"})
-
-
-def _diagnose(desk: Desk, session: Session, page: Page) -> None:
-    desk.jobs(session).start({"task": "diagnose", "number": session.here})
-
-
-def _look(desk: Desk, session: Session, page: Page) -> None:
-    page.overlays = [f"{CANDIDATE}{page.label}"]
-
-
-def _preview(desk: Desk, session: Session, page: Page) -> None:
-    label = page.fields["other"]
-    if not label:
-        raise InputError("choose an effect first")
-    desk.jobs(session).start({"task": "preview", "number": session.here, "label": label})
-    page.overlays = [*page.overlays, f"{CANDIDATE}{label}"][-2:]
-
-
-def _add(desk: Desk, session: Session, page: Page) -> None:
-    there = session.find(session.here, page.label)
-    if there is not None:
-        session.go(there)
-        page.overlays = []
-        return
-    new = session.next_number()
-    desk.jobs(session).start({"task": "add", "number": session.here, "label": page.label, "new": new})
-
-
-def _undo(desk: Desk, session: Session, page: Page) -> None:
-    session.undo()
-    page.overlays = []
-
-
-def _redo(desk: Desk, session: Session, page: Page) -> None:
-    session.redo()
-    page.overlays = []
-
-
-def _go(desk: Desk, session: Session, page: Page) -> None:
-    session.go(int(page.label))
-    page.overlays = []
-
-
-def _cancel(desk: Desk, session: Session, page: Page) -> None:
-    desk.jobs(session).cancel()
-
-
-def _save(what: str) -> Callable[[Desk, Session, Page], None]:
-    def deed(desk: Desk, session: Session, page: Page) -> None:
-        name = str(page.fields.get(what) or "")
-        page.saved = save(desk, session, what, name, force=bool(page.fields["replace"]))
-
-    return deed
-
-
-DEEDS: dict[str, Callable[[Desk, Session, Page], None]] = {
-    "open": _open,
-    "diagnose": _diagnose,
-    "look": _look,
-    "preview": _preview,
-    "add": _add,
-    "undo": _undo,
-    "redo": _redo,
-    "go": _go,
-    "cancel": _cancel,
-    "save": _save("model"),
-    "save model": _save("model"),
-    "save report": _save("report"),
-    "save commands": _save("commands"),
-}
 
 MOVES = ("undo", "redo", "go")
-"""Deeds that wait for what is being computed."""
+"""Deeds that wait for what is being computed, and let go of what is laid over."""
 
 
-def looked_at(desk: Desk, stand: dict[str, Any] | None) -> View | None:
+def _do(deed: str, desk: Desk, session: Session, page: Page) -> None:
+    """Do what a button says; InputError where it can't be done now."""
+    jobs, here = desk.jobs(session), session.here
+    if deed in MOVES:
+        if jobs.look().running:
+            raise InputError("something is being computed; wait for it, or cancel it")
+        if deed == "undo":
+            session.undo()
+        elif deed == "redo":
+            session.redo()
+        else:
+            session.go(int(page.label))
+        page.overlays = []
+    elif deed == "open":
+        jobs.start({"task": "open"})
+    elif deed == "diagnose":
+        jobs.start({"task": "diagnose", "number": here})
+    elif deed == "look":
+        page.overlays = [f"{CANDIDATE}{page.label}"]
+    elif deed == "preview":
+        label = page.fields["other"]
+        if not label:
+            raise InputError("choose an effect first")
+        jobs.start({"task": "preview", "number": here, "label": label})
+        page.overlays = [*page.overlays, f"{CANDIDATE}{label}"][-2:]
+    elif deed == "add" and (there := session.find(here, page.label)) is not None:
+        session.go(there)
+        page.overlays = []
+    elif deed == "add":
+        jobs.start({"task": "add", "number": here, "label": page.label, "new": session.next_number()})
+    elif deed == "cancel":
+        jobs.cancel()
+    elif deed.partition(" ")[0] == "save":
+        what = deed.partition(" ")[2] or "model"
+        page.saved = save(desk, session, what, str(page.fields[what] or ""), force=bool(page.fields["replace"]))
+    else:
+        raise InputError(f"{deed}: there is no such button")
+
+
+def looked_at(desk: Desk, stand: Stand) -> View | None:
     """Return the step that a page looks at, None as long as there is none."""
     return None if stand is None else View.of(desk.session(stand["session"]))
 
@@ -205,7 +166,7 @@ def _register_navigation(app: Dash, desk: Desk) -> None:
             session = desk.session(name)
         except InputError as error:
             return [html.P(str(error), className="wrong"), *chooser(desk)], True, "", None, None, *afresh
-        return [], False, _opened(session), *now(desk, session), *afresh
+        return [], False, f"{session.name}: {session.choice.in_words}", *now(desk, session), *afresh
 
     def tell(name: str) -> dict[str, Any]:
         """Answer a page that asks how its session stands."""
@@ -218,15 +179,9 @@ def _register_navigation(app: Dash, desk: Desk) -> None:
     app.server.add_url_rule("/_now/<name>", view_func=tell)
 
     @app.callback(Output("drawn", "data"), Input("stand", "data"), State("drawn", "data"))
-    def drawn(stand: dict[str, Any] | None, before: str | None) -> Any:
+    def drawn(stand: Stand, before: str | None) -> Any:
         known = stand["drawn"] if stand else None
         return no_update if known == before else known
-
-
-def _opened(session: Session) -> str:
-    choice = session.choice
-    unseen = f"; validation {', '.join(choice.validation)}" if choice.validation else ""
-    return f"{session.name}: {', '.join(choice.recordings)}{unseen}"
 
 
 def _register_opening(app: Dash, desk: Desk) -> None:

@@ -100,12 +100,10 @@ class Desk:
     def robot_file(self, robot: str | None) -> str:
         """Return the robot that a browser named, or the one of the command line: by its name, or as a path."""
         if robot is None or robot == self.robot or robot in BUILT_IN:
-            return self._named_robot(robot or self.robot or BUILT_IN[0])
+            name = robot or self.robot or BUILT_IN[0]
+            path = Path(self.allowed.root, name)
+            return str(path) if path.is_file() else name
         return str(self.allowed.checked(robot))
-
-    def _named_robot(self, robot: str) -> str:
-        path = Path(self.allowed.root, robot)
-        return str(path) if path.is_file() else robot
 
     def looked_at(self, name: str, robot: str | None, model: str | None) -> Seen:
         """Return what a recording holds; InputError where it can't be used with the robot."""

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from dataclasses import asdict
 from typing import Any
 
 import numpy as np
@@ -11,7 +12,7 @@ from dash.exceptions import PreventUpdate
 from robot_ident.signals.motion import Mask
 from robot_ident.workbench import panels
 from robot_ident.workbench.brushing import Condition, brushed, held
-from robot_ident.workbench.callbacks import looked_at
+from robot_ident.workbench.callbacks import Stand, looked_at
 from robot_ident.workbench.controller import Desk
 from robot_ident.workbench.layout import REDO, UNDO
 from robot_ident.workbench.next_step import next_step
@@ -51,11 +52,11 @@ def _register_brushing(app: Dash, desk: Desk) -> None:
         State("stand", "data"),
         prevent_initial_call=True,
     )
-    def brush(done: dict[str, Any] | None, before: Any, joint: Any, recording: int, over: str, stand: Any) -> Any:
-        view = looked_at(desk, stand)
-        if view is None or not done:
+    def brush(done: dict[str, Any] | None, before: Any, joint: Any, recording: int, over: str, stand: Stand) -> Any:
+        view, place = _shown(desk, stand, joint)
+        if not done:
             raise PreventUpdate
-        cause, place = done["of"], view.focus if joint is None else joint
+        cause = done["of"]
         if isinstance(cause, dict):
             return _clicked(view, place, cause, before)
         span = _span(done["value"])
@@ -68,12 +69,20 @@ def _register_brushing(app: Dash, desk: Desk) -> None:
         return _with(before, Condition(f"{variable} of {view.joints[place]}", lower, upper))
 
 
+def _shown(desk: Desk, stand: Stand, joint: int | None = None) -> tuple[View, int]:
+    """Return the step and the joint that a page looks at; nothing is drawn as long as there is no step."""
+    view = looked_at(desk, stand)
+    if view is None:
+        raise PreventUpdate
+    return view, view.focus if joint is None else joint
+
+
 def _clicked(view: View, joint: int, cause: dict[str, Any], before: list[dict[str, Any]]) -> Any:
     """Return the regions after a click: on a sentence, on one that is let go, on `low speed` or `clear`."""
     if "drop" in cause:
         return [one for k, one in enumerate(before) if k != cause["drop"]]
     if "region" in cause:
-        return [_region(view, joint, int(cause["region"])).to_dict()]
+        return [asdict(_region(view, joint, int(cause["region"])))]
     if cause["brush"] == "clear":
         return []
     speeds = np.concatenate([np.abs(view.rows[k].dq[:, joint]) for k in view.training])
@@ -101,7 +110,7 @@ def _span(selected: dict[str, Any]) -> tuple[int, float, float] | None:
 
 def _with(before: list[dict[str, Any]], added: Condition) -> list[dict[str, Any]]:
     """Return the regions with one more; of one variable the latest holds."""
-    return [*(one for one in before if one["variable"] != added.variable), added.to_dict()]
+    return [*(one for one in before if one["variable"] != added.variable), asdict(added)]
 
 
 def _register_panels(app: Dash, desk: Desk) -> None:
@@ -116,7 +125,7 @@ def _register_panels(app: Dash, desk: Desk) -> None:
         Input("stand", "data"),
         Input("overlays", "data"),
     )
-    def guidance(stand: dict[str, Any] | None, keys: list[str]) -> tuple[Any, ...]:
+    def guidance(stand: Stand, keys: list[str]) -> tuple[Any, ...]:
         if stand is None:
             return [], [], True, True, True
         session = desk.session(stand["session"])
@@ -138,12 +147,8 @@ def _register_panels(app: Dash, desk: Desk) -> None:
         Input("running", "data"),
         State("stand", "data"),
     )
-    def deeds(
-        _drawn: str | None, keys: list[str], running: bool, stand: dict[str, Any] | None
-    ) -> tuple[list[Any], ...]:
-        view = looked_at(desk, stand)
-        if view is None:
-            raise PreventUpdate
+    def deeds(_drawn: str | None, keys: list[str], running: bool, stand: Stand) -> tuple[list[Any], ...]:
+        view, _ = _shown(desk, stand)
         beside = panels.side_by_side(view, view.overlays(keys), running)
         return panels.candidates(view, keys, running), beside, panels.tree(view, keys)
 
@@ -156,20 +161,15 @@ def _register_panels(app: Dash, desk: Desk) -> None:
         Input("drawn", "data"),
         State("stand", "data"),
     )
-    def step(_drawn: str | None, stand: dict[str, Any] | None) -> tuple[Any, ...]:
-        view = looked_at(desk, stand)
-        if view is None:
-            raise PreventUpdate
+    def step(_drawn: str | None, stand: Stand) -> tuple[Any, ...]:
+        view, _ = _shown(desk, stand)
         lines = "\n".join(command_lines(view.session, view.number))
         others = panels.others(view)
         return panels.joint_cards(view), view.focus, panels.recording_buttons(view), lines, others
 
     @app.callback(Output("where", "children"), Input("drawn", "data"), Input("joint", "data"), State("stand", "data"))
-    def failure(_drawn: str | None, joint: int | None, stand: dict[str, Any] | None) -> list[Any]:
-        view = looked_at(desk, stand)
-        if view is None:
-            raise PreventUpdate
-        return panels.where(view, view.focus if joint is None else joint)
+    def failure(_drawn: str | None, joint: int | None, stand: Stand) -> list[Any]:
+        return panels.where(*_shown(desk, stand, joint))
 
     @app.callback(
         Output("brushed", "children"),
@@ -178,15 +178,11 @@ def _register_panels(app: Dash, desk: Desk) -> None:
         Input("brush", "data"),
         State("stand", "data"),
     )
-    def brush(_drawn: str | None, joint: int | None, data: list[dict[str, Any]], stand: dict[str, Any] | None) -> Any:
-        view = looked_at(desk, stand)
-        if view is None:
-            raise PreventUpdate
-        place = view.focus if joint is None else joint
-        conditions = [Condition.of(one) for one in data]
-        if not conditions:
+    def brush(_drawn: str | None, joint: int | None, data: list[dict[str, Any]], stand: Stand) -> Any:
+        view, place = _shown(desk, stand, joint)
+        conditions, inside = _brushed(view, place, data)
+        if inside is None:
             return panels.brushed(view, place, [], None)
-        inside = brushed(conditions, view.rows, view.loads, view.joints, place)
         seen = view.training
         found = held([inside[k] for k in seen], [view.rows[k] for k in seen], [view.residual[k] for k in seen], place)
         return panels.brushed(view, place, conditions, found)
@@ -199,21 +195,14 @@ _STAND = State("stand", "data")
 def _register_pictures(app: Dash, desk: Desk) -> None:
     """Register the callbacks of the pictures."""
 
-    def shown(stand: dict[str, Any] | None, joint: int | None, shade: Shade | None) -> tuple[View, int]:
-        view = looked_at(desk, stand)
-        if view is None or shade is None:
+    def shown(stand: Stand, joint: int | None, shade: Shade | None) -> tuple[View, int]:
+        if shade is None:
             raise PreventUpdate
-        return view, view.focus if joint is None else joint
+        return _shown(desk, stand, joint)
 
     @app.callback(*_outputs("time"), *_CHANGES, Input("recording", "data"), Input("brush", "data"), _STAND)
     def time(
-        _drawn: str,
-        joint: int | None,
-        keys: list[str],
-        shade: Shade,
-        recording: int,
-        brush: list[Any],
-        stand: dict[str, Any],
+        _drawn: str, joint: int | None, keys: list[str], shade: Shade, recording: int, brush: list[Any], stand: Stand
     ) -> Any:
         view, place = shown(stand, joint, shade)
         conditions, inside = _brushed(view, place, brush)
@@ -222,13 +211,7 @@ def _register_pictures(app: Dash, desk: Desk) -> None:
 
     @app.callback(*_outputs("scatter"), *_CHANGES, Input("over", "value"), Input("brush", "data"), _STAND)
     def clouds(
-        _drawn: str,
-        joint: int | None,
-        keys: list[str],
-        shade: Shade,
-        over: str,
-        brush: list[Any],
-        stand: dict[str, Any],
+        _drawn: str, joint: int | None, keys: list[str], shade: Shade, over: str, brush: list[Any], stand: Stand
     ) -> Any:
         view, place = shown(stand, joint, shade)
         conditions, inside = _brushed(view, place, brush)
@@ -237,14 +220,12 @@ def _register_pictures(app: Dash, desk: Desk) -> None:
         return figure, scatter_told(view, place)
 
     @app.callback(*_outputs("spectrum"), *_CHANGES, Input("recording", "data"), _STAND)
-    def lines(
-        _drawn: str, joint: int | None, keys: list[str], shade: Shade, recording: int, stand: dict[str, Any]
-    ) -> Any:
+    def lines(_drawn: str, joint: int | None, keys: list[str], shade: Shade, recording: int, stand: Stand) -> Any:
         view, place = shown(stand, joint, shade)
         return spectrum(view, place, recording, view.overlays(keys), shade), spectrum_told(view, place, recording)
 
     @app.callback(*_outputs("staircase"), *_CHANGES, _STAND)
-    def stairs(_drawn: str, joint: int | None, keys: list[str], shade: Shade, stand: dict[str, Any]) -> Any:
+    def stairs(_drawn: str, joint: int | None, keys: list[str], shade: Shade, stand: Stand) -> Any:
         view, place = shown(stand, joint, shade)
         return staircase(view, place, view.overlays(keys), shade), staircase_told(view, place)
 

@@ -12,6 +12,11 @@ from robot_ident.workbench.brushing import Condition, Held, in_words
 from robot_ident.workbench.next_step import STAGES, Next
 from robot_ident.workbench.view import CANDIDATE, STEP, Overlay, View
 
+_UNPRESSED: dict[str, Any] = {"aria-pressed": "false"}
+"""Of buttons of which one is chosen; the page itself says which."""
+
+_Errors = Mapping[str, Any]
+
 
 def action(text: str, do: str, label: str = "", at: str = "", **more: Any) -> html.Button:
     """Return a button: what it does, to which effect or step; at: tells buttons of the same deed apart."""
@@ -28,9 +33,8 @@ def candidates(view: View, overlays: Sequence[str], running: bool) -> list[Any]:
     """Return the verdict and the candidates."""
     found = view.diagnosis
     if found is None:
-        words = "Not looked for yet."
-        if not view.failing and view.judged:
-            words = "The model fits; there is nothing to look for."
+        fits = not view.failing and view.judged
+        words = "The model fits; there is nothing to look for." if fits else "Not looked for yet."
         ask = action("Find what is missing", "diagnose", at="list", disabled=running)
         return [html.P(words), ask, *_own(view, overlays)]
     listed = [_candidate(view, one, overlays) for one in found["candidates"]]
@@ -79,17 +83,13 @@ def _candidate(view: View, one: Mapping[str, Any], overlays: Sequence[str]) -> h
 
 def _details(one: Mapping[str, Any]) -> list[Any]:
     out: list[Any] = [html.P(f"{one['meaning']}: {one['equation']}")]
-    out += [html.Div(_parameter(p)) for p in one["parameters"]]
+    for p in one["parameters"]:  # of a grid, a side or a number of teeth there is no uncertainty
+        out.append(html.Div(f"{p['name']} = {with_sigma(p['value'], p['std'] or 0.0)} {p['unit']}"))
     if one["tied_with"]:
         out.append(html.P(f"These recordings cannot tell it from {', '.join(one['tied_with'])}."))
         if one["experiment"]:
             out.append(html.P(f"What would tell: {one['experiment']}"))
     return out
-
-
-def _parameter(one: Mapping[str, Any]) -> str:
-    """Return a value with its uncertainty; one of a grid, a side or a number of teeth, has none."""
-    return f"{one['name']} = {with_sigma(one['value'], one['std'] or 0.0)} {one['unit']}"
 
 
 def _own(view: View, overlays: Sequence[str]) -> list[Any]:
@@ -106,12 +106,9 @@ def others(view: View) -> list[str]:
 
 def stages(now: Next) -> list[Any]:
     """Return the loop, with the stage where one stands."""
+    here: dict[str, Any] = {"className": "here", "aria-current": "step"}
     return [
-        html.Li(
-            [html.B(name), html.Span(text)],
-            className="here" if name == now.stage else "",
-            **_current(name == now.stage),
-        )
+        html.Li([html.B(name), html.Span(text)], **(here if name == now.stage else {"className": ""}))
         for name, text in STAGES.items()
     ]
 
@@ -124,28 +121,20 @@ def next_step(now: Next, running: bool) -> list[Any]:
     return out
 
 
-def _current(yes: bool) -> dict[str, Any]:
-    return {"aria-current": "step"} if yes else {}
-
-
 def joint_cards(view: View) -> list[Any]:
     """Return a card for every joint: its residual beside the noise, and whether the model fits."""
-    return [_card(view, k) for k in range(len(view.joints))]
-
-
-def _card(view: View, joint: int) -> html.Button:
-    found, unit = view.comparison["joints"][joint], view.unit(joint)
-    noise = found["noise_variance"]
-    fails, word = found["fails"], str(found["in_words"])
-    if joint == view.worst and fails is not False:
-        word += ", worst"
-    lines = [
-        html.B(found["name"]),
-        html.Span(word, className="word"),
-        html.Span(f"residual {short(found['residual_mse'] ** 0.5)} {unit} rms"),
-        html.Span("noise unknown" if noise is None else f"noise {short(noise**0.5)} {unit} rms"),
-    ]
-    return html.Button(lines, id={"joint": joint}, className="joint fails" if fails else "joint", **_unpressed())
+    out = []
+    for joint, found in enumerate(view.comparison["joints"]):
+        noise, fails, unit = found["noise_variance"], found["fails"], view.unit(joint)
+        worst = ", worst" if joint == view.worst and fails is not False else ""
+        lines = [
+            html.B(found["name"]),
+            html.Span(f"{found['in_words']}{worst}", className="word"),
+            html.Span(f"residual {short(found['residual_mse'] ** 0.5)} {unit} rms"),
+            html.Span("noise unknown" if noise is None else f"noise {short(noise**0.5)} {unit} rms"),
+        ]
+        out.append(html.Button(lines, id={"joint": joint}, className="joint fails" if fails else "joint", **_UNPRESSED))
+    return out
 
 
 def recording_buttons(view: View) -> list[Any]:
@@ -154,13 +143,8 @@ def recording_buttons(view: View) -> list[Any]:
     for place, one in enumerate(view.recordings):
         name = f"{one['name']} (validation)" if one["validation"] else str(one["name"])
         notes = "; ".join(one["notes"])
-        out.append(html.Button(name, id={"recording": place}, title=notes, **_unpressed()))
+        out.append(html.Button(name, id={"recording": place}, title=notes, **_UNPRESSED))
     return out
-
-
-def _unpressed() -> dict[str, Any]:
-    """Return what makes a button one of which one is chosen; the page itself says which (`callbacks/client.py`)."""
-    return {"aria-pressed": "false"}
 
 
 def tree(view: View, overlays: Sequence[str]) -> list[Any]:
@@ -169,10 +153,15 @@ def tree(view: View, overlays: Sequence[str]) -> list[Any]:
     out: list[Any] = []
 
     def grow(number: int, depth: int) -> None:
-        out.append(_line(view, number, depth, overlays))
-        for child in steps.values():
-            if child.parent == number:
-                grow(child.number, depth + 1)
+        added, here, key = steps[number].added, number == view.number, f"{STEP}{number}"
+        label = f"{number}: + {added}" if added else f"{number}: the model to begin with"
+        parts = [action(label, "go", str(number), "tree", className="chosen" if here else "")]
+        if not here:
+            parts.append(tick("beside", key, ticked=key in overlays))
+        out.append(html.Li(parts, style={"marginLeft": f"{1.2 * depth}em"}))
+        for child, step in steps.items():
+            if step.parent == number:
+                grow(child, depth + 1)
 
     grow(min(steps), 0)
     return [
@@ -184,31 +173,20 @@ def tree(view: View, overlays: Sequence[str]) -> list[Any]:
     ]
 
 
-def _line(view: View, number: int, depth: int, overlays: Sequence[str]) -> html.Li:
-    step = view.session.steps[number]
-    label = f"{number}: + {step.added}" if step.added else f"{number}: the model to begin with"
-    here = number == view.number
-    key = f"{STEP}{number}"
-    parts: list[Any] = [action(label, "go", str(number), "tree", className="chosen" if here else "")]
-    if not here:
-        parts.append(tick("beside", key, ticked=key in overlays))
-    return html.Li(parts, style={"marginLeft": f"{1.2 * depth}em"})
-
-
 def side_by_side(view: View, overlays: Sequence[Overlay], running: bool) -> list[Any]:
     """Return the errors of the present step and of what is laid over it, by joint, training and validation."""
     if not overlays:
         return [html.P("Tick candidates or steps (two at most) to see them beside the present model.")]
     errors = view.errors
-    columns: list[tuple[str, Mapping[str, Any], Mapping[str, Any] | None]] = [
+    columns: list[tuple[str, _Errors, _Errors | None]] = [
         (f"step {view.number}, now", errors["training"], errors["validation"]),
         *((one.words, one.training, one.validation) for one in overlays),
     ]
     heads = [html.Th(_broken(words), scope="col", className=f"overlay{k}") for k, (words, _, _) in enumerate(columns)]
     head = html.Tr([html.Th(f"{view.unit(0)} rms"), *heads, html.Th("noise", scope="col")])
-    parts = [_part("training", view, columns, unseen=False)]
+    parts = [_part("training", "noise", view, [training for _, training, _ in columns])]
     if errors["validation"] is not None:
-        parts.append(_part("validation", view, columns, unseen=True))
+        parts.append(_part("validation", "validation_noise", view, [unseen for _, _, unseen in columns]))
     buttons = [
         action(f"Add {label}", "add", label, "table", disabled=running)
         for label in (one.key.removeprefix(CANDIDATE) for one in overlays if one.key.startswith(CANDIDATE))
@@ -217,27 +195,15 @@ def side_by_side(view: View, overlays: Sequence[Overlay], running: bool) -> list
     return [html.Table([html.Thead(head), *parts], className="numbers"), html.Div(buttons, className="line")]
 
 
-def _part(
-    name: str,
-    view: View,
-    columns: Sequence[tuple[str, Mapping[str, Any], Mapping[str, Any] | None]],
-    *,
-    unseen: bool,
-) -> html.Tbody:
+def _part(name: str, noise: str, view: View, columns: Sequence[_Errors | None]) -> html.Tbody:
     """Return the rows of all joints, on training or on validation."""
-    head = html.Tr(html.Th(name, scope="rowgroup", colSpan=len(columns) + 2), className="part")
-    return html.Tbody([head, *(_row(view, joint, unseen, columns) for joint in range(len(view.joints)))])
-
-
-def _row(
-    view: View, joint: int, unseen: bool, columns: Sequence[tuple[str, Mapping[str, Any], Mapping[str, Any] | None]]
-) -> html.Tr:
-    name = view.joints[joint]
-    values = [unseen_errors if unseen else training for _, training, unseen_errors in columns]
-    noise = view.errors["validation_noise" if unseen else "noise"][name]
-    cells = [NOTHING if one is None else _rms(one[name]) for one in values]
-    unit = "" if view.unit(joint) == view.unit(0) else f", {view.unit(joint)}"
-    return html.Tr([html.Th(f"{name}{unit}", scope="row"), *(html.Td(cell) for cell in cells), html.Td(_rms(noise))])
+    rows = [html.Tr(html.Th(name, scope="rowgroup", colSpan=len(columns) + 2), className="part")]
+    for k, joint in enumerate(view.joints):
+        unit = "" if view.unit(k) == view.unit(0) else f", {view.unit(k)}"
+        cells = [NOTHING if one is None else _rms(one[joint]) for one in columns]
+        floor = html.Td(_rms(view.errors[noise][joint]))
+        rows.append(html.Tr([html.Th(f"{joint}{unit}", scope="row"), *map(html.Td, cells), floor]))
+    return html.Tbody(rows)
 
 
 def _broken(words: str) -> list[Any]:
@@ -260,35 +226,27 @@ def where(view: View, joint: int) -> list[Any]:
     found = view.comparison["joints"][joint]
     notes: list[Any] = [html.P(note, className="note") for note in (*view.comparison["notes"], *view.unusable)]
     if not found["worst"] and not found["explained_by"]:
+        fits = found["fails"] is False
         return [
             *notes,
-            html.P(
-                f"{found['name']} fits: there is nothing to look for."
-                if found["fails"] is False
-                else "Nothing stands out."
-            ),
+            html.P(f"{found['name']} fits: there is nothing to look for." if fits else "Nothing stands out."),
         ]
     sentences = [
         html.Button(words, id={"region": k}, className="sentence", title="find these moments in all pictures")
         for k, words in enumerate(found["worst_in_words"])
     ]
-    ranked = sorted(((name, share) for name, share in found["explained_by"].items() if share >= _LEAST), key=_share)
+    shares = [(name.replace("_", " "), share) for name, share in found["explained_by"].items() if share >= _LEAST]
+    ranked = sorted(shares, key=lambda item: -item[1])
     size = f"{found['name']}: {short(found['excess_rms'])} {view.unit(joint)} rms"
     known = found["noise_variance"] is not None
     beyond = f"{size} {'excess over the noise' if known else 'residual, noise included'}. Most of it is in:"
-    explains: list[Any] = [html.P("Explained by a curve over each variable (cross-validated):")]
+    explains: list[Any] = [html.P("No single variable explains it (cross-validated).")]
     if ranked:
-        explains.append(bars([(name.replace("_", " "), share) for name, share in ranked[:_BARS]]))
-    else:
-        explains = [html.P("No single variable explains it (cross-validated).")]
+        explains = [html.P("Explained by a curve over each variable (cross-validated):"), bars(ranked[:_BARS])]
     if found["time_symmetry"]:
         odd, even = (100 * found["time_symmetry"][key] for key in ("odd", "even"))
         explains.append(html.P(f"Under time reversal: {odd:.0f} % odd (friction), {even:.0f} % even (forces, inertia)"))
     return [*notes, html.Div([html.Div([html.P(beyond), *sentences]), html.Div(explains)], className="halves")]
-
-
-def _share(item: tuple[str, float]) -> float:
-    return -item[1]
 
 
 def bars(rows: list[tuple[str, float]]) -> html.Table:

@@ -9,7 +9,7 @@ import json
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from pathlib import Path
-from typing import Any
+from typing import Any, TypeVar
 
 import numpy as np
 
@@ -23,7 +23,6 @@ from robot_ident.model.model import Model
 from robot_ident.recording.measurement import Measurement
 from robot_ident.residuals.beside import noise_variance
 from robot_ident.residuals.comparison import Comparison
-from robot_ident.residuals.residual_lines import ResidualLines
 from robot_ident.signals.motion import Array, Mask
 from robot_ident.workflow.preview import Preview
 
@@ -181,6 +180,9 @@ class Lines:
     noise: Array
 
 
+_Kind = TypeVar("_Kind", Rows, Lines)
+
+
 def write_arrays(path: Path, arrays: Mapping[str, Array]) -> None:
     """Write named arrays to a file, whole or not at all."""
     with whole(path, force=True) as draft:
@@ -195,31 +197,15 @@ def read_arrays(path: Path) -> dict[str, Array]:
         return {name: file[name] for name in file.files}
 
 
-def rows_to_arrays(rows: Sequence[Rows]) -> dict[str, Array]:
-    """Return the rows of all recordings as named arrays."""
-    return {f"{k}.{name}": getattr(one, name) for k, one in enumerate(rows) for name in Rows.__dataclass_fields__}
+def to_arrays(kind: type[Rows] | type[Lines], every: Sequence[Any]) -> dict[str, Array]:
+    """Return what a kind holds of all recordings as named arrays."""
+    return {f"{k}.{name}": getattr(one, name) for k, one in enumerate(every) for name in kind.__dataclass_fields__}
 
 
-def rows_from_arrays(arrays: Mapping[str, Array]) -> tuple[Rows, ...]:
-    """Return the rows of all recordings; the reverse of `rows_to_arrays`."""
-    return tuple(
-        Rows(**{name: arrays[f"{k}.{name}"] for name in Rows.__dataclass_fields__}) for k in range(_count(arrays))
-    )
-
-
-def lines_to_arrays(lines: Sequence[ResidualLines]) -> dict[str, Array]:
-    """Return the frequencies and the noise of all recordings' lines as named arrays."""
-    return {f"{k}.{name}": getattr(one, name) for k, one in enumerate(lines) for name in Lines.__dataclass_fields__}
-
-
-def lines_from_arrays(arrays: Mapping[str, Array]) -> tuple[Lines, ...]:
-    """Return the lines of all recordings; the reverse of `lines_to_arrays`."""
-    return tuple(
-        Lines(arrays[f"{k}.frequency"], arrays[f"{k}.excited"].astype(bool), arrays[f"{k}.noise"])
-        for k in range(_count(arrays))
-    )
-
-
-def _count(arrays: Mapping[str, Array]) -> int:
-    """Return how many recordings named arrays are of."""
-    return len({name.partition(".")[0] for name in arrays})
+def from_arrays(kind: type[_Kind], arrays: Mapping[str, Array]) -> tuple[_Kind, ...]:
+    """Return what was held of all recordings; the reverse of `to_arrays`."""
+    count = len({name.partition(".")[0] for name in arrays})
+    held: list[dict[str, Any]] = [
+        {name: arrays[f"{k}.{name}"] for name in kind.__dataclass_fields__} for k in range(count)
+    ]
+    return tuple(kind(**one) for one in held)

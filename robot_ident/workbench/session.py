@@ -46,6 +46,12 @@ class Choice(Closed):
     stamps: list[str] = []
     started: str = ""
 
+    @property
+    def in_words(self) -> str:
+        """The recordings, those of validation apart."""
+        unseen = f"; validation {', '.join(self.validation)}" if self.validation else ""
+        return f"{', '.join(self.recordings)}{unseen}"
+
 
 class Here(Closed):
     """`here.yaml`: the step that is looked at, and the way forward from each step that was left by undo."""
@@ -55,20 +61,13 @@ class Here(Closed):
 
 
 class StepFile(Closed):
-    """`step.yaml`: where a step comes from; added: None where the model was brought or identified."""
+    """`step.yaml`: the number of the step before, and the effect that was added to its model; None where the model was
+    brought or identified.
+    """
 
     parent: int | None = None
     added: str | None = None
     made: str
-
-
-@dataclass(frozen=True)
-class Step:
-    """One model: its number, the number of the one before, and the effect that was added to that."""
-
-    number: int
-    parent: int | None
-    added: str | None
 
 
 @dataclass(frozen=True)
@@ -133,11 +132,10 @@ class Session:
         return self.folder.name
 
     @property
-    def steps(self) -> dict[int, Step]:
+    def steps(self) -> dict[int, StepFile]:
         """All steps that are complete, by number."""
         numbers = sorted(int(path.name.removeprefix(_PREFIX)) for path in self.folder.glob(f"{_PREFIX}[0-9]*"))
-        files = {number: read(StepFile, self.step_folder(number) / "step.yaml") for number in numbers}
-        return {number: Step(number, file.parent, file.added) for number, file in files.items()}
+        return {number: read(StepFile, self.step_folder(number) / "step.yaml") for number in numbers}
 
     @property
     def here(self) -> int:
@@ -199,7 +197,7 @@ class Session:
 
     def find(self, parent: int, label: str) -> int | None:
         """Return the step that adds an effect to another step, None where there is none."""
-        return next((s.number for s in self.steps.values() if s.parent == parent and s.added == label), None)
+        return next((k for k, step in self.steps.items() if step.parent == parent and step.added == label), None)
 
     def preview_file(self, number: int, label: str, suffix: str) -> Path:
         """Return the file of what a step's model would become with an effect."""

@@ -35,7 +35,7 @@ from robot_ident.signals.motion import Array
 from robot_ident.workbench import records
 from robot_ident.workbench.allowed_paths import Stamp, stamp
 from robot_ident.workbench.inputs import Inputs
-from robot_ident.workbench.records import Rows, lines_to_arrays, rows_to_arrays, write_arrays
+from robot_ident.workbench.records import Lines, Rows, to_arrays, write_arrays
 from robot_ident.workbench.session import Session, StepFile, model_name, now
 from robot_ident.workflow.preview import Forecast, Preview
 from robot_ident.workflow.steps import find_missing
@@ -64,9 +64,9 @@ class Work:
             model = self._identified(tell, robot)
         training, validation = self.inputs.measurements(tell, model, model.robot)
         every = (*training, *validation)
-        write_arrays(self.session.folder / "rows.npz", rows_to_arrays([_rows(measured, model) for measured in every]))
+        write_arrays(self.session.folder / "rows.npz", to_arrays(Rows, [_rows(m, model) for m in every]))
         lines = [residual_lines(beside(model, measured), measured) for measured in every]
-        write_arrays(self.session.folder / "lines.npz", lines_to_arrays(lines))
+        write_arrays(self.session.folder / "lines.npz", to_arrays(Lines, lines))
         about = {"recordings": [records.about(m, k >= len(training)) for k, m in enumerate(every)]}
         records.write_json(self.session.folder / "recordings.json", about)
         self._write_step(0, StepFile(made=now()), model, tell)

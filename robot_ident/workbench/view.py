@@ -10,7 +10,7 @@ from typing import Any
 
 from robot_ident.errors import InputError
 from robot_ident.signals.motion import Array
-from robot_ident.workbench.records import Lines, Rows, lines_from_arrays, read_arrays, rows_from_arrays
+from robot_ident.workbench.records import Lines, Rows, from_arrays, read_arrays
 from robot_ident.workbench.session import Session, read_json
 
 STEP, CANDIDATE = "step:", "with:"
@@ -25,11 +25,6 @@ def _arrays(path: str, _stamp: int) -> dict[str, Array]:
 def _cached(path: Path) -> dict[str, Array]:
     """Return the arrays of a file, read again only where it changed."""
     return _arrays(str(path), path.stat().st_mtime_ns)
-
-
-@lru_cache(maxsize=8)
-def _rows(path: str, stamp: int) -> tuple[Rows, ...]:
-    return rows_from_arrays(_arrays(path, stamp))
 
 
 @dataclass(frozen=True)
@@ -88,10 +83,9 @@ class View:
     @cached_property
     def rows(self) -> tuple[Rows, ...]:
         """The rows of every recording; measured torque as this step has it, where it found gains or payloads anew."""
-        path = self.session.folder / "rows.npz"
         own = _cached(self.session.step_folder(self.number) / "series.npz")
-        every = enumerate(_rows(str(path), path.stat().st_mtime_ns))
-        return tuple(replace(one, measured=own.get(f"{k}.measured", one.measured)) for k, one in every)
+        every = from_arrays(Rows, _cached(self.session.folder / "rows.npz"))
+        return tuple(replace(one, measured=own.get(f"{k}.measured", one.measured)) for k, one in enumerate(every))
 
     @cached_property
     def loads(self) -> list[Array]:
@@ -111,7 +105,7 @@ class View:
     @cached_property
     def lines(self) -> tuple[Lines, ...]:
         """Frequencies of the lines of every recording, and their noise."""
-        return lines_from_arrays(_cached(self.session.folder / "lines.npz"))
+        return from_arrays(Lines, _cached(self.session.folder / "lines.npz"))
 
     @cached_property
     def residual_lines(self) -> list[Array]:
