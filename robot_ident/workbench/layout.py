@@ -10,6 +10,7 @@ from robot_ident.figures.theme import private
 from robot_ident.workbench.allowed_paths import models_below, recordings_below, robots_below
 from robot_ident.workbench.controller import Desk
 from robot_ident.workbench.panels import action
+from robot_ident.workbench.session import Session
 
 UNDO, REDO = ({"do": deed, "label": "", "at": ""} for deed in ("undo", "redo"))
 
@@ -21,13 +22,9 @@ def shell() -> html.Div:
     return html.Div(
         [
             dcc.Location(id="address", refresh=False),
-            dcc.Store(id="shade"),
-            dcc.Store(id="stand"),
-            dcc.Store(id="drawn"),
-            dcc.Store(id="joint"),
+            *(dcc.Store(id=name) for name in ("shade", "stand", "drawn", "joint")),
             dcc.Store(id="recording", data=0),
-            dcc.Store(id="overlays", data=[]),
-            dcc.Store(id="brush", data=[]),
+            *(dcc.Store(id=name, data=[]) for name in ("overlays", "brush")),
             *(dcc.Store(id=name) for name in ("focus", "task", "running", "pressed", "brushing")),
             html.Header(
                 [
@@ -80,65 +77,44 @@ def _job() -> list[Any]:
     ]
 
 
-def _other() -> html.Div:
-    """Return a way to look at an effect that is not listed."""
-    words = "any other effect of the catalogue"
-    return html.Div(
-        [dcc.Dropdown(id="other", placeholder=words), action("Show", "preview", at="list")], className="line"
-    )
-
-
 def _graph(name: str, height: int) -> html.Div:
     """Return the place of a picture, as high from the beginning as it will be, and of what it shows in words."""
     graph = dcc.Graph(id=name, config=GRAPH, responsive=True, style={"height": f"{height}px"})
     return html.Div([graph, html.P(id=f"{name}_told", className="unseen")])
 
 
+def _part(title: str, *held: Any) -> html.Section:
+    return html.Section([html.H2(title), *held])
+
+
+def _options(words: dict[str, str]) -> list[dict[str, str]]:
+    return [{"label": label, "value": value} for value, label in words.items()]
+
+
 def _left() -> list[Any]:
+    thirds = {"load": "load torque", "acceleration": "acceleration", "time_since_reversal": "time since reversal"}
+    over = [
+        html.Label("third picture over", htmlFor="over"),
+        dcc.RadioItems(id="over", options=_options(thirds), value="load", inline=True),
+    ]
     return [
-        html.Section([html.H2("Joints"), html.Div(id="joints")]),
-        html.Section([html.H2("Where it fails"), html.Div(id="where")]),
-        html.Section(
-            [
-                html.H2("Over time"),
-                html.Div(id="recordings"),
-                _graph("time", 440),
-                html.Div(id="brushed", role="status"),
-            ]
-        ),
-        html.Section(
-            [
-                html.H2("Residual over velocity, position and load"),
-                html.Div(
-                    [
-                        html.Label("third picture over", htmlFor="over"),
-                        dcc.RadioItems(
-                            id="over",
-                            options=[
-                                {"label": "load torque", "value": "load"},
-                                {"label": "acceleration", "value": "acceleration"},
-                                {"label": "time since reversal", "value": "time_since_reversal"},
-                            ],
-                            value="load",
-                            inline=True,
-                        ),
-                    ],
-                    className="choice",
-                ),
-                _graph("scatter", 370),
-            ]
-        ),
-        html.Section([html.H2("By frequency"), _graph("spectrum", 300)]),
+        _part("Joints", html.Div(id="joints")),
+        _part("Where it fails", html.Div(id="where")),
+        _part("Over time", html.Div(id="recordings"), _graph("time", 440), html.Div(id="brushed", role="status")),
+        _part("Residual over velocity, position and load", html.Div(over, className="choice"), _graph("scatter", 370)),
+        _part("By frequency", _graph("spectrum", 300)),
     ]
 
 
 def _right() -> list[Any]:
+    chosen = dcc.Dropdown(id="other", placeholder="any other effect of the catalogue")
+    other = html.Div([chosen, action("Show", "preview", at="list")], className="line")
     return [
-        html.Section([html.H2("What may be missing"), html.Div(id="candidates"), _other()]),
-        html.Section([html.H2("Side by side"), html.Div(id="beside")]),
-        html.Section([html.H2("The error from step to step"), _graph("staircase", 300)]),
-        html.Section([html.H2("Steps"), html.Div(id="steps")]),
-        html.Section([html.H2("Save"), html.Div(_save(), id="save")]),
+        _part("What may be missing", html.Div(id="candidates"), other),
+        _part("Side by side", html.Div(id="beside")),
+        _part("The error from step to step", _graph("staircase", 300)),
+        _part("Steps", html.Div(id="steps")),
+        _part("Save", html.Div(_save(), id="save")),
     ]
 
 
@@ -160,9 +136,6 @@ def _save() -> list[Any]:
     ]
 
 
-ROLES = {"training": "training", "validation": "validation", "none": "not used"}
-
-
 def chooser(desk: Desk) -> list[Any]:
     """Return what can be opened below the folder of the start."""
     from robot_ident.model.model_file import is_model
@@ -171,42 +144,30 @@ def chooser(desk: Desk) -> list[Any]:
     outside = [str(path) for path in desk.allowed.outside]
     models = [*models_below(root), *(path for path in outside if is_model(path))]
     recordings = [*recordings_below(root), *(path for path in outside if path not in models)]
-    out: list[Any] = []
     sessions, refused = desk.sessions
-    out += [
+    out: list[Any] = [
         html.P(f"A session can't be opened: {reason}; mend the file, or move its folder away", className="wrong")
         for reason in refused
     ]
     if sessions:
-        out.append(html.Section([html.H2("Go on with"), html.Ul([_to_go_on_with(one) for one in sessions])]))
+        out.append(_part("Go on with", html.Ul([_to_go_on_with(one) for one in sessions])))
     if not recordings:
         words = (
             f"There is no recording below {root}. Start the workbench in the folder that holds yours, or name them:"
             " robot_ident workbench --bag RUN_1 RUN_2 --validation RUN_3"
         )
-        return [*out, html.Section([html.H2("Begin"), html.P(words)]), html.Div(id="refused", role="alert")]
+        return [*out, _part("Begin", html.P(words)), html.Div(id="refused", role="alert")]
     lead = (
         "Choose what each recording is for. Training: models are fitted to it; two or more different motions make a"
         " diagnosis firm. Validation: never fitted, it shows whether a model predicts what it has not seen."
     )
     robots = robots_below(root)
-    options = [{"label": words, "value": role} for role, words in ROLES.items()]
-    rows = [
-        html.Tr(
-            [
-                html.Th(name, scope="row"),
-                html.Td(dcc.RadioItems(id={"role": name}, options=options, value="none", inline=True)),
-                html.Td(
-                    [
-                        html.Span("…", id={"about": name, "part": "words"}),
-                        dcc.Store(id={"about": name, "part": "seen"}),
-                    ],
-                    className="note",
-                ),
-            ]
-        )
-        for name in recordings
-    ]
+    roles = {"training": "training", "validation": "validation", "none": "not used"}
+    rows = []
+    for name in recordings:
+        role = dcc.RadioItems(id={"role": name}, options=_options(roles), value="none", inline=True)
+        held = [html.Span("…", id={"about": name, "part": "words"}), dcc.Store(id={"about": name, "part": "seen"})]
+        rows.append(html.Tr([html.Th(name, scope="row"), html.Td(role), html.Td(held, className="note")]))
     begun = desk.robot or robots[0]
     given = html.Div(
         [
@@ -217,34 +178,20 @@ def chooser(desk: Desk) -> list[Any]:
         ],
         className="given",
     )
-    begin = html.Button("Open them", id="begin", className="primary")
-    return [
-        *out,
-        html.Section(
-            [
-                html.H2("Begin"),
-                html.P(lead),
-                html.P("Looking at what they hold…", id="proposed", role="status"),
-                html.Table(rows, className="roles"),
-                given,
-                begin,
-                html.Div(id="refused", role="alert"),
-            ]
-        ),
-    ]
+    begin = _part(
+        "Begin",
+        html.P(lead),
+        html.P("Looking at what they hold…", id="proposed", role="status"),
+        html.Table(rows, className="roles"),
+        given,
+        html.Button("Open them", id="begin", className="primary"),
+        html.Div(id="refused", role="alert"),
+    )
+    return [*out, begin]
 
 
-def _to_go_on_with(session: Any) -> html.Li:
-    choice = session.choice
-    words = f"{', '.join(choice.recordings)}" + (
-        f"; validation {', '.join(choice.validation)}" if choice.validation else ""
-    )
-    count = len(session.steps)
-    return html.Li(
-        [
-            dcc.Link(session.name, href=f"/{session.name}"),
-            html.Span(
-                f" {words}; {count} {'step' if count == 1 else 'steps'}; begun {choice.started[:16].replace('T', ' ')}"
-            ),
-        ]
-    )
+def _to_go_on_with(session: Session) -> html.Li:
+    choice, count = session.choice, len(session.steps)
+    steps = f"{count} {'step' if count == 1 else 'steps'}"
+    words = f" {choice.in_words}; {steps}; begun {choice.started[:16].replace('T', ' ')}"
+    return html.Li([dcc.Link(session.name, href=f"/{session.name}"), html.Span(words)])

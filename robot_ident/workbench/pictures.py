@@ -8,13 +8,12 @@ value, would take most of the time between a click and the picture.
 from __future__ import annotations
 
 import base64
-from collections.abc import Mapping, Sequence
-from dataclasses import dataclass
+from collections.abc import Iterable, Mapping, Sequence
 from typing import Any, Literal
 
 import numpy as np
 
-from robot_ident.figures.residual_scatter import Binned, binned
+from robot_ident.figures.residual_scatter import binned
 from robot_ident.figures.theme import (
     BLUE,
     GREEN,
@@ -47,11 +46,6 @@ OVERLAYS = (ORANGE, GREEN)
 """Of what is laid over the residual, in the order in which it was ticked."""
 
 
-def ink(shade: Shade) -> str:
-    """Return the colour of measurements and of the noise's floor."""
-    return SHADES[shade]["text"]
-
-
 def packed(values: Array) -> dict[str, str]:
     """Return numbers [N] as plotly.js takes them in binary: four bytes each, nan a gap."""
     return {"dtype": "f4", "bdata": base64.b64encode(np.ascontiguousarray(values, dtype="<f4").tobytes()).decode()}
@@ -70,9 +64,9 @@ def band(lower: float, upper: float, axis: str, **more: Any) -> dict[str, Any]:
     return {"type": "rect", f"{along}ref": axis, f"{across}ref": "paper", "line": {"width": 0}, **ends, **more}
 
 
-def brushed_band(lower: float, upper: float, axis: str) -> dict[str, Any]:
-    """Return the shape of a brushed region."""
-    return band(lower, upper, axis, fillcolor=BRUSH, opacity=0.12)
+def brushed_bands(conditions: Iterable[Condition], axis: str) -> list[dict[str, Any]]:
+    """Return the shapes of brushed regions."""
+    return [band(one.lower, one.upper, axis, fillcolor=BRUSH, opacity=0.12) for one in conditions]
 
 
 def picture(
@@ -145,7 +139,11 @@ def over_time(
         more = {"mode": "markers", "marker": style, "hoverinfo": "skip", **_PLACES["residual"]}
         traces.append(curve(rows.t[chosen], residual[chosen], "brushed", **more))
     spans = [one for one in conditions if one.variable == "time" and one.recording in (None, recording)]
-    shapes = [*_noise(view, recording, joint), *(brushed_band(one.lower, one.upper, "x") for one in spans)]
+    shapes = brushed_bands(spans, "x")
+    variance = view.recordings[recording]["noise_variance"][joint]
+    if variance is not None:  # 95 % of the residual lies there when it is noise alone
+        edge = 1.96 * float(np.sqrt(variance))
+        shapes.insert(0, band(-edge, edge, "y2", fillcolor=NOISE, layer="below"))
     along = "time in the period, s" if view.recordings[recording]["periods"] > 1 else "time, s"
     axes: dict[str, dict[str, Any]] = {
         "xaxis": {"anchor": "y", "matches": "x2", "showticklabels": False},
@@ -157,49 +155,11 @@ def over_time(
     return picture(traces, axes, shade, revision, shapes=shapes, hovermode="x", dragmode="select")
 
 
-def _noise(view: View, recording: int, joint: int) -> list[dict[str, Any]]:
-    """Shade where 95 % of the residual lies when it is noise alone."""
-    variance = view.recordings[recording]["noise_variance"][joint]
-    if variance is None:
-        return []
-    edge = 1.96 * float(np.sqrt(variance))
-    return [band(-edge, edge, "y2", fillcolor=NOISE, layer="below")]
-
-
 MOST_POINTS = 600  # points of a panel, all recordings together; a browser takes most of its time for them
 _BINS = 24
 _GAP = 0.025  # of the width, between panels
 _FAINT: dict[Shade, float] = {"light": 0.25, "dark": 0.4}  # opacity: points vanish in the dark sooner
 _SIDES = ((1, "forward", "solid", "triangle-right"), (-1, "backward", "dot", "triangle-left"))
-
-
-@dataclass(frozen=True)
-class _Shown:
-    """A joint of the training recordings: its residual, which rows count, and which of them are drawn."""
-
-    view: View
-    joint: int
-    residual: list[Array]
-    used: list[Mask]
-    drawn: list[Mask]
-
-    @classmethod
-    def of(cls, view: View, joint: int) -> _Shown:
-        residual = [view.residual[k][:, joint] for k in view.training]
-        used = [view.rows[k].weight[:, joint] > 0 for k in view.training]
-        most = MOST_POINTS // len(residual)
-        return cls(view, joint, residual, used, [_thinned(r, u, most) for r, u in zip(residual, used, strict=True)])
-
-    def along(self, variable: str) -> list[Array]:
-        """Return a variable along every recording."""
-        view = self.view
-        return [values(view.rows[k], variable, view.loads[k], view.joints, self.joint) for k in view.training]
-
-    def means(self, x: Sequence[Array], residual: Sequence[Array], side: int) -> Binned:
-        """Return the mean residual over a variable, of one direction of the joint's motion."""
-        speeds = [self.view.rows[k].dq[:, self.joint] for k in self.view.training]
-        used = [u & (speed * side > 0.0) for u, speed in zip(self.used, speeds, strict=True)]
-        return binned(list(x), list(residual), used, [float("nan")] * len(used), _BINS)
 
 
 def scatter(
@@ -215,41 +175,37 @@ def scatter(
 
     Of what is laid over it the means alone. inside [N]: which rows of every recording are brushed, or None.
     """
-    shown = _Shown.of(view, joint)
-    later = [[one.residual[k][:, joint] for k in view.training] for one in overlays]
+    seen = view.training
+    every = [view.residual[k][:, joint] for k in seen]
+    later = [[one.residual[k][:, joint] for k in seen] for one in overlays]
+    used = [view.rows[k].weight[:, joint] > 0 for k in seen]
+    drawn = [_thinned(r, u, MOST_POINTS // len(seen)) for r, u in zip(every, used, strict=True)]
+    speeds = [view.rows[k].dq[:, joint] for k in seen]
+    sides = {side: [u & (speed * side > 0.0) for u, speed in zip(used, speeds, strict=True)] for side in (1, -1)}
     traces: list[Trace] = []
     shapes: list[dict[str, Any]] = []
     axes: dict[str, dict[str, Any]] = {}
     width = (1.0 - _GAP * (len(variables) - 1)) / len(variables)
     for column, name in enumerate(variables, 1):
-        place = _place(column)
-        x = shown.along(name)
-        traces.append(_cloud(place, x, shown.residual, shown.drawn, MODEL[shade], "residual", _FAINT[shade], 3.0))
+        number, start = "" if column == 1 else str(column), (column - 1) * (width + _GAP)
+        place = {"xaxis": f"x{number}", "yaxis": f"y{number}"}
+        x = [values(view.rows[k], name, view.loads[k], view.joints, joint) for k in seen]
+        traces.append(_cloud(place, x, every, drawn, MODEL[shade], "residual", _FAINT[shade], 3.0))
         if inside is not None:
-            chosen = [d & inside[k] for d, k in zip(shown.drawn, view.training, strict=True)]
-            traces.append(_cloud(place, x, shown.residual, chosen, BRUSH, "brushed", 0.9, 4.5))
-        traces += _lines(place, shown, x, shown.residual, MODEL[shade], "mean")
+            chosen = [d & inside[k] for d, k in zip(drawn, seen, strict=True)]
+            traces.append(_cloud(place, x, every, chosen, BRUSH, "brushed", 0.9, 4.5))
+        traces += _lines(place, x, every, sides, MODEL[shade], "mean")
         for colour, one, residual in zip(OVERLAYS, overlays, later, strict=False):
-            traces += _lines(place, shown, x, residual, colour, f"mean {plain(one.words)}")
+            traces += _lines(place, x, residual, sides, colour, f"mean {plain(one.words)}")
         named = (name, f"{name} of {view.joints[joint]}")
-        shapes += [brushed_band(one.lower, one.upper, place["xaxis"]) for one in conditions if one.variable in named]
+        shapes += brushed_bands((one for one in conditions if one.variable in named), place["xaxis"])
         symbol, unit = symbol_of(view, joint, name)
-        number, start = place["xaxis"][1:], (column - 1) * (width + _GAP)
-        axes[f"xaxis{number}"] = {
-            "anchor": place["yaxis"],
-            "domain": (start, start + width),
-            "title": f"{symbol}, {unit}",
-        }
+        title, domain = f"{symbol}, {unit}", (start, start + width)
+        axes[f"xaxis{number}"] = {"anchor": place["yaxis"], "domain": domain, "title": title}
         axes[f"yaxis{number}"] = {"anchor": place["xaxis"], "matches": "y", "showticklabels": column == 1}
     axes["yaxis"] = {"anchor": "x", "title": f"residual, {view.unit(joint)}"}
     revision = f"{view.session.name}-{joint}-{','.join(variables)}"
     return picture(traces, axes, shade, revision, shapes=shapes, dragmode="select", hovermode="closest")
-
-
-def _place(column: int) -> dict[str, str]:
-    """Return the axes of a panel, counted from one."""
-    number = "" if column == 1 else str(column)
-    return {"xaxis": f"x{number}", "yaxis": f"y{number}"}
 
 
 def _thinned(residual: Array, used: Mask, most: int) -> Mask:
@@ -284,12 +240,17 @@ def _cloud(
 
 
 def _lines(
-    place: dict[str, str], shown: _Shown, x: Sequence[Array], residual: Sequence[Array], colour: str, name: str
+    place: dict[str, str],
+    x: Sequence[Array],
+    residual: Sequence[Array],
+    sides: Mapping[int, Sequence[Mask]],
+    colour: str,
+    name: str,
 ) -> list[Trace]:
-    """Return the means of either direction of motion."""
+    """Return the means of either direction of motion; sides: the rows that count of each."""
     out = []
     for side, words, dash, symbol in _SIDES:
-        found = shown.means(x, residual, side)
+        found = binned(x, residual, sides[side], [float("nan")] * len(x), _BINS)
         trace = curve(
             found.middle,
             found.mean,
@@ -329,7 +290,7 @@ def spectrum(view: View, joint: int, recording: int, overlays: Sequence[Overlay]
         every = np.ones(len(found.frequency), dtype=bool)
         traces.append(points(one.lines, every, plain(one.words), colour, "x-thin-open", 5))
     if np.all(np.isfinite(found.noise[:, joint])):
-        style = {"color": ink(shade), "dash": "dot", "width": 1.5}
+        style = {"color": SHADES[shade]["text"], "dash": "dot", "width": 1.5}
         hover = "%{y:.3g} " + unit
         noise = found.noise[:, joint]
         traces.append(curve(found.frequency, noise, "noise", mode="lines", line=style, hovertemplate=hover))
@@ -338,24 +299,6 @@ def spectrum(view: View, joint: int, recording: int, overlays: Sequence[Overlay]
         "yaxis": {"type": "log", "title": f"{unit} rms a line", "dtick": "D2"},
     }
     return picture(traces, axes, shade, f"{view.session.name}-{joint}-{recording}", dragmode="zoom")
-
-
-@dataclass(frozen=True)
-class _Kind:
-    """A line: its errors and its noise by name, its look, and where its figures stand."""
-
-    errors: str
-    noise: str
-    colour: Mapping[Shade, str]
-    symbol: str
-    above: bool
-
-
-_VALIDATION: dict[Shade, str] = {"light": VERMILLION, "dark": VERMILLION}
-_KINDS = (
-    _Kind("training", "noise", MODEL, "circle", False),
-    _Kind("validation", "validation_noise", _VALIDATION, "square", True),
-)
 
 
 _HEADROOM = 1.25  # of the highest error: its figure stands above it, below the legend
@@ -367,24 +310,47 @@ def staircase(view: View, joint: int, overlays: Sequence[Overlay], shade: Shade)
     path = view.session.path(view.number)
     errors = [View(view.session, number).errors for number in path]
     ahead = [one for one in overlays if one.key.startswith(CANDIDATE)]
-    ticks = [*(_words(view, number) for number in path), *(_broken(one.words) for one in ahead)]
+    added = [(number, view.session.steps[number].added) for number in path]
+    ticks = [_broken(f"+ {label}") if label else f"step {number}:<br>to begin with" for number, label in added]
+    ticks += [_broken(one.words) for one in ahead]
     ends = (-0.4, len(ticks) - 0.6)
     traces: list[Trace] = []
     highest = 0.0
-    for kind in _KINDS:
-        if errors[-1][kind.errors] is None:
+    for kind, noise_kind, colour, symbol, above in (
+        ("training", "noise", MODEL[shade], "circle", False),
+        ("validation", "validation_noise", VERMILLION, "square", True),
+    ):
+        if errors[-1][kind] is None:
             continue
-        done = [_rms(one[kind.errors], name) for one in errors]
-        foreseen = [_rms(getattr(one, kind.errors), name) for one in ahead]
+        done = [float(np.sqrt(one[kind][name])) for one in errors]
+        foreseen = [float(np.sqrt(getattr(one, kind)[name])) for one in ahead]
         places = np.arange(len(ticks), dtype=float)
-        traces.append(_levels(kind, places[: len(path)], done, kind.errors, shade, hollow=False))
-        if foreseen:
-            traces.append(_levels(kind, places[len(path) :], foreseen, f"{kind.errors}, predicted", shade, hollow=True))
-        noise = errors[-1][kind.noise][name]
+        look: dict[str, Any] = {
+            "line": {"color": colour, "width": 2, "shape": "hv"},
+            "textposition": "middle left" if above else "middle right",
+            "cliponaxis": False,
+            "hovertemplate": "%{y:.4g}",
+        }
+        for x, y, hollow in ((places[: len(path)], done, False), (places[len(path) :], foreseen, True)):
+            if not y:
+                continue
+            points = f"{symbol}-open" if hollow else symbol
+            trace = curve(
+                x,
+                np.array(y),
+                f"{kind}, predicted" if hollow else kind,
+                mode="markers+text" if hollow else "lines+markers+text",
+                marker={"size": 9, "symbol": points, "color": colour, "line": {"width": 2, "color": colour}},
+                text=[short(value) for value in y],
+                showlegend=not hollow,
+                **look,
+            )
+            traces.append(trace)
+        noise = errors[-1][noise_kind][name]
         level = 0.0 if noise is None else float(np.sqrt(noise))
         if noise is not None:
-            style = {"color": kind.colour[shade], "dash": "dot", "width": 1.5}
-            line = {"mode": "lines", "line": style, "hovertemplate": "%{y:.4g}", "showlegend": not kind.above}
+            style = {"color": colour, "dash": "dot", "width": 1.5}
+            line = {"mode": "lines", "line": style, "hovertemplate": "%{y:.4g}", "showlegend": not above}
             traces.append(curve(np.array(ends), np.array([level, level]), "noise", **line))
         highest = max(highest, level, *done, *foreseen)
     axes: dict[str, dict[str, Any]] = {
@@ -395,36 +361,9 @@ def staircase(view: View, joint: int, overlays: Sequence[Overlay], shade: Shade)
     return picture(traces, axes, shade, revision, dragmode=False, margin={"l": 64, "r": 16, "t": 28, "b": 76})
 
 
-def _levels(kind: _Kind, x: Array, y: list[float], name: str, shade: Shade, *, hollow: bool) -> Trace:
-    colour = kind.colour[shade]
-    symbol = f"{kind.symbol}-open" if hollow else kind.symbol
-    return curve(
-        x,
-        np.array(y),
-        name,
-        mode="markers+text" if hollow else "lines+markers+text",
-        line={"color": colour, "width": 2, "shape": "hv"},
-        marker={"size": 9, "symbol": symbol, "color": colour, "line": {"width": 2, "color": colour}},
-        text=[short(value) for value in y],
-        textposition="middle left" if kind.above else "middle right",
-        cliponaxis=False,
-        showlegend=not hollow,
-        hovertemplate="%{y:.4g}",
-    )
-
-
-def _words(view: View, number: int) -> str:
-    added = view.session.steps[number].added
-    return _broken(f"+ {added}") if added else f"step {number}:<br>to begin with"
-
-
 def _broken(text: str) -> str:
     """Return a name in short lines."""
     return plain(text).replace("with ", "with<br>").replace("@", "<br>@")
-
-
-def _rms(errors: Mapping[str, Any], joint: str) -> float:
-    return float(np.sqrt(errors[joint]))
 
 
 def over_time_told(view: View, joint: int, recording: int) -> str:
