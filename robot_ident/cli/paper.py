@@ -52,7 +52,7 @@ def run(args: argparse.Namespace) -> int:
     from robot_ident.files import refuse_existing, write_text
     from robot_ident.paper.study import Study
     from robot_ident.report.page import write_page
-    from robot_ident.report.paper_page import paper_sections
+    from robot_ident.report.paper_experiment import paper_sections
     from robot_ident.report.paper_section import as_markdown
 
     refuse_existing(args.output, force=args.force)

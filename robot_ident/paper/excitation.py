@@ -34,7 +34,6 @@ class Optimal:
     runs: at all samples of the period; fewer: at every third, 500 of 1500.
     """
 
-    criterion: str
     excitation: Excitation
     evaluation: Evaluation
     runs: MonteCarlo
@@ -93,7 +92,7 @@ def excitations(robot: Robot, motions: Mapping[str, Excitation], *, seed: int, b
             montecarlo(one, structure, variance, runs=printed.RUNS, seed=seed + 10 * number + k)
             for k, one in enumerate((motion, motion[::FEWER]))
         ]
-        optimal[criterion] = Optimal(criterion, excitation, evaluate(structure, excitation), *found)
+        optimal[criterion] = Optimal(excitation, evaluate(structure, excitation), *found)
     target = Target.of_robot(robot)
     best = motions["d-optimal"]
     family = family_of(best.base_frequency, best.sample_rate, best.harmonics, None, False)

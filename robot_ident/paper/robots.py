@@ -1,15 +1,19 @@
-"""The paper's robots: that of Table I as it is printed or made physically possible, and that of section V."""
+"""The paper's robots: that of Table I as it is printed or made physically possible, beside the printed parameters, and
+that of section V.
+"""
 
 from __future__ import annotations
 
-from dataclasses import replace
+from dataclasses import dataclass, replace
+from typing import Any
 from xml.etree import ElementTree
 
 from robot_ident.model.structure import Structure
-from robot_ident.paper.printed import PARAMETERS, TABLE_I
+from robot_ident.paper.printed import MEANING, PARAMETERS, TABLE_I
 from robot_ident.robot import load_robot
 from robot_ident.robot.robot import Definition, Robot
 from robot_ident.robot.robot_file import definition_of, robot_of
+from robot_ident.signals.motion import Array
 
 FRICTION = (
     "stribeck@joint_1:stribeck=88,speed=0.03",
@@ -56,3 +60,36 @@ def robot_of_section_v() -> Robot:
 def without_known_effects(robot: Robot, *kept: str) -> Robot:
     """Return the robot as one whose model lacks its known effects, but for some of them."""
     return replace(robot, known_effects=tuple(label for label in robot.known_effects if label.split("@")[0] in kept))
+
+
+@dataclass(frozen=True)
+class TableI:
+    """Names, meanings, units; printed and simulated values [21]."""
+
+    names: tuple[str, ...]
+    units: tuple[str, ...]
+    simulated: Array
+
+    @property
+    def possible(self) -> bool:
+        """Whether Izz3 >= |Ixx3 - Iyy3| holds, the triangle inequality of the moments of link 3."""
+        values = dict(zip(self.names, self.simulated.tolist(), strict=True))
+        return abs(values["p11"]) <= values["p15"]
+
+    def to_dict(self) -> dict[str, Any]:
+        """Return plain values."""
+        return {
+            "possible": self.possible,
+            "parameters": [
+                {"name": name, "meaning": meaning, "unit": unit, "printed": shown, "simulated": float(value)}
+                for name, meaning, unit, shown, value in zip(
+                    self.names, MEANING, self.units, TABLE_I, self.simulated, strict=True
+                )
+            ],
+        }
+
+
+def table_i(robot: Robot) -> TableI:
+    """Return Table I of a robot of section IV."""
+    structure = Structure.build(robot)
+    return TableI(structure.names, tuple(one.unit for one in structure.parameters), structure.true_values())

@@ -11,7 +11,7 @@ from robot_ident.paper.excitation import Excitations, excitations
 from robot_ident.paper.friction import Friction, RealRobot, friction
 from robot_ident.paper.measuring import MeasuringChain, measuring_chain
 from robot_ident.paper.missing import Missing, missing
-from robot_ident.paper.robots import robot_of_section_v, simulated_robot
+from robot_ident.paper.robots import robot_of_section_v, simulated_robot, table_i
 from robot_ident.provenance import config_file
 from robot_ident.robot.robot import Robot
 from robot_ident.trajectories.excitation import Excitation
@@ -131,8 +131,6 @@ class Study:
 
     def to_dict(self, sections: Sequence[int] = SECTIONS) -> dict[str, Any]:
         """Return the figures of some sections."""
-        from robot_ident.paper.table_i import table_i
-
         parts: dict[int, tuple[str, Callable[[], dict[str, Any]]]] = {
             1: ("table_i", lambda: table_i(self.robot).to_dict()),
             2: ("excitation", lambda: self.excitations.to_dict()),

@@ -9,15 +9,15 @@ from robot_ident.figures.trajectory import trajectories_figure, trajectory_text
 from robot_ident.limits.certifier import certify
 from robot_ident.paper import printed
 from robot_ident.paper.excitation import CRITERIA, Excitations, sigma_share
+from robot_ident.paper.robots import table_i
 from robot_ident.paper.study import Study
-from robot_ident.paper.table_i import TableI
 from robot_ident.report.page import Plot, Section, Table
 from robot_ident.report.paper_section import NAMES, again, numbers, paper_section, power
-from robot_ident.signals.motion import Array
 
 
-def robot_section(study: Study, table: TableI) -> Section:
+def robot_section(study: Study) -> Section:
     """Return fig. 1 and Table I."""
+    table = table_i(study.robot)
     rows = [
         (f"p{k}", name if name != f"p{k}" else "", meaning, f"{shown:g}", f"{value:.2f}", unit)
         for k, (name, meaning, shown, value, unit) in enumerate(
@@ -57,9 +57,10 @@ def robot_section(study: Study, table: TableI) -> Section:
     )
 
 
-def excitation_section(study: Study, found: Excitations) -> Section:
+def excitation_section(study: Study) -> Section:
     """Return section IV: figs. 2 and 3, both criteria, Table II, the counts of 200 runs."""
-    best, bound = found.optimal["d-optimal"], found.bound
+    found = study.excitations
+    best, other, bound = found.optimal["d-optimal"], found.optimal["condition"], found.bound
     criteria = []
     for criterion in CRITERIA:
         one, log10 = found.optimal[criterion], found.optimal[criterion].evaluation.log10_det_covariance
@@ -89,6 +90,7 @@ def excitation_section(study: Study, found: Excitations) -> Section:
                     f"{runs.error_statistic:.3f} ({runs.error_interval[0]:.3f} to {runs.error_interval[1]:.3f})",
                 )
             )
+    quantities = ("condition", "determinant", "D-efficiency at least")
     fewer = best.fewer
     unbiased = all(
         one.fewer.bias_interval[0] < one.fewer.bias_statistic < one.fewer.bias_interval[1]
@@ -139,31 +141,23 @@ def excitation_section(study: Study, found: Excitations) -> Section:
         ),
         (
             Plot(
-                trajectories_figure(
-                    {
-                        "c1 (fig. 2)": found.optimal["condition"].excitation,
-                        "c2 (fig. 3)": best.excitation,
-                    },
-                    found.robot,
-                ),
-                f"c1: {trajectory_text(found.optimal['condition'].excitation, found.robot)}"
+                trajectories_figure({"c1 (fig. 2)": other.excitation, "c2 (fig. 3)": best.excitation}, found.robot),
+                f"c1: {trajectory_text(other.excitation, found.robot)}"
                 f" c2: {trajectory_text(best.excitation, found.robot)}",
                 "One period. Dashed: limits of the joint of that colour, grey where joints share one.",
             ),
             Table(
-                (
-                    "trajectory",
-                    "condition, paper",
-                    "here",
-                    "determinant, paper",
-                    "here",
-                    "D-efficiency at least, paper",
-                    "here",
-                ),
+                ("trajectory", *(word for name in quantities for word in (f"{name}, paper", "here"))),
                 criteria,
                 numeric=(1, 2, 3, 4, 5, 6),
             ),
-            Plot(figures.sigmas_figure(found), _sigma_text(ratio), "Table II: predicted standard deviations."),
+            Plot(
+                figures.sigmas_figure(found),
+                "Standard deviations of 21 parameters; of the c2-optimal trajectory"
+                f" {int(np.sum(ratio < 1))} are smaller than the printed ones, the ratio runs from {ratio.min():.2f} to"
+                f" {ratio.max():.2f}.",
+                "Table II: predicted standard deviations.",
+            ),
             _table_ii(found),
             Table(
                 (
@@ -200,48 +194,22 @@ def _clearance(found: Excitations, criterion: str) -> float:
     return min(item.margin for item in margins.items if item.quantity == "workspace")
 
 
-def _sigma_text(ratio: Array) -> str:
-    return (
-        f"Standard deviations of 21 parameters; of the c2-optimal trajectory {int(np.sum(ratio < 1))} are smaller than"
-        f" the printed ones, the ratio runs from {ratio.min():.2f} to {ratio.max():.2f}."
-    )
-
-
 def _table_ii(found: Excitations) -> Table:
     one, two = (found.optimal[criterion].runs for criterion in CRITERIA)
+    columns = (
+        ("sigma c1, paper", printed.SIGMA["condition"]),
+        ("here", one.sigma),
+        ("sigma c2, paper", printed.SIGMA["d-optimal"]),
+        ("here", two.sigma),
+        ("Cramér-Rao, c2", found.sigma_cr),
+        ("200 runs, c2: mean", two.mean),
+        ("sigma", two.sample_sigma),
+    )
     rows = []
     for k in range(len(found.names)):
         digits = max(4, 1 - int(np.floor(np.log10(two.sigma[k]))))
-        rows.append(
-            (
-                f"p{k + 1}",
-                f"{two.true[k]:.2f}",
-                *(
-                    f"{value:.{digits}f}"
-                    for value in (
-                        printed.SIGMA["condition"][k],
-                        one.sigma[k],
-                        printed.SIGMA["d-optimal"][k],
-                        two.sigma[k],
-                        found.sigma_cr[k],
-                        two.mean[k],
-                        two.sample_sigma[k],
-                    )
-                ),
-            )
-        )
-    header = (
-        "parameter",
-        "true",
-        "sigma c1, paper",
-        "here",
-        "sigma c2, paper",
-        "here",
-        "Cramér-Rao, c2",
-        "200 runs, c2: mean",
-        "sigma",
-    )
-    return Table(header, rows, numeric=tuple(range(1, 9)))
+        rows.append((f"p{k + 1}", f"{two.true[k]:.2f}", *(f"{values[k]:.{digits}f}" for _, values in columns)))
+    return Table(("parameter", "true", *(name for name, _ in columns)), rows, numeric=range(1, 9))
 
 
 def iteration_section(study: Study) -> Section:

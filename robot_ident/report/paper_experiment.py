@@ -1,8 +1,10 @@
-"""The paper's page, section V and what it leaves open: the measuring chain, friction, the missing effects."""
+"""The paper's page, section V and what it leaves open: the measuring chain, friction, the missing effects; and the page
+from the first section to the last.
+"""
 
 from __future__ import annotations
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Callable, Mapping, Sequence
 
 import numpy as np
 
@@ -16,32 +18,42 @@ from robot_ident.figures.trajectory import point_to_point_figure
 from robot_ident.model.structure import Structure
 from robot_ident.paper import printed
 from robot_ident.paper.excitation import CRITERIA
-from robot_ident.paper.friction import Friction, validated
-from robot_ident.paper.measuring import NOMINAL, MeasuringChain
+from robot_ident.paper.friction import validated
+from robot_ident.paper.measuring import NOMINAL
 from robot_ident.paper.missing import SEEN, Missing
 from robot_ident.paper.study import SPRING_FLOOR, Study
 from robot_ident.report.page import Plot, Section, Table
+from robot_ident.report.paper_design import excitation_section, iteration_section, robot_section
 from robot_ident.report.paper_section import NAMES, again, numbers, paper_section, power
 from robot_ident.residuals.beside import Beside, beside
 
 _SLOW = 0.05  # rad/s
+_ERRORS = ("excess over the noise [Nm rms]", "20 points, 10 Hz [(Nm)^2]")
 
 
-def measuring_section(study: Study, found: MeasuringChain) -> Section:
+def measuring_section(study: Study) -> Section:
     """Return section V-A: the filter, the noise, the criteria with 25 parameters."""
+    found = study.measuring
     identified, real = found.identified, found.real
     words = {"ignored": "ignored", "nominal": "nominal Butterworth undone", "identified": "identified filter undone"}
     rows = [
         (words[one.name], f"{one.residual_ratio:.3f}", f"{one.largest_error:+.1f}", one.parameter)
         for one in found.undone
     ]
+    built = ", ".join(f"{section[0]:.1f} Hz, Q {section[1]:.2f}" for section in real.sections)
     by_name = {one.name: one for one in found.undone}
+    left = {name: one.residual_ratio for name, one in by_name.items()}
+    told = "within the band of this motion the nominal filter would do as well as the identified one"
+    if abs(left["nominal"] - left["identified"]) >= 0.02:
+        times = left["nominal"] / left["identified"]
+        told = f"the nominal filter leaves {times:.2f} times the residual of the identified one"
     noise = [
         (joint, f"{shown:g}", f"{shown * (16 * 1500 - 1) / (15 * 1500):.1f}", f"{paper:.2f}", f"{right:.2f}")
         for joint, shown, paper, right in zip(
             found.robot.joints, printed.NOISE, found.noise_paper, found.noise, strict=True
         )
     ]
+    divisors = ("paper, right divisor", "here, its divisor", "here, right divisor")
     criteria = []
     floor = f", determinant at most 1e{SPRING_FLOOR:.0f} (section 5 says why)"
     for criterion in CRITERIA:
@@ -65,7 +77,7 @@ def measuring_section(study: Study, found: MeasuringChain) -> Section:
             "The simulated robot is that of section V with the paper's model exactly, on the c2-optimal trajectory; its"
             " noise enters before the filter. Trajectories of this and the next sections are designed for its 25"
             " parameters. The filter is built of parts with tolerances of 4 % (one sigma) of frequency and Q of a"
-            f" Butterworth filter's sections (here {_sections(real.sections)}). A measured response of 100"
+            f" Butterworth filter's sections (here {built}). A measured response of 100"
             f" points, 0.3 % each, identifies order {identified.filter.order} by BIC and a delay of slow signals of"
             f" {1e3 * identified.filter.delay:.3f} ms (true: {1e3 * real.delay:.3f} ms; the nominal filter:"
             f" {1e3 * NOMINAL.delay:.3f} ms).",
@@ -79,30 +91,27 @@ def measuring_section(study: Study, found: MeasuringChain) -> Section:
             f" by {found.false_alarm:.1f} standard deviations of chi-square.",
         ),
         (
-            Plot(figures.response_figure(found), _response_text(found)),
+            Plot(
+                figures.response_figure(found),
+                f"Gain and phase of the filter: measured at {len(found.response.frequency)} frequencies, identified"
+                f" with a residual of {100 * identified.misfit:.2g} %, and the nominal filter.",
+            ),
             Table(
                 ("the filter is", "mean squared residual / noise variance", "largest error [sigma]", "of"),
                 rows,
                 numeric=(1, 2),
             ),
-            Table(
-                (
-                    "joint",
-                    "noise variance, paper [(Nm)^2]",
-                    "paper, right divisor",
-                    "here, its divisor",
-                    "here, right divisor",
-                ),
-                noise,
-                numeric=(1, 2, 3, 4),
-            ),
+            Table(("joint", "noise variance, paper [(Nm)^2]", *divisors), noise, numeric=(1, 2, 3, 4)),
             Table(
                 ("trajectory, 25 parameters (spring in kN)", "condition, paper", "here", "determinant, paper", "here"),
                 criteria,
                 numeric=(1, 2, 3, 4),
             ),
         ),
-        _filter_difference(found),
+        f"Undoing the filter works, as the paper says; {told}. The divisor of the noise matters for a model that is"
+        " right: 6 % of the variance decide whether it is accepted. The paper's own residuals of section 5 are rejected"
+        " with either. The spring's column is nearly that of gravity on the upper arm, which is what makes the"
+        " condition number large. Its unit is not printed, and a factor of 1000 in it changes the determinant by 1e6.",
         again(
             study,
             4,
@@ -115,60 +124,26 @@ def measuring_section(study: Study, found: MeasuringChain) -> Section:
     )
 
 
-def _sections(sections: Sequence[Sequence[float]]) -> str:
-    return ", ".join(f"{section[0]:.1f} Hz, Q {section[1]:.2f}" for section in sections)
-
-
-def _response_text(found: MeasuringChain) -> str:
-    return (
-        f"Gain and phase of the filter: measured at {len(found.response.frequency)} frequencies, identified with a"
-        f" residual of {100 * found.identified.misfit:.2g} %, and the nominal filter."
-    )
-
-
-def _filter_difference(found: MeasuringChain) -> str:
-    by_name = {one.name: one for one in found.undone}
-    nominal, identified = by_name["nominal"].residual_ratio, by_name["identified"].residual_ratio
-    if abs(nominal - identified) < 0.02:
-        told = "within the band of this motion the nominal filter would do as well as the identified one"
-    else:
-        told = f"the nominal filter leaves {nominal / identified:.2f} times the residual of the identified one"
-    return (
-        f"Undoing the filter works, as the paper says; {told}. The divisor of the noise matters for a model that is"
-        f" right: 6"
-        " % of the variance decide whether it is accepted. The paper's own residuals of section 5 are rejected with"
-        " either. The spring's column is nearly that of gravity on the upper arm, which is what makes the condition"
-        " number large. Its unit is not printed, and a factor of 1000 in it changes the determinant by 1e6."
-    )
-
-
-def friction_section(study: Study, found: Friction) -> Section:
+def friction_section(study: Study) -> Section:
     """Return section V-B and C: figs. 4 and 5, model 1 against model 2."""
+    found = study.friction
     mse, noise = found.residual("model 2")
     one, two = found.models["model 1"], found.models["model 2"]
     rows = []
-    for name in found.models:
+    for name, model in found.models.items():
         own, floor = found.residual(name)
         rows.append(
             (
                 name,
-                str(len(found.models[name].structure.names)),
-                f"{found.models[name].condition_number:.1f}",
+                str(len(model.structure.names)),
+                f"{model.condition_number:.1f}",
                 numbers(own),
                 numbers(np.sqrt(np.maximum(own - floor, 0.0))),
                 numbers(found.validation[name]),
             )
         )
-    rows.append(
-        (
-            "model 2, paper",
-            "",
-            "111.7",
-            numbers(printed.RESIDUAL),
-            numbers(np.sqrt(np.array(printed.RESIDUAL) - np.array(printed.NOISE))),
-            numbers(printed.VALIDATION),
-        )
-    )
+    excess = numbers(np.sqrt(np.array(printed.RESIDUAL) - np.array(printed.NOISE)))
+    rows.append(("model 2, paper", "", "111.7", numbers(printed.RESIDUAL), excess, numbers(printed.VALIDATION)))
     rows.append(("noise (paper: 25.1, 26.5, 9.5)", "", "", numbers(noise), "", ""))
     worse = np.median(found.draws.worse, axis=0)
     share = np.mean(found.draws.worse > 0, axis=0)
@@ -177,6 +152,7 @@ def friction_section(study: Study, found: Friction) -> Section:
     own_bare, _ = found.residual("model 2 without the spring")
     slow = found.validation["model of the condition number alone"]
     pace = float(study.slow_motion.series.extremes().dq.largest[0] / two.robot.limits.velocity[0])
+    own_motion = {"model 2": beside(two, measured_for(two, found.recordings["d-optimal"]))}
     aside = {"model 2": validated(two, found.validation_recording)}
     return paper_section(
         "5. Residuals, validation, two models (section V-B and C, figs. 4 and 5)",
@@ -211,20 +187,13 @@ def friction_section(study: Study, found: Friction) -> Section:
         ),
         (
             Table(
-                (
-                    "model",
-                    "parameters",
-                    "condition number",
-                    "residual, own motion [(Nm)^2]",
-                    "excess over the noise [Nm rms]",
-                    "20 points, 10 Hz [(Nm)^2]",
-                ),
+                ("model", "parameters", "condition number", "residual, own motion [(Nm)^2]", *_ERRORS),
                 rows,
                 numeric=(1, 2, 3, 4, 5),
             ),
             Plot(
-                torque_figure({"model 2": beside(two, measured_for(two, found.recordings["d-optimal"]))}),
-                torque_text({"model 2": beside(two, measured_for(two, found.recordings["d-optimal"]))}),
+                torque_figure(own_motion),
+                torque_text(own_motion),
                 "Fig. 4: measured and predicted torque on the c2-optimal trajectory, and the residual.",
             ),
             Plot(
@@ -250,8 +219,9 @@ def friction_section(study: Study, found: Friction) -> Section:
     )
 
 
-def missing_section(study: Study, found: Missing) -> Section:
+def missing_section(study: Study) -> Section:
     """Return what became of the 21 parameters: what was named and added, and the figures with it."""
+    found = study.missing
     first, last = found.steps[0], found.steps[-1]
     measured = measured_for(last.model, found.recordings[-1])
     pair = {"21 parameters": beside(first.model, measured), "with all that was added": beside(last.model, measured)}
@@ -310,16 +280,7 @@ def missing_section(study: Study, found: Missing) -> Section:
         paragraphs,
         (
             Plot(staircase_figure(found.steps), staircase_text(found.steps)),
-            Table(
-                (
-                    "added",
-                    "residual, axes 1, 2, 3 [(Nm)^2]",
-                    "excess over the noise [Nm rms]",
-                    "20 points, 10 Hz [(Nm)^2]",
-                ),
-                rows,
-                numeric=(1, 2, 3),
-            ),
+            Table(("added", "residual, axes 1, 2, 3 [(Nm)^2]", *_ERRORS), rows, numeric=(1, 2, 3)),
             _estimates(study, found),
             Plot(
                 torque_figure(pair),
@@ -371,3 +332,18 @@ def _near_reversals(found: Beside) -> str:
         if excess.sum() > 0.0 and slow.any():
             parts.append(f"{name} {min(1.0, excess[slow].sum() / excess.sum()):.0%} in {slow.mean():.1%} of the rows")
     return f"Of the excess that is left, rows slower than {_SLOW:g} rad/s hold: {', '.join(parts)}."
+
+
+_SECTIONS: dict[int, Callable[[Study], Section]] = {
+    1: robot_section,
+    2: excitation_section,
+    3: iteration_section,
+    4: measuring_section,
+    5: friction_section,
+    6: missing_section,
+}
+
+
+def paper_sections(study: Study, sections: Sequence[int]) -> list[Section]:
+    """Return the asked sections of the page, computed."""
+    return [_SECTIONS[number](study) for number in sections]

@@ -7,7 +7,6 @@ from collections.abc import Sequence
 
 from robot_ident.diagnosis.diagnosis import Diagnosis, Finding
 from robot_ident.diagnosis.staircase import Level, Step
-from robot_ident.residuals.comparison import JointComparison
 from robot_ident.robot.robot import Robot
 from robot_ident.workflow.findings import Findings
 
@@ -93,7 +92,8 @@ def _lacking(found: Findings) -> str:
     if diagnosis.verdict == "not_decidable":
         why = f": {diagnosis.notes[0]}" if diagnosis.notes else ""
         return f"these recordings can't tell whether the model lacks anything{why}"
-    failing = [joint for joint in last.comparison.joints if joint.fails and not _as_good_as_can_be(joint, diagnosis)]
+    best = diagnosis.remaining_rms
+    failing = [j for j in last.comparison.joints if j.fails and j.excess > _AS_IT_IS * best.get(j.name, 0.0)]
     if not failing:
         return "the model is " + diagnosis.in_words
     worst = max(failing, key=lambda joint: joint.excess)
@@ -102,12 +102,6 @@ def _lacking(found: Findings) -> str:
         f"the model has all the effects it needs, but as it stands its values miss {worst.name} by"
         f" {worst.excess:.3g} {unit} excess rms: identify it again from these recordings"
     )
-
-
-def _as_good_as_can_be(joint: JointComparison, diagnosis: Diagnosis) -> bool:
-    """Return whether a joint leaves no more over than it would with the best values that these effects can have."""
-    most = _AS_IT_IS * diagnosis.remaining_rms.get(joint.name, 0.0)
-    return joint.excess <= most
 
 
 def _missing(diagnosis: Diagnosis, last: Step, robot: Robot) -> str:
@@ -121,8 +115,7 @@ def _missing(diagnosis: Diagnosis, last: Step, robot: Robot) -> str:
         joint = diagnosis.unexplained.joint
         unit = robot.torque_unit(robot.joint_index(joint))
         size = rest.get(joint, max(rest.values()))
-        text += predicted + f"; {size:.3g} {unit} rms of {joint} remain unexplained ({diagnosis.unexplained.where})"
-        return text
+        predicted += f"; {size:.3g} {unit} rms of {joint} remain unexplained ({diagnosis.unexplained.where})"
     return text + predicted
 
 

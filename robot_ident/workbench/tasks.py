@@ -198,13 +198,8 @@ def _rows(measured: Measurement, model: Model) -> Rows:
 def run(session: Session, work: Work | None, task: Mapping[str, Any], tell: Tell) -> Work:
     """Do a task by its name; return the work with what was read for it."""
     work = work or Work(session)
-    tasks: dict[str, Callable[..., None]] = {
-        "open": work.open,
-        "diagnose": work.diagnose,
-        "preview": work.preview,
-        "add": work.add,
-        "report": work.report,
-    }
+    every: tuple[Callable[..., None], ...] = (work.open, work.diagnose, work.preview, work.add, work.report)
+    tasks = {one.__name__: one for one in every}
     name, work.said, work.wrote = str(task["task"]), "", {}
     if name not in tasks:
         raise InputError(f"unknown task {name!r}")
