@@ -101,11 +101,6 @@ class Friction:
         count = len(two.linear)
         return float(np.max(np.abs(self.likelihood.linear - two.linear) / two.std[:count]))
 
-    @property
-    def joints(self) -> tuple[str, ...]:
-        """The joints."""
-        return self.models["model 2"].robot.joints
-
     def residual(self, name: str) -> tuple[Array, Array]:
         """Return mean squared residual and noise variance [n] (Nm)^2 of a model on its own trajectory."""
         fits = self.models[name].residual.values()

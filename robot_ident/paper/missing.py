@@ -50,11 +50,6 @@ class Missing:
         return self.steps[-1].model.structure.labels[self.steps[0].model.structure.given :]
 
     @property
-    def tied(self) -> tuple[tuple[str, ...], ...]:
-        """Sets of effects between which the recordings can't decide."""
-        return tuple(tuple(labels) for said in self.said for labels in said.to_dict()["tied_sets"])
-
-    @property
     def right(self) -> tuple[str, ...]:
         """Effects of the truth that were added."""
         return tuple(label for label in self.truth if label in self.named)
@@ -70,7 +65,7 @@ class Missing:
             "truth": list(self.truth),
             "named": list(self.named),
             "chosen": list(self.chosen),
-            "tied_sets": [list(labels) for labels in self.tied],
+            "tied_sets": [list(labels) for said in self.said for labels in said.to_dict()["tied_sets"]],
             "right": list(self.right),
             "wrong": list(self.wrong),
             "verdict": self.said[-1].verdict,

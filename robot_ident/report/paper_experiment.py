@@ -203,7 +203,7 @@ def friction_section(study: Study) -> Section:
             ),
             Plot(torque_figure(aside), torque_text(aside), "Fig. 5, torques: mean of 16 runs, low-passed at 10 Hz."),
             Plot(
-                figures.draws_figure(found.draws, found.joints),
+                figures.draws_figure(found.draws, two.robot.joints),
                 f"Share by which model 1 errs more: median {numbers(100 * worse)} % by joint.",
                 "Each point a draw of noise and of 20 points. Dashed: the paper's 20 % on axis 1.",
             ),

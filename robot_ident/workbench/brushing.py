@@ -66,11 +66,25 @@ def brushed(
 
 
 def values(rows: Rows, variable: str, load: Array, joints: Sequence[str], joint: int) -> Array:
-    """Return the values [N] of a variable of a joint; `velocity of JOINT` is another joint's."""
+    """Return the values [N] of a variable of a joint; `velocity of JOINT` is another joint's. load [N, n]: the torque
+    that the gears carry.
+    """
     kind, of, other = variable.partition(" of ")
     if of and other not in joints:
         raise InputError(f"{variable}: there is no joint {other!r}")
-    return rows.variable(kind, list(joints).index(other) if of else joint, load)
+    columns = {
+        "velocity": rows.dq,
+        "position": rows.q,
+        "load": load,
+        "acceleration": rows.ddq,
+        "time_since_reversal": rows.since,
+        "speed": np.abs(rows.dq),
+    }
+    if kind == "time":
+        return rows.t
+    if kind not in columns:
+        raise InputError(f"{kind}: no variable; known: time, {', '.join(columns)}")
+    return columns[kind][:, list(joints).index(other) if of else joint]
 
 
 def held(inside: Sequence[Mask], rows: Sequence[Rows], residual: Sequence[Array], joint: int) -> Held:

@@ -164,7 +164,7 @@ def _register_panels(app: Dash, desk: Desk) -> None:
     def step(_drawn: str | None, stand: Stand) -> tuple[Any, ...]:
         view, _ = _shown(desk, stand)
         lines = "\n".join(command_lines(view.session, view.number))
-        others = panels.others(view)
+        others = [label for label in view.comparison["possible"] if label not in view.previews]
         return panels.joint_cards(view), view.focus, panels.recording_buttons(view), lines, others
 
     @app.callback(Output("where", "children"), Input("drawn", "data"), Input("joint", "data"), State("stand", "data"))

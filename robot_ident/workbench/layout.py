@@ -19,6 +19,10 @@ GRAPH: Any = private("lasso2d", "autoScale2d", "toImage")
 
 def shell() -> html.Div:
     """Return what every page has: its address, the look, and a place for what belongs to the address."""
+    backwards = [
+        html.Button("Undo", id=UNDO, disabled=True, title="look at the step before; nothing is lost"),
+        html.Button("Redo", id=REDO, disabled=True, title="go forward again"),
+    ]
     return html.Div(
         [
             dcc.Location(id="address", refresh=False),
@@ -30,15 +34,7 @@ def shell() -> html.Div:
                 [
                     html.H1([dcc.Link("robot_ident workbench", href="/")]),
                     html.Span(id="opened"),
-                    html.Span(
-                        [
-                            html.Button(
-                                "Undo", id=UNDO, disabled=True, title="look at the step before; nothing is lost"
-                            ),
-                            html.Button("Redo", id=REDO, disabled=True, title="go forward again"),
-                        ],
-                        id="backwards",
-                    ),
+                    html.Span(backwards, id="backwards"),
                     html.Button("Light or dark", id="look", title="switch between a light and a dark page"),
                 ]
             ),
@@ -49,29 +45,22 @@ def shell() -> html.Div:
 
 
 def _session() -> list[Any]:
-    return [
-        html.Section(
-            [
-                html.Ol(id="stages"),
-                html.Div(id="next", role="status"),
-                html.Div(_job(), id="job", role="status"),
-                html.Div(id="said", role="alert"),
-            ],
-            id="guide",
-        ),
-        html.Div([html.Div(_left(), id="left"), html.Div(_right(), id="right")], id="bench", hidden=True),
+    guide = [
+        html.Ol(id="stages"),
+        html.Div(id="next", role="status"),
+        html.Div(_job(), id="job", role="status"),
+        html.Div(id="said", role="alert"),
     ]
+    bench = [html.Div(_left(), id="left"), html.Div(_right(), id="right")]
+    return [html.Section(guide, id="guide"), html.Div(bench, id="bench", hidden=True)]
 
 
 def _job() -> list[Any]:
     """Return the place of the task under way: how far it is, and how it ended."""
     bar: dict[str, Any] = {"aria-label": "how far it is"}
+    work = [html.Progress(id="progress", value="0", max="100", **bar), action("Cancel", "cancel")]
     return [
-        html.Div(
-            [html.Progress(id="progress", value="0", max="100", **bar), action("Cancel", "cancel")],
-            id="work",
-            hidden=True,
-        ),
+        html.Div(work, id="work", hidden=True),
         html.P(id="told"),
         html.Details([html.Summary("This is a fault of the program; details"), html.Pre(id="trace")], id="fault"),
     ]

@@ -99,11 +99,6 @@ def _own(view: View, overlays: Sequence[str]) -> list[Any]:
     return [tick(label, f"{CANDIDATE}{label}", ticked=f"{CANDIDATE}{label}" in overlays) for label in own]
 
 
-def others(view: View) -> list[str]:
-    """Return all other effects that could be looked at."""
-    return [label for label in view.comparison["possible"] if label not in view.previews]
-
-
 def stages(now: Next) -> list[Any]:
     """Return the loop, with the stage where one stands."""
     here: dict[str, Any] = {"className": "here", "aria-current": "step"}

@@ -15,7 +15,6 @@ import numpy as np
 
 from robot_ident.diagnosis.diagnosis import Diagnosis
 from robot_ident.effects import candidates_of
-from robot_ident.errors import InputError
 from robot_ident.estimation.extend import mean_square_errors
 from robot_ident.estimation.validation import unusable_on
 from robot_ident.files import whole, write_text
@@ -132,10 +131,6 @@ def _finite(value: Any) -> Any:
     return value
 
 
-VARIABLES = ("time", "velocity", "position", "load", "acceleration", "time_since_reversal")
-"""What a residual is looked at over; `speed`, the size of the velocity, is brushed as well."""
-
-
 @dataclass(frozen=True)
 class Rows:
     """The rows [N] of one recording: t [s]; q, dq, ddq, since (the last reversal [s]) and measured torque, all [N, n];
@@ -150,23 +145,6 @@ class Rows:
     measured: Array
     weight: Array
     dof: Array
-
-    def variable(self, name: str, joint: int, load: Array) -> Array:
-        """Return the values [N] of a variable at a joint; load [N, n]: the torque that the gears carry."""
-        if name == "time":
-            return self.t
-        if name == "speed":
-            return np.abs(self.dq[:, joint])
-        columns = {
-            "velocity": self.dq,
-            "position": self.q,
-            "acceleration": self.ddq,
-            "load": load,
-            "time_since_reversal": self.since,
-        }
-        if name not in columns:
-            raise InputError(f"{name}: no variable; known: {', '.join((*VARIABLES, 'speed'))}")
-        return columns[name][:, joint]
 
 
 @dataclass(frozen=True)

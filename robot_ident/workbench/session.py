@@ -203,10 +203,6 @@ class Session:
         """Return the file of what a step's model would become with an effect."""
         return self.step_folder(number) / f"preview_{quote(label, safe='@')}{suffix}"
 
-    def read_json(self, number: int, name: str) -> dict[str, Any] | None:
-        """Return a file of a step, None where it was not made yet."""
-        return read_json(self.step_folder(number) / name)
-
     def previews(self, number: int) -> dict[str, dict[str, Any]]:
         """Return what is known of the effects that were looked at from a step, by label."""
         files = sorted(self.step_folder(number).glob("preview_*.json"))

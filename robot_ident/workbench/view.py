@@ -58,7 +58,7 @@ class View:
     @cached_property
     def diagnosis(self) -> dict[str, Any] | None:
         """What `diagnose` says of it, None as long as nobody asked."""
-        return self.session.read_json(self.number, "diagnosis.json")
+        return read_json(self.session.step_folder(self.number) / "diagnosis.json")
 
     @cached_property
     def previews(self) -> dict[str, dict[str, Any]]:
@@ -176,9 +176,10 @@ class View:
         return [arrays[f"{k}.{name}"] for k in range(len(self.rows))]
 
     def _read(self, name: str) -> dict[str, Any]:
-        found = self.session.read_json(self.number, name)
+        folder = self.session.step_folder(self.number)
+        found = read_json(folder / name)
         if found is None:
-            raise InputError(f"{self.session.step_folder(self.number)}: {name} is missing; begin a new session")
+            raise InputError(f"{folder}: {name} is missing; begin a new session")
         return found
 
 
