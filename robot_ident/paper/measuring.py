@@ -11,6 +11,7 @@ from robot_ident.estimation.identify import estimate
 from robot_ident.model.model import Model
 from robot_ident.model.structure import Structure
 from robot_ident.paper import printed
+from robot_ident.paper.friction import PERIODS
 from robot_ident.planning.blends import Playback
 from robot_ident.recording.filter_response import FrequencyResponse, IdentifiedFilter, identify_filter
 from robot_ident.recording.process import process
@@ -20,7 +21,6 @@ from robot_ident.signals.motion import Array
 from robot_ident.testbed.simulation import simulate
 from robot_ident.trajectories.excitation import Excitation
 
-PERIODS = 16
 NOMINAL = AntiAlias(printed.FILTER_ORDER, printed.FILTER_CUTOFF)
 _TOLERANCE = 0.04  # of frequency and quality of a section of a real filter: parts of 1 to 5 %
 _ANALYSER = 0.003  # relative error of a point of a measured response

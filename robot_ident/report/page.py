@@ -2,6 +2,9 @@
 
 from __future__ import annotations
 
+import base64
+import gzip
+import json
 import re
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
@@ -111,8 +114,6 @@ class _Drawing:
 
     def plot(self, plot: Plot) -> Any:
         """Return the place of a plot."""
-        import json
-
         spec = json.loads(plot.figure.to_json())
         axes = [key for key in spec["layout"] if key.startswith(("xaxis", "yaxis"))]
         shades = {shade: recoloured(shade, axes) for shade in ("light", "dark")}
@@ -132,9 +133,6 @@ class _Drawing:
 
 def _packed(text: str) -> Any:
     """Return a text as base64 of its gzip, which the page unpacks: plotly.js takes 2 MB instead of 5."""
-    import base64
-    import gzip
-
     return _safe(base64.b64encode(gzip.compress(text.encode(), mtime=0)).decode())
 
 
@@ -146,8 +144,6 @@ def _safe(text: str) -> Any:
 
 def _json(data: Any) -> Any:
     """Return data for a script: no `<` that could end it, no line separators that JavaScript once minded."""
-    import json
-
     text = json.dumps(data, separators=(",", ":"), allow_nan=False)
     for character in "<>&\u2028\u2029":
         text = text.replace(character, f"\\u{ord(character):04x}")

@@ -9,7 +9,7 @@ from pathlib import Path
 from typing import Any
 
 from robot_ident.bags import read_for
-from robot_ident.diagnosis.progress import Tell
+from robot_ident.diagnosis.progress import Tell, silent
 from robot_ident.effects import load_effects, register
 from robot_ident.estimation.prediction import measured_for
 from robot_ident.model.model import Model
@@ -67,7 +67,7 @@ class Inputs:
 
     def recordings(self, robot: Robot) -> list[Recording]:
         """Return the recordings that models are fitted to, as they were read."""
-        return [recording for recording, _ in self._recordings(lambda share, words: None, robot)][: self._fitted]
+        return [recording for recording, _ in self._recordings(silent, robot)][: self._fitted]
 
     def sources(self, tell: Tell, model: Model | None, robot: Robot) -> tuple[list[Source], list[Source]]:
         """Read and process all recordings, as the model says; those of validation apart."""

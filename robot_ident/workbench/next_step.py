@@ -38,9 +38,8 @@ def next_step(view: View | None, job: Job, overlays: list[Overlay]) -> Next:
     """Return what to do next."""
     if view is None:
         if job.state in ("failed", "cancelled"):
-            return Next(
-                "compare", "These recordings could not be opened. Choose others, or try again.", "Try again", "open"
-            )
+            words = "These recordings could not be opened. Choose others, or try again."
+            return Next("compare", words, "Try again", "open")
         return Next("compare", "Reading the recordings and holding the model beside them. This is done once.")
     chosen = next((o for o in overlays if o.key.startswith(CANDIDATE)), None)
     if chosen is not None:
@@ -70,19 +69,15 @@ def _compared(view: View) -> Next:
         words = f"{done}The model fits: what is left over is noise at every joint. Next: save it."
         return Next("watch", words, *_SAVE)
     of = view.comparison["joints"][view.worst]
+    there = view.focus == view.worst
+    where = "The pictures show where." if there else f"Press {worst} under “Joints”, and the pictures show where."
     words = (
         f"{done}{worst} is the worst joint: {rms(of['residual_mse'])} {view.unit(view.worst)} rms is left over, where"
-        f" noise alone would leave {rms(of['noise_variance'])}. {_where_it_shows(view)} Drag across one of them, or"
+        f" noise alone would leave {rms(of['noise_variance'])}. {where} Drag across one of them, or"
         " click a sentence under “Where it fails”, to find the same moments in all. Next: let the computer name the"
         " cause."
     )
     return Next("watch" if done else "see", words, *ask)
-
-
-def _where_it_shows(view: View) -> str:
-    if view.focus == view.worst:
-        return "The pictures show where."
-    return f"Press {view.joints[view.worst]} under “Joints”, and the pictures show where."
 
 
 def _after_adding(view: View) -> str:
@@ -130,9 +125,8 @@ def _diagnosed(view: View, found: Mapping[str, Any]) -> Next:
     if helping is None:
         nearest = " The nearest are listed; none of them lowers the error on validation." if listed else ""
         return Next("learn", words + nearest)
-    return Next(
-        "learn", f"{words} The nearest are listed.", f"Show what {helping['label']} would do", "look", helping["label"]
-    )
+    label = helping["label"]
+    return Next("learn", f"{words} The nearest are listed.", f"Show what {label} would do", "look", label)
 
 
 def _helps(candidate: Mapping[str, Any]) -> bool:

@@ -15,7 +15,7 @@ from typing import Any
 import numpy as np
 
 from robot_ident.configuration import to_yaml
-from robot_ident.diagnosis.progress import Tell, after
+from robot_ident.diagnosis.progress import Tell, after, silent
 from robot_ident.effects import make_effect
 from robot_ident.errors import InputError
 from robot_ident.estimation.effort_checks import contradictions
@@ -160,7 +160,7 @@ class Work:
             write_text(folder / "step.yaml", to_yaml(step.model_dump()))
 
     def _write_preview(self, number: int, preview: Preview, model: Model) -> None:
-        training, validation = self.inputs.measurements(lambda share, words: None, model, model.robot)
+        training, validation = self.inputs.measurements(silent, model, model.robot)
         arrays: dict[str, Array] = {}
         for k, (measured, predicted) in enumerate(zip((*training, *validation), preview.predicted, strict=True)):
             arrays |= _along(k, replace(beside(model, measured), predicted=predicted), measured)
