@@ -6,6 +6,7 @@ import argparse
 from collections.abc import Sequence
 from typing import TYPE_CHECKING, Any
 
+from robot_ident.cli.options import add_common, flag, several
 from robot_ident.cli.output import print_json, say, tell
 from robot_ident.errors import InputError
 
@@ -15,13 +16,11 @@ if TYPE_CHECKING:
 
 def add_arguments(parser: argparse.ArgumentParser) -> None:
     """Add the command's options."""
-    from robot_ident.cli.options import add_common
-
     parser.add_argument("model", metavar="model.yaml", help="the model to extend")
     parser.add_argument("effects", nargs="+", metavar="NAME@JOINT", help="effects to add")
-    parser.add_argument("--bag", nargs="+", required=True, metavar="BAG", help="recordings to fit the model to")
+    several(parser, "--bag", "BAG", "recordings to fit the model to", required=True)
     parser.add_argument("-o", "--output", metavar="MODEL2", help="write the extended model to this file")
-    parser.add_argument("--force", action="store_true", help="overwrite existing files")
+    flag(parser, "--force", "overwrite existing files")
     add_common(parser)
 
 

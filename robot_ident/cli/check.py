@@ -7,17 +7,8 @@ from dataclasses import replace
 from typing import TYPE_CHECKING
 
 from robot_ident.cli.design import Precision, add_precision, precision, precision_json, say_precision
-from robot_ident.cli.output import (
-    add_accept_unchecked,
-    add_json,
-    add_robot,
-    margin_table,
-    print_json,
-    refuse_unchecked,
-    say,
-    say_unchecked,
-    within,
-)
+from robot_ident.cli.options import add_accept_unchecked, add_json, add_robot, count, option
+from robot_ident.cli.output import margin_table, print_json, refuse_unchecked, say, say_unchecked
 from robot_ident.errors import CheckFailed, InputError
 
 if TYPE_CHECKING:
@@ -32,17 +23,12 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
     """Add the command's options."""
     parser.add_argument("excitation", metavar="excitation.yaml", help="excitation or validation motion")
     add_robot(parser)
-    parser.add_argument(
-        "--periods", type=within(1, 100_000, int), default=1, help="number of periods to play (default: %(default)s)"
+    count(parser, "--periods", None, (1, 100_000), "number of periods to play", 1)
+    text = (
+        "check the approach from rest at these positions (rad or m) too; write --from=-0.1,... if the first is negative"
     )
-    parser.add_argument(
-        "--from",
-        dest="start",
-        metavar="Q1,Q2,...",
-        help="check the approach from rest at these positions (rad or m) too; write --from=-0.1,... if the first is"
-        " negative",
-    )
-    parser.add_argument("--model", metavar="MODEL", help="with --precision: model.yaml that holds the parameters")
+    option(parser, "--from", "Q1,Q2,...", text, dest="start")
+    option(parser, "--model", "MODEL", "with --precision: model.yaml that holds the parameters")
     add_precision(parser)
     add_accept_unchecked(parser)
     add_json(parser)

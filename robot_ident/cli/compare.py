@@ -7,7 +7,8 @@ from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass
 from typing import TYPE_CHECKING, Any
 
-from robot_ident.cli.output import add_json, print_json, say, table, tell
+from robot_ident.cli.options import add_json, flag, option
+from robot_ident.cli.output import print_json, say, table, tell
 from robot_ident.errors import CheckFailed, InputError, did_you_mean
 
 if TYPE_CHECKING:
@@ -33,27 +34,23 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
         metavar="model.yaml BAG",
         help="models and recordings; two models without a recording: what changed",
     )
-    parser.add_argument("--topic", metavar="T", help="topic of the joint states")
-    parser.add_argument(
+    option(parser, "--topic", "T", "topic of the joint states")
+    option(
+        parser,
         "--mcap",
-        metavar="OUT",
-        help="write effort, prediction, residual and the torque of each effect as time series (.mcap file or folder)",
+        "OUT",
+        "write effort, prediction, residual and the torque of each effect as time series (.mcap file or folder)",
     )
-    parser.add_argument(
+    option(
+        parser,
         "--over",
-        metavar="WHAT",
-        help="also print the residual and its noise as a function of position, velocity, acceleration, load,"
+        "WHAT",
+        "also print the residual and its noise as a function of position, velocity, acceleration, load,"
         " time_since_reversal, time or frequency",
     )
-    parser.add_argument(
-        "--fail-on-misfit", action="store_true", help="exit with 3 if the first model shows lack of fit at a joint"
-    )
-    parser.add_argument("--force", action="store_true", help="overwrite existing files")
-    parser.add_argument(
-        "--fail-on-change",
-        action="store_true",
-        help="exit with 3 if a parameter changed from the first of two models to the second",
-    )
+    flag(parser, "--fail-on-misfit", "exit with 3 if the first model shows lack of fit at a joint")
+    flag(parser, "--force", "overwrite existing files")
+    flag(parser, "--fail-on-change", "exit with 3 if a parameter changed from the first of two models to the second")
     add_json(parser)
 
 
@@ -101,9 +98,9 @@ def run(args: argparse.Namespace) -> int:
 
 def _without_recording(args: argparse.Namespace, inputs: Inputs) -> None:
     """Raise InputError where models alone don't do."""
-    for option, given in (("--mcap", args.mcap), ("--fail-on-misfit", args.fail_on_misfit)):
+    for name, given in (("--mcap", args.mcap), ("--fail-on-misfit", args.fail_on_misfit)):
         if given:
-            raise InputError(f"{option}: needs at least one recording in addition to {', '.join(inputs.paths)}")
+            raise InputError(f"{name}: needs at least one recording in addition to {', '.join(inputs.paths)}")
     if len(inputs.models) != 2:
         raise InputError(
             f"{', '.join(inputs.paths)}: no recording; compare takes at least one recording, or two models, old and"

@@ -22,7 +22,8 @@ from functools import partial
 from pathlib import Path
 from typing import TYPE_CHECKING, Any, TextIO
 
-from robot_ident.cli.output import Progress, add_json, print_json, say, table, tell, within
+from robot_ident.cli.options import add_json, flag, within
+from robot_ident.cli.output import Progress, print_json, say, table, tell
 from robot_ident.errors import InputError, RobotIdentError
 from robot_ident.parallel import PARENT
 
@@ -70,7 +71,7 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
         "--seed", type=within(0, 2**31, int), default=0, help="of design and noise (default %(default)s)"
     )
     parser.add_argument("--folder", default="robot_ident_demo", help="where everything is kept (default ./%(default)s)")
-    parser.add_argument("--force", action="store_true", help="replace the folder of an earlier demo")
+    flag(parser, "--force", "replace the folder of an earlier demo")
     add_json(parser)
 
 

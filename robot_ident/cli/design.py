@@ -24,24 +24,24 @@ from robot_ident.cli.design_iterate import check_iterate, run_iterate
 from robot_ident.cli.design_kinds import design_json
 from robot_ident.cli.design_validation import run_validation
 from robot_ident.cli.design_waypoints import add_waypoints, run_waypoints
-from robot_ident.cli.options import add_joints, held_for_design, held_note
-from robot_ident.cli.output import (
+from robot_ident.cli.options import (
     DEFAULT_ROBOT,
     Options,
-    Progress,
     add_accept_unchecked,
     add_cluster,
+    add_joints,
     add_json,
     add_output,
-    margin_table,
-    print_json,
-    refuse_unchecked,
-    say,
-    say_unchecked,
-    table,
-    tell,
-    within,
+    count,
+    each,
+    flag,
+    held_for_design,
+    held_note,
+    number,
+    option,
+    several,
 )
+from robot_ident.cli.output import Progress, margin_table, print_json, refuse_unchecked, say, say_unchecked, table, tell
 from robot_ident.errors import InputError, did_you_mean
 
 if TYPE_CHECKING:
@@ -111,17 +111,14 @@ class Precision:
 
 def add_precision(parser: Options) -> None:
     """Add the options."""
-    parser.add_argument(
-        "--precision",
-        metavar="P",
-        help="also print how many periods bring sigma down to this ratio of the value, e.g. 5%%",
+    option(
+        parser, "--precision", "P", "also print how many periods bring sigma down to this ratio of the value, e.g. 5%%"
     )
-    parser.add_argument(
+    each(
+        parser,
         "--parameter",
-        action="append",
-        default=[],
-        metavar="NAME",
-        help="with --precision: only this parameter (default: all); its value comes from --model or the robot's files",
+        "NAME",
+        "with --precision: only this parameter (default: all); its value comes from --model or the robot's files",
     )
 
 
@@ -212,63 +209,30 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
     """Add the command's options."""
     _add_purpose(parser.add_argument_group("what to optimise"))
     motion = parser.add_argument_group("motion")
-    motion.add_argument(
-        "--harmonics", type=within(1, 60, int), metavar="L", help="harmonics of the Fourier series (default: 5)"
-    )
-    motion.add_argument(
-        "--base-frequency",
-        type=within(1e-4, 100.0),
-        default=0.1,
-        metavar="F",
-        help="base frequency of the Fourier series, Hz (default: %(default)s)",
-    )
-    motion.add_argument("--bandwidth", metavar="LO:HI", help="use L harmonics within this band only, Hz")
-    motion.add_argument(
-        "--sample-rate",
-        type=within(1.0, 1e5),
-        default=150.0,
-        metavar="HZ",
-        help="sample rate of the trajectory, Hz (default: %(default)s)",
-    )
-    motion.add_argument(
-        "--symmetric",
-        action="store_true",
-        help="make q(-t) = q(t), which separates friction from conservative torque errors",
-    )
-    motion.add_argument(
-        "--trajectories",
-        type=within(1, 20, int),
-        default=1,
-        metavar="K",
-        help="optimise K trajectories jointly; -o NAME.yaml writes NAME_1.yaml... (default: %(default)s)",
+    count(motion, "--harmonics", "L", (1, 60), "harmonics of the Fourier series (default: 5)")
+    number(motion, "--base-frequency", "F", (1e-4, 100.0), "base frequency of the Fourier series, Hz", 0.1)
+    option(motion, "--bandwidth", "LO:HI", "use L harmonics within this band only, Hz")
+    number(motion, "--sample-rate", "HZ", (1.0, 1e5), "sample rate of the trajectory, Hz", 150.0)
+    flag(motion, "--symmetric", "make q(-t) = q(t), which separates friction from conservative torque errors")
+    count(
+        motion, "--trajectories", "K", (1, 20), "optimise K trajectories jointly; -o NAME.yaml writes NAME_1.yaml...", 1
     )
     add_waypoints(motion)
-    motion.add_argument(
+    flag(
+        motion,
         "--validation-motion",
-        action="store_true",
-        help="instead of an excitation, draw 20 random points with maximum acceleration and a full stop at each",
+        "instead of an excitation, draw 20 random points with maximum acceleration and a full stop at each",
     )
     limits = parser.add_argument_group("limits")
-    limits.add_argument(
-        "--from",
-        dest="run_before",
-        nargs="+",
-        default=[],
-        metavar="BAG",
-        help="stay inside the envelope of these recordings: positions, speeds, accelerations, tool positions",
-    )
+    text = "stay inside the envelope of these recordings: positions, speeds, accelerations, tool positions"
+    several(limits, "--from", "BAG", text, dest="run_before")
     add_joints(limits, "move", angle="0")
     add_accept_unchecked(limits)
     search = parser.add_argument_group("search")
-    search.add_argument(
-        "--starts", type=within(1, 100_000, int), metavar="N", help="random starts of the optimiser (default: 12)"
-    )
-    search.add_argument(
-        "--time-limit", type=float, metavar="S", help="stop after S seconds of wall time and keep the best result"
-    )
-    search.add_argument(
-        "--seed", type=within(0, 2**31, int), default=0, help="seed of the random starts (default: %(default)s)"
-    )
+    count(search, "--starts", "N", (1, 100_000), "random starts of the optimiser (default: 12)")
+    text = "stop after S seconds of wall time and keep the best result"
+    option(search, "--time-limit", "S", text, type=float)
+    count(search, "--seed", None, (0, 2**31), "seed of the random starts", 0)
     add_cluster(search)
     output = parser.add_argument_group("output")
     add_output(output, "EXCITATION", "excitation.yaml to write")
@@ -278,10 +242,11 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
 
 
 def _add_purpose(group: Options) -> None:
-    group.add_argument(
+    option(
+        group,
         "--robot",
-        metavar="R",
-        help="kuka_ir361, kuka_ir361_spring, a robot YAML, URDF or model.yaml (default: --model's, else kuka_ir361)",
+        "R",
+        "kuka_ir361, kuka_ir361_spring, a robot YAML, URDF or model.yaml (default: --model's, else kuka_ir361)",
     )
     group.add_argument(
         "--criterion",
@@ -289,29 +254,19 @@ def _add_purpose(group: Options) -> None:
         help="d-optimal (log det of the covariance), condition (condition number) or crlb (d-optimal with position"
         " noise, needs --model or --iterate); default: %(default)s",
     )
-    group.add_argument(
-        "--effect", action="extend", nargs="+", default=[], metavar="NAME@JOINT", help="additional effects to identify"
-    )
-    group.add_argument(
+    several(group, "--effect", "NAME@JOINT", "additional effects to identify", action="extend")
+    flag(
+        group,
         "--iterate",
-        action="store_true",
-        help="with --criterion crlb: measure the simulated robot, estimate, design again until sigma no longer falls;"
+        "with --criterion crlb: measure the simulated robot, estimate, design again until sigma no longer falls;"
         " --starts and --time-limit are those of each design",
     )
-    group.add_argument("--model", metavar="MODEL", help="model.yaml whose parameters to optimise for")
-    group.add_argument(
-        "--prior",
-        nargs="+",
-        default=[],
-        metavar="BAG",
-        help="recordings or models whose information is already available",
-    )
+    option(group, "--model", "MODEL", "model.yaml whose parameters to optimise for")
+    several(group, "--prior", "BAG", "recordings or models whose information is already available")
     group.add_argument(
         "--only", choices=("payload",), help="optimise for the payload's parameters alone, with friction re-estimated"
     )
-    group.add_argument(
-        "--tell", nargs=2, metavar=("A@j", "B@k"), help="optimise the motion to discriminate between two effects"
-    )
+    option(group, "--tell", ("A@j", "B@k"), "optimise the motion to discriminate between two effects", nargs=2)
 
 
 def run(args: argparse.Namespace) -> int:

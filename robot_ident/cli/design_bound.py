@@ -7,7 +7,8 @@ import time
 from dataclasses import replace
 from typing import TYPE_CHECKING, Any
 
-from robot_ident.cli.output import Options, Progress, say
+from robot_ident.cli.options import Options, flag, option
+from robot_ident.cli.output import Progress, say
 from robot_ident.errors import InputError
 
 if TYPE_CHECKING:
@@ -21,21 +22,17 @@ _SHARE = 0.4  # of a time limit that is left for the bound
 
 def add_bound_arguments(parser: Options) -> None:
     """Add `--bound` and `--page`."""
-    parser.add_argument(
-        "--bound",
-        action="store_true",
-        help="also bound the best criterion within the limits (up to 60 s) and print the D-efficiency",
-    )
-    parser.add_argument("--page", metavar="PAGE", help="page.html to write: the motion, its limits, its information")
+    flag(parser, "--bound", "also bound the best criterion within the limits (up to 60 s) and print the D-efficiency")
+    option(parser, "--page", "PAGE", "page.html to write: the motion, its limits, its information")
 
 
 def check_bound_arguments(args: argparse.Namespace) -> None:
     """Raise InputError where the options don't go together, or the page can't be written."""
     from robot_ident.files import refuse_existing
 
-    for option, given in (("--bound", args.bound), ("--page", args.page)):
+    for name, given in (("--bound", args.bound), ("--page", args.page)):
         if given and args.tell:
-            raise InputError(f"{option} goes with a criterion, not with --tell")
+            raise InputError(f"{name} goes with a criterion, not with --tell")
     if args.page:
         refuse_existing(args.page, force=args.force)
 

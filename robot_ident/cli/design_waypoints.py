@@ -8,17 +8,8 @@ from collections.abc import Sequence
 from typing import TYPE_CHECKING
 
 from robot_ident.cli.design_kinds import design_json, refuse_with
-from robot_ident.cli.output import (
-    Options,
-    Progress,
-    margin_table,
-    print_json,
-    refuse_unchecked,
-    say,
-    say_unchecked,
-    tell,
-    within,
-)
+from robot_ident.cli.options import Options, count, option
+from robot_ident.cli.output import Progress, margin_table, print_json, refuse_unchecked, say, say_unchecked, tell
 
 if TYPE_CHECKING:
     from robot_ident.design.target import Target
@@ -32,25 +23,14 @@ _NOT_WITH = (
 
 def add_waypoints(parser: Options) -> None:
     """Add the options."""
-    parser.add_argument(
+    option(
+        parser,
         "--waypoints",
-        metavar="FILE",
-        help="instead of a Fourier series, plan a repeated tour of moves between the approved poses of a YAML",
+        "FILE",
+        "instead of a Fourier series, plan a repeated tour of moves between the approved poses of a YAML",
     )
-    parser.add_argument(
-        "--moves",
-        type=within(2, 200, int),
-        default=12,
-        metavar="K",
-        help="maximum number of moves of the tour (default: %(default)s)",
-    )
-    parser.add_argument(
-        "--repeats",
-        type=within(1, 1000, int),
-        default=8,
-        metavar="M",
-        help="repetitions of the tour (default: %(default)s)",
-    )
+    count(parser, "--moves", "K", (2, 200), "maximum number of moves of the tour", 12)
+    count(parser, "--repeats", "M", (1, 1000), "repetitions of the tour", 8)
 
 
 def run_waypoints(args: argparse.Namespace, target: Target, files: Sequence[str]) -> int:

@@ -6,7 +6,8 @@ import argparse
 from dataclasses import replace
 from typing import TYPE_CHECKING
 
-from robot_ident.cli.output import add_json, add_output, print_json, say, table, tell
+from robot_ident.cli.options import add_json, add_output, add_recordings, flag
+from robot_ident.cli.output import print_json, say, table, tell
 from robot_ident.errors import InputError
 
 if TYPE_CHECKING:
@@ -21,8 +22,6 @@ _TIED_LISTED = 3  # of the candidates that one is tied with: the table stays rea
 
 def add_arguments(parser: argparse.ArgumentParser) -> None:
     """Add the command's options."""
-    from robot_ident.cli.options import add_recordings
-
     parser.add_argument(
         "inputs",
         nargs="+",
@@ -31,10 +30,10 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
     )
     add_recordings(parser.add_argument_group("recordings"))
     extension = parser.add_argument_group("model extension")
-    extension.add_argument(
+    flag(
+        extension,
         "--add-until-adequate",
-        action="store_true",
-        help="add the missing effects and repeat until the model is adequate; print the error after each step",
+        "add the missing effects and repeat until the model is adequate; print the error after each step",
     )
     output = parser.add_argument_group("output")
     add_output(output, "MODEL", "with --add-until-adequate: extended model to write")

@@ -5,7 +5,8 @@ from __future__ import annotations
 import argparse
 from typing import TYPE_CHECKING, Any
 
-from robot_ident.cli.output import add_json, print_json, say, table
+from robot_ident.cli.options import add_json
+from robot_ident.cli.output import print_json, say, table
 
 if TYPE_CHECKING:
     from robot_ident.effects import Effect, Inner

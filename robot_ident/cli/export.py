@@ -8,7 +8,8 @@ from dataclasses import asdict, dataclass, replace
 from pathlib import Path
 from typing import TYPE_CHECKING
 
-from robot_ident.cli.output import add_json, print_json, say, table, tell, within
+from robot_ident.cli.options import add_json, flag, number, option
+from robot_ident.cli.output import print_json, say, table, tell
 
 if TYPE_CHECKING:
     from robot_ident.export.exported import Exported
@@ -22,31 +23,31 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
     """Add the command's options."""
     parser.add_argument("model", metavar="model.yaml", help="identified model")
     form = parser.add_mutually_exclusive_group(required=True)
-    form.add_argument(
-        "--urdf", metavar="F", help="write the robot's URDF with the identified inertias and joint friction"
-    )
-    form.add_argument("--mjcf", metavar="F", help="write a MuJoCo model, including rotor inertias")
-    form.add_argument("--c", metavar="DIR", help="write C code of torque, gravity and friction to this folder")
-    parser.add_argument(
+    option(form, "--urdf", "F", "write the robot's URDF with the identified inertias and joint friction")
+    option(form, "--mjcf", "F", "write a MuJoCo model, including rotor inertias")
+    option(form, "--c", "DIR", "write C code of torque, gravity and friction to this folder")
+    number(
+        parser,
         "--smoothing",
-        type=within(1e-9, 1e3),
-        default=0.01,
-        metavar="V",
-        help="with --c: speed below which Coulomb friction is smoothed, rad/s or m/s (default: %(default)s)",
+        "V",
+        (1e-9, 1e3),
+        "with --c: speed below which Coulomb friction is smoothed, rad/s or m/s",
+        0.01,
     )
-    parser.add_argument(
+    option(
+        parser,
         "--validation",
-        metavar="BAG",
-        help="recording on which to print the model's error and the torque of the effects not exported",
+        "BAG",
+        "recording on which to print the model's error and the torque of the effects not exported",
     )
-    parser.add_argument("--topic", metavar="T", help="topic of the joint states")
-    parser.add_argument(
+    option(parser, "--topic", "T", "topic of the joint states")
+    flag(
+        parser,
         "--anyway",
-        action="store_true",
-        help="export even if the model misses half of its own torque, fails on --validation or is not physically"
+        "export even if the model misses half of its own torque, fails on --validation or is not physically"
         " consistent (C code)",
     )
-    parser.add_argument("--force", action="store_true", help="overwrite existing files")
+    flag(parser, "--force", "overwrite existing files")
     add_json(parser)
 
 

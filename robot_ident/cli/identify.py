@@ -8,18 +8,26 @@ from collections.abc import Mapping
 from dataclasses import replace
 from typing import TYPE_CHECKING, Any
 
-from robot_ident.cli.options import add_bags_and_effects, add_joints, bags_of, held_in_recordings, held_note
-from robot_ident.cli.output import (
+from robot_ident.cli.options import (
+    AS_DECLARED,
     Options,
+    add_bags_and_effects,
+    add_joints,
     add_json,
     add_output,
+    add_processing,
+    add_reading,
     add_robot,
-    print_json,
+    at_its_speed,
+    bags_of,
+    flag,
+    held_in_recordings,
+    held_note,
+    option,
+    processing_of,
     refuse_default_robot,
-    say,
-    table,
-    tell,
 )
+from robot_ident.cli.output import print_json, say, table, tell
 from robot_ident.errors import InputError
 
 if TYPE_CHECKING:
@@ -49,7 +57,7 @@ def add_only(parser: Options) -> None:
     parser.add_argument(
         "--only", choices=("payload",), help="estimate the payload and friction alone, on an arm with a known --model"
     )
-    parser.add_argument("--model", metavar="MODEL", help="with --only: model.yaml of the arm without payload")
+    option(parser, "--model", "MODEL", "with --only: model.yaml of the arm without payload")
 
 
 def run_only(args: argparse.Namespace) -> int:
@@ -57,7 +65,6 @@ def run_only(args: argparse.Namespace) -> int:
     from dataclasses import replace
 
     from robot_ident.bags import read_for
-    from robot_ident.cli.options import AS_DECLARED
     from robot_ident.estimation.effort_checks import contradictions
     from robot_ident.estimation.payload import bare, identify_payload, part_of
     from robot_ident.files import refuse_existing, refuse_twice, write_text
@@ -152,8 +159,6 @@ def _print(found: PayloadFit, output: str | None) -> None:
 
 def add_arguments(parser: argparse.ArgumentParser) -> None:
     """Add the command's options."""
-    from robot_ident.cli.options import add_processing, add_reading
-
     model = parser.add_argument_group("model")
     add_bags_and_effects(parser, model)
     add_robot(model)
@@ -172,16 +177,8 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
         help="ls (least squares), wls (weighted), ml (maximum likelihood), iv (instrumental variables); default:"
         " %(default)s",
     )
-    estimation.add_argument(
-        "--physical",
-        action="store_true",
-        help="project the estimate onto physically consistent parameters (needs clarabel)",
-    )
-    estimation.add_argument(
-        "--as-declared",
-        action="store_true",
-        help="continue even if the data contradict the robot YAML's effort metadata",
-    )
+    flag(estimation, "--physical", "project the estimate onto physically consistent parameters (needs clarabel)")
+    flag(estimation, "--as-declared", "continue even if the data contradict the robot YAML's effort metadata")
     add_reading(parser.add_argument_group("reading the recordings"))
     add_processing(parser.add_argument_group("signal processing"))
     output = parser.add_argument_group("output")
@@ -192,7 +189,6 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
 def run(args: argparse.Namespace) -> int:
     """Identify and print the parameters with their uncertainty."""
     from robot_ident.bags import read_for
-    from robot_ident.cli.options import AS_DECLARED, at_its_speed, processing_of
     from robot_ident.effects import refuse_unseen
     from robot_ident.estimation.effort_checks import contradictions
     from robot_ident.estimation.identify import with_base

@@ -5,7 +5,8 @@ from __future__ import annotations
 import argparse
 from typing import TYPE_CHECKING
 
-from robot_ident.cli.output import add_json, add_robot, print_json, say, table, tell
+from robot_ident.cli.options import add_json, add_robot, option
+from robot_ident.cli.output import print_json, say, table, tell
 from robot_ident.errors import InputError
 
 if TYPE_CHECKING:
@@ -20,7 +21,7 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
     """Add the command's options."""
     parser.add_argument("bag", metavar="BAG", help="bag, .npz or .csv")
     add_robot(parser, default=None)
-    parser.add_argument("--topic", metavar="T", help="topic of the joint states")
+    option(parser, "--topic", "T", "topic of the joint states")
     add_json(parser)
 
 

@@ -9,7 +9,8 @@ from functools import partial
 from pathlib import Path
 from typing import TYPE_CHECKING
 
-from robot_ident.cli.output import add_json, add_output, print_json, say, tell
+from robot_ident.cli.options import add_json, add_output, each, option
+from robot_ident.cli.output import print_json, say, tell
 from robot_ident.errors import InputError, did_you_mean
 from robot_ident.files import read_text
 
@@ -23,25 +24,20 @@ if TYPE_CHECKING:
 
 def add_arguments(parser: argparse.ArgumentParser) -> None:
     """Add the command's options."""
-    parser.add_argument("--urdf", metavar="X", help="URDF, or the output of xacro (default: /robot_description in BAG)")
-    parser.add_argument("--bag", metavar="BAG", help="recording of the robot, for its joint names and noise")
-    parser.add_argument("--topic", metavar="T", help="topic of the joint states in BAG")
+    option(parser, "--urdf", "X", "URDF, or the output of xacro (default: /robot_description in BAG)")
+    option(parser, "--bag", "BAG", "recording of the robot, for its joint names and noise")
+    option(parser, "--topic", "T", "topic of the joint states in BAG")
     parser.add_argument("--name", help="name of the robot (default: the URDF's)")
     placed = parser.add_mutually_exclusive_group()
     placed.add_argument("--mount", choices=("floor", "wall", "ceiling"), help="surface to which the base is mounted")
-    placed.add_argument("--gravity", metavar="X,Y,Z", help="gravity in the base frame, m/s^2")
-    parser.add_argument(
+    option(placed, "--gravity", "X,Y,Z", "gravity in the base frame, m/s^2")
+    option(
+        parser,
         "--acceleration",
-        metavar="A[,A...]",
-        help="acceleration limits, rad/s^2: one for all moving joints, or one per joint",
+        "A[,A...]",
+        "acceleration limits, rad/s^2: one for all moving joints, or one per joint",
     )
-    parser.add_argument(
-        "--hold",
-        action="append",
-        default=[],
-        metavar="JOINT=ANGLE",
-        help="joint that does not move, and its position in rad or m",
-    )
+    each(parser, "--hold", "JOINT=ANGLE", "joint that does not move, and its position in rad or m")
     add_output(parser, "ROBOT", "robot.yaml to write", required=True)
     add_json(parser)
 

@@ -6,12 +6,11 @@ from __future__ import annotations
 
 import argparse
 import os
-from collections.abc import Callable, Sequence
+from collections.abc import Callable, Iterable, Sequence
 from dataclasses import replace
 from pathlib import Path
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING, Any, TypeAlias
 
-from robot_ident.cli.output import Options, add_json, within
 from robot_ident.errors import InputError
 
 if TYPE_CHECKING:
@@ -20,6 +19,117 @@ if TYPE_CHECKING:
     from robot_ident.robot.robot import Robot
     from robot_ident.signals.motion import Array
     from robot_ident.trajectories.excitation import Excitation
+
+
+def within(lower: float, upper: float, kind: type[float] | type[int] = float) -> Callable[[str], float]:
+    """Return a type for an option: a number between bounds, inclusive."""
+
+    def number(text: str) -> float:
+        what = "a whole number" if kind is int else "a number"
+        try:
+            value = kind(text)
+        except ValueError:
+            raise argparse.ArgumentTypeError(f"{text}: {what} is expected") from None
+        if not lower <= value <= upper:
+            raise argparse.ArgumentTypeError(f"{text}: {what} from {lower:g} to {upper:g} is expected")
+        return value
+
+    return number
+
+
+Options: TypeAlias = argparse._ActionsContainer
+"""What takes options: a parser, or one of its groups, which the help shows under a heading."""
+
+
+def add_json(parser: Options) -> None:
+    """Add `--json`."""
+    flag(parser, "--json", "print one JSON object on standard output, nothing else")
+
+
+def add_cluster(parser: Options) -> None:
+    """Add `--cluster`."""
+    text = "run on a Dask scheduler (tcp://HOST:PORT) instead of local processes"
+    option(parser, "--cluster", "ADDRESS", text)
+
+
+def flag(parser: Options, name: str, text: str) -> None:
+    """Add an option without a value."""
+    parser.add_argument(name, action="store_true", help=text)
+
+
+def option(
+    parser: Options, name: str, metavar: str | tuple[str, ...] | None, text: str, default: Any = None, **more: Any
+) -> None:
+    """Add an option with a value, a word unless `more` says otherwise; its help ends with its default, if any."""
+    told = text if default is None else f"{text} (default: %(default)s)"
+    parser.add_argument(name, metavar=metavar, default=default, help=told, **more)
+
+
+def several(parser: Options, name: str, metavar: str, text: str, **more: Any) -> None:
+    """Add an option with one value or several after it."""
+    parser.add_argument(name, metavar=metavar, help=text, **{"nargs": "+", "default": [], **more})
+
+
+def each(parser: Options, name: str, metavar: str, text: str) -> None:
+    """Add an option that is given once for each value."""
+    parser.add_argument(name, action="append", default=[], metavar=metavar, help=text)
+
+
+def number(
+    parser: Options,
+    name: str,
+    metavar: str | None,
+    bounds: tuple[float, float],
+    text: str,
+    default: float | None = None,
+) -> None:
+    """Add an option with a number between bounds, inclusive."""
+    option(parser, name, metavar, text, default, type=within(*bounds))
+
+
+def count(
+    parser: Options, name: str, metavar: str | None, bounds: tuple[int, int], text: str, default: int | None = None
+) -> None:
+    """Add an option with a whole number between bounds, inclusive."""
+    option(parser, name, metavar, text, default, type=within(*bounds, int))
+
+
+DEFAULT_ROBOT = "kuka_ir361"
+
+
+def refuse_default_robot(name: str, joints: Sequence[str], recordings: Iterable[Recording]) -> None:
+    """Raise InputError where the default robot would be taken for recordings with other joints than its own."""
+    for recording in recordings:
+        others = [joint for joint in recording.names if joint not in joints]
+        if name == DEFAULT_ROBOT and others and {*joints} <= {*recording.names}:
+            raise InputError(
+                f"{recording.source} holds {', '.join(others)}, which {name}, the default robot, lacks; give --robot"
+            )
+
+
+def add_robot(parser: Options, default: str | None = DEFAULT_ROBOT) -> None:
+    """Add `--robot`."""
+    parser.add_argument(
+        "--robot",
+        default=default,
+        metavar="R",
+        help=f"kuka_ir361, kuka_ir361_spring, a robot YAML or a URDF (default: {default or 'none'})",
+    )
+
+
+def add_output(parser: Options, metavar: str, text: str, *, required: bool = False) -> None:
+    """Add `-o` and `--force`."""
+    parser.add_argument("-o", "--output", metavar=metavar, required=required, help=text)
+    flag(parser, "--force", "overwrite existing files")
+
+
+def add_accept_unchecked(parser: Options) -> None:
+    """Add `--accept-unchecked`."""
+    flag(
+        parser,
+        "--accept-unchecked",
+        "exit with 0 although limits or collisions were not checked; the output still lists them",
+    )
 
 
 class _Effects(argparse.Action):
@@ -42,9 +152,7 @@ class _Effects(argparse.Action):
 def add_bags_and_effects(parser: Options, model: Options) -> None:
     """Add the recordings to a parser, and `--effect` to its group of the model."""
     parser.add_argument("bags", nargs="*", metavar="BAG", help="recordings to fit, periodic or not")
-    model.add_argument(
-        "--effect", action=_Effects, nargs="+", default=[], metavar="NAME@JOINT", help="additional effects in the model"
-    )
+    several(model, "--effect", "NAME@JOINT", "additional effects in the model", action=_Effects)
     parser.set_defaults(after_effects=[])
 
 
@@ -59,7 +167,7 @@ def bags_of(args: argparse.Namespace) -> list[str]:
 def add_effects_from(parser: argparse.ArgumentParser) -> None:
     """Add the option."""
     text = "Python file with user-defined effects (see examples/my_effects.py)"
-    parser.add_argument("--effects-from", action="append", default=[], metavar="FILE.py", help=text)
+    each(parser, "--effects-from", "FILE.py", text)
 
 
 def register_effects(files: Sequence[str]) -> None:
@@ -89,54 +197,47 @@ _ALIKE = 1e-4  # difference of speeds that are the same
 def add_reading(parser: Options) -> None:
     """Add the options of reading."""
     period = parser.add_mutually_exclusive_group()
-    period.add_argument(
-        "--trajectory",
-        action="append",
-        metavar="EXCITATION",
-        help="excitation.yaml that was played: sets the period; give it once, or once per recording in their order",
-    )
-    period.add_argument(
+    text = "excitation.yaml that was played: sets the period; give it once, or once per recording in their order"
+    option(period, "--trajectory", "EXCITATION", text, action="append")
+    number(
+        period,
         "--base-frequency",
-        type=within(1e-4, 1e4),
-        metavar="F",
-        help="base frequency of the motion, Hz (default: detected from the data)",
+        "F",
+        (1e-4, 1e4),
+        "base frequency of the motion, Hz (default: detected from the data)",
     )
-    period.add_argument("--not-periodic", action="store_true", help="treat the recording as non-periodic")
-    parser.add_argument(
-        "--topic", metavar="T", help="topic of the joint states (default: joint_states in any namespace)"
-    )
+    flag(period, "--not-periodic", "treat the recording as non-periodic")
+    option(parser, "--topic", "T", "topic of the joint states (default: joint_states in any namespace)")
 
 
 def add_processing(parser: Options) -> None:
     """Add the options of processing."""
-    parser.add_argument(
+    number(
+        parser,
         "--low-pass",
-        type=within(0.01, 1e5),
-        metavar="HZ",
-        help="low-pass filter of effort and regressor (default: none if periodic, else 10 Hz)",
+        "HZ",
+        (0.01, 1e5),
+        "low-pass filter of effort and regressor (default: none if periodic, else 10 Hz)",
     )
-    parser.add_argument(
+    number(
+        parser,
         "--derivative-bandwidth",
-        type=within(0.01, 1e5),
-        metavar="HZ",
-        help="low-pass filter of non-periodic positions before differentiation (default: 4 times --low-pass)",
+        "HZ",
+        (0.01, 1e5),
+        "low-pass filter of non-periodic positions before differentiation (default: 4 times --low-pass)",
     )
-    parser.add_argument(
-        "--decimate",
-        type=within(1, 1000, int),
-        default=1,
-        metavar="K",
-        help="keep every K-th row after the low-pass filter (default: %(default)s)",
-    )
-    parser.add_argument(
+    count(parser, "--decimate", "K", (1, 1000), "keep every K-th row after the low-pass filter", 1)
+    option(
+        parser,
         "--minimum-speed",
-        metavar="V[,V...]",
-        help="exclude rows slower than this, rad/s or m/s: one value, or one per joint (default: the robot's)",
+        "V[,V...]",
+        "exclude rows slower than this, rad/s or m/s: one value, or one per joint (default: the robot's)",
     )
-    parser.add_argument(
+    option(
+        parser,
         "--anti-alias",
-        metavar="ORDER:HZ",
-        help="compensate this Butterworth filter of the recorded effort; none: no filter (default: the robot YAML's)",
+        "ORDER:HZ",
+        "compensate this Butterworth filter of the recorded effort; none: no filter (default: the robot YAML's)",
     )
 
 
@@ -281,19 +382,12 @@ def add_common(parser: Options) -> None:
 def add_recordings(parser: Options) -> None:
     """Add `--validation` and `--topic`."""
     add_validation(parser)
-    parser.add_argument("--topic", metavar="T", help="topic of the joint states")
+    option(parser, "--topic", "T", "topic of the joint states")
 
 
 def add_validation(parser: Options) -> None:
     """Add the recordings of the validation: several after one option, or one after each."""
-    parser.add_argument(
-        "--validation",
-        action="extend",
-        nargs="+",
-        default=[],
-        metavar="BAG2",
-        help="validation recordings, never used in a fit",
-    )
+    several(parser, "--validation", "BAG2", "validation recordings, never used in a fit", action="extend")
 
 
 def add_joints(parser: Options, does: str, *, angle: str) -> None:
@@ -301,13 +395,12 @@ def add_joints(parser: Options, does: str, *, angle: str) -> None:
 
     does: what the command does with the joints. angle: where a held joint stands that --hold doesn't name.
     """
-    parser.add_argument("--joints", metavar="A,B", help=f"{does} these joints only; the others stand still")
-    parser.add_argument(
+    option(parser, "--joints", "A,B", f"{does} these joints only; the others stand still")
+    each(
+        parser,
         "--hold",
-        action="append",
-        default=[],
-        metavar="JOINT=ANGLE",
-        help=f"with --joints: position of a joint that stands still, rad or m (default: {angle})",
+        "JOINT=ANGLE",
+        f"with --joints: position of a joint that stands still, rad or m (default: {angle})",
     )
 
 

@@ -6,7 +6,8 @@ import argparse
 import time
 from pathlib import Path
 
-from robot_ident.cli.output import add_json, print_json, say, tell, within
+from robot_ident.cli.options import add_json, count, flag, within
+from robot_ident.cli.output import print_json, say, tell
 from robot_ident.errors import InputError
 
 
@@ -19,7 +20,7 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
         default="paper.html",
         help="page to write, .html, or .md for text and tables alone (default: %(default)s)",
     )
-    parser.add_argument("--force", action="store_true", help="overwrite existing files")
+    flag(parser, "--force", "overwrite existing files")
     parser.add_argument(
         "--section",
         type=within(1, 6, int),
@@ -28,22 +29,14 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
         metavar="N",
         help="only these sections of the page, 1 to 6",
     )
-    parser.add_argument(
-        "--quick", action="store_true", help="shorter searches: minutes instead of a quarter of an hour"
-    )
-    parser.add_argument(
-        "--redesign",
-        action="store_true",
-        help="design all trajectories anew instead of those that ship with the package",
-    )
-    parser.add_argument(
+    flag(parser, "--quick", "shorter searches: minutes instead of a quarter of an hour")
+    flag(parser, "--redesign", "design all trajectories anew instead of those that ship with the package")
+    flag(
+        parser,
         "--printed-table",
-        action="store_true",
-        help="simulate Table I exactly as printed, although no mass distribution has these moments",
+        "simulate Table I exactly as printed, although no mass distribution has these moments",
     )
-    parser.add_argument(
-        "--seed", type=within(0, 2**31, int), default=0, help="of noise, draws and searches (default: %(default)s)"
-    )
+    count(parser, "--seed", None, (0, 2**31), "of noise, draws and searches", 0)
     add_json(parser)
 
 

@@ -6,7 +6,8 @@ import argparse
 from pathlib import Path
 from typing import TYPE_CHECKING
 
-from robot_ident.cli.output import add_json, add_output, print_json, say, table, tell
+from robot_ident.cli.options import add_json, add_output, option
+from robot_ident.cli.output import print_json, say, table, tell
 from robot_ident.errors import InputError
 
 if TYPE_CHECKING:
@@ -21,7 +22,7 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
     """Add the command's options."""
     parser.add_argument("model", metavar="model.yaml", help="identified model")
     parser.add_argument("bag", metavar="BAG", help="recording, or planned motion (excitation.yaml or moves.yaml)")
-    parser.add_argument("--topic", metavar="T", help="topic of the joint states")
+    option(parser, "--topic", "T", "topic of the joint states")
     add_output(parser, "OUT", "prediction to write: .npz, .csv, .mcap or rosbag2 folder", required=True)
     add_json(parser)
 

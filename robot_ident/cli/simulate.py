@@ -7,7 +7,8 @@ import time
 from collections.abc import Sequence
 from typing import TYPE_CHECKING, Any
 
-from robot_ident.cli.output import add_json, add_output, add_robot, print_json, say, tell, within
+from robot_ident.cli.options import add_json, add_output, add_robot, count, each, flag, number, option
+from robot_ident.cli.output import print_json, say, tell
 
 if TYPE_CHECKING:
     from robot_ident.recording.conditions import KnownPayload
@@ -21,44 +22,26 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
     parser.add_argument("excitation", metavar="excitation.yaml", help="excitation or validation motion to play")
     plant = parser.add_argument_group("simulated robot")
     add_robot(plant)
-    plant.add_argument(
+    each(
+        plant,
         "--effect",
-        action="append",
-        default=[],
-        metavar="NAME@JOINT[:k=v,...]",
-        help="additional effect of the plant (robot_ident effects NAME lists its values)",
+        "NAME@JOINT[:k=v,...]",
+        "additional effect of the plant (robot_ident effects NAME lists its values)",
     )
-    plant.add_argument(
-        "--hidden",
-        type=int,
-        metavar="SEED",
-        help="add effects drawn at random and write them to BAG.sealed only (robot_ident trial --open shows them)",
-    )
-    plant.add_argument(
+    text = "add effects drawn at random and write them to BAG.sealed only (robot_ident trial --open shows them)"
+    option(plant, "--hidden", "SEED", text, type=int)
+    option(
+        plant,
         "--payload",
-        metavar="KG[,X,Y,Z]",
-        help="point mass at the end effector and its centre in m in that frame; written to BAG.conditions.yaml",
+        "KG[,X,Y,Z]",
+        "point mass at the end effector and its centre in m in that frame; written to BAG.conditions.yaml",
     )
-    plant.add_argument("--servo", default="feedforward", help="feedforward or pd (default: %(default)s)")
+    option(plant, "--servo", None, "feedforward or pd", "feedforward")
     measured = parser.add_argument_group("recording")
-    measured.add_argument(
-        "--periods",
-        type=within(1, 100_000, int),
-        default=16,
-        help="steady periods of an excitation, after one transient period (default: %(default)s)",
-    )
-    measured.add_argument(
-        "--sample-rate",
-        type=within(1.0, 1e5),
-        metavar="HZ",
-        help="sample rate (default: the excitation's, else 150 Hz)",
-    )
-    measured.add_argument(
-        "--anti-alias", action="store_true", help="filter the effort as the current sensor's analogue filter does"
-    )
-    measured.add_argument(
-        "--seed", type=within(0, 2**31, int), default=0, help="seed of the noise (default: %(default)s)"
-    )
+    count(measured, "--periods", None, (1, 100_000), "steady periods of an excitation, after one transient period", 16)
+    number(measured, "--sample-rate", "HZ", (1.0, 1e5), "sample rate (default: the excitation's, else 150 Hz)")
+    flag(measured, "--anti-alias", "filter the effort as the current sensor's analogue filter does")
+    count(measured, "--seed", None, (0, 2**31), "seed of the noise", 0)
     output = parser.add_argument_group("output")
     add_output(output, "BAG", "rosbag2 folder, .mcap, .npz or .csv file to write", required=True)
     add_json(output)

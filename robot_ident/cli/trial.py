@@ -14,7 +14,8 @@ from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 from robot_ident.cli.journal import SCHEMA, Journal, Kept
-from robot_ident.cli.output import Progress, add_cluster, add_json, add_robot, print_json, say, table, tell
+from robot_ident.cli.options import add_cluster, add_json, add_robot, option, several
+from robot_ident.cli.output import Progress, print_json, say, table, tell
 from robot_ident.errors import InputError, did_you_mean
 
 if TYPE_CHECKING:
@@ -53,13 +54,8 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
     """Add the command's options."""
     hidden = parser.add_argument_group("what to hide")
     add_robot(hidden)
-    hidden.add_argument(
-        "--family",
-        choices=("effects", "measurement", "real"),
-        default="effects",
-        help="effects: of the arm; measurement: faults of the recording; real: recordings with the faults of real"
-        " ones (default: %(default)s)",
-    )
+    text = "effects: of the arm; measurement: faults of the recording; real: recordings with the faults of real ones"
+    option(hidden, "--family", None, text, "effects", choices=("effects", "measurement", "real"))
     hidden.add_argument(
         "--kind",
         action="append",
@@ -68,32 +64,18 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
         " each with all seeds (default: drawn); of --family real: base, fixed filters compete with the base model, or"
         " effects, several on every joint but one (default: base)",
     )
-    hidden.add_argument(
-        "--seeds", default="0:20", metavar="A:B", help="seeds A to B - 1, one case each (default: %(default)s)"
-    )
+    option(hidden, "--seeds", "A:B", "seeds A to B - 1, one case each", "0:20")
     motion = parser.add_argument_group("recordings")
-    motion.add_argument(
-        "--excitation",
-        nargs="+",
-        default=[],
-        metavar="FILE",
-        help="motions to play, the last one for validation (default: design four)",
-    )
-    motion.add_argument("--folder", metavar="DIR", help="folder that caches the designed motions")
-    motion.add_argument(
-        "--periods", type=int, default=PERIODS, help="steady periods of each motion (default: %(default)s)"
-    )
-    motion.add_argument(
-        "--noise", type=float, default=1.0, help="factor on the robot's noise variances (default: %(default)s)"
-    )
+    several(motion, "--excitation", "FILE", "motions to play, the last one for validation (default: design four)")
+    option(motion, "--folder", "DIR", "folder that caches the designed motions")
+    option(motion, "--periods", None, "steady periods of each motion", PERIODS, type=int)
+    option(motion, "--noise", None, "factor on the robot's noise variances", 1.0, type=float)
     work = parser.add_argument_group("execution")
-    work.add_argument(
-        "--cases-file", metavar="F", help="file of the finished cases, from which an interrupted trial resumes"
-    )
-    work.add_argument("--workers", type=int, metavar="N", help="number of processes (default: one per processor)")
+    option(work, "--cases-file", "F", "file of the finished cases, from which an interrupted trial resumes")
+    option(work, "--workers", "N", "number of processes (default: one per processor)", type=int)
     add_cluster(work)
     output = parser.add_argument_group("output")
-    output.add_argument("--open", metavar="BAG.sealed", help="show what simulate --hidden hid, and exit")
+    option(output, "--open", "BAG.sealed", "show what simulate --hidden hid, and exit")
     add_json(output)
 
 
@@ -319,14 +301,14 @@ def run_base(args: argparse.Namespace, cases: Sequence[Case], robot: Robot) -> i
 
 def _refuse_settings(args: argparse.Namespace) -> None:
     """Refuse what `--family real` draws itself."""
-    for option, changed in (
+    for name, changed in (
         ("--excitation", args.excitation),
         ("--folder", args.folder),
         ("--noise", args.noise != 1.0),
         ("--periods", args.periods != PERIODS),
     ):
         if changed:
-            raise InputError(f"{option}: has no effect with --family real, which draws motions and noise itself")
+            raise InputError(f"{name}: has no effect with --family real, which draws motions and noise itself")
 
 
 def run_causes(args: argparse.Namespace, cases: Sequence[Case], robot: Robot) -> int:
