@@ -6,7 +6,7 @@ import argparse
 from dataclasses import replace
 from typing import TYPE_CHECKING
 
-from robot_ident.cli.design import Precision, add_precision, precision, precision_json, say_precision
+from robot_ident.cli.design import Precision, add_precision, precision, precision_json, precision_lines
 from robot_ident.cli.options import add_accept_unchecked, add_json, add_robot, count, option
 from robot_ident.cli.output import margin_table, print_json, refuse_unchecked, say, say_unchecked
 from robot_ident.errors import CheckFailed, InputError
@@ -56,7 +56,8 @@ def run(args: argparse.Namespace) -> int:
     else:
         say_unchecked(margins)
         _show(margins, parts)
-        say_precision(needed)
+        for line in precision_lines(needed):
+            say(line)
     if violations:
         raise CheckFailed(f"{args.excitation}: {violations[0]}")
     if not args.json:

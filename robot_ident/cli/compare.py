@@ -27,7 +27,6 @@ _SENTENCES = 4
 
 def add_arguments(parser: argparse.ArgumentParser) -> None:
     """Add the command's options."""
-
     parser.add_argument(
         "inputs",
         nargs="+",
@@ -158,8 +157,7 @@ def _troubles(inputs: Inputs) -> list[str]:
 
 def _print(inputs: Inputs, found: Sequence[Comparison]) -> None:
     robot = inputs.models[0].robot
-    for note in [*_troubles(inputs), *found[0].notes]:
-        tell(note)
+    tell(*_troubles(inputs), *found[0].notes)
     rows = [
         _row(path if len(found) > 1 else "", joint, robot.torque_unit(number))
         for number in range(robot.n)
@@ -323,10 +321,8 @@ def say_change(inputs: Inputs, change: Change, *, after: bool) -> None:
 
 
 def _torque(inputs: Inputs, torque: Mapping[str, float], joint: str | None) -> str | None:
-    if joint is None:
-        return None
     robot = inputs.models[0].robot
-    return f"{torque[joint]:.3g} {robot.torque_unit(robot.joint_index(joint))}"
+    return joint and f"{torque[joint]:.3g} {robot.torque_unit(robot.joint_index(joint))}"
 
 
 def _in_words(p: ParameterChange) -> str:

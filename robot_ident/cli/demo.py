@@ -22,7 +22,7 @@ from functools import partial
 from pathlib import Path
 from typing import TYPE_CHECKING, Any, TextIO
 
-from robot_ident.cli.options import add_json, flag, within
+from robot_ident.cli.options import add_json, count, flag, option, within
 from robot_ident.cli.output import Progress, print_json, say, table, tell
 from robot_ident.errors import InputError, RobotIdentError
 from robot_ident.parallel import PARENT
@@ -51,26 +51,14 @@ _QUIET = 1e-6  # of the noise's variance: as good as none, and the weights keep 
 
 def add_arguments(parser: argparse.ArgumentParser) -> None:
     """Add the verb's options."""
-    parser.add_argument(
-        "--periods",
-        type=within(2, 1000, int),
-        default=10,
-        help="steady periods of each trajectory (default %(default)s)",
-    )
+    count(parser, "--periods", None, (2, 1000), "steady periods of each trajectory (default %(default)s)", 10)
     parser.add_argument(
         "--design-time", type=within(1.0, 3600.0), default=16.0, metavar="S", help="to optimise the excitations"
     )
-    parser.add_argument(
-        "--hidden",
-        nargs="*",
-        default=HIDDEN,
-        metavar="NAME@JOINT:VALUE",
-        help="what the robot has and the paper's model lacks",
-    )
-    parser.add_argument(
-        "--seed", type=within(0, 2**31, int), default=0, help="of design and noise (default %(default)s)"
-    )
-    parser.add_argument("--folder", default="robot_ident_demo", help="where everything is kept (default ./%(default)s)")
+    text = "what the robot has and the paper's model lacks"
+    parser.add_argument("--hidden", nargs="*", default=HIDDEN, metavar="NAME@JOINT:VALUE", help=text)
+    count(parser, "--seed", None, (0, 2**31), "of design and noise (default %(default)s)", 0)
+    option(parser, "--folder", None, "where everything is kept (default ./%(default)s)", "robot_ident_demo")
     flag(parser, "--force", "replace the folder of an earlier demo")
     add_json(parser)
 
@@ -80,8 +68,6 @@ def run(args: argparse.Namespace) -> int:
     from robot_ident.robot import load_robot
 
     started = time.monotonic()
-    if args.periods < 2:
-        raise InputError(f"--periods {args.periods}: at least 2 are needed to measure the noise")
     if importlib.util.find_spec("rclpy") is None:
         raise InputError("the demo needs ROS 2; install it with pip install '.[ros]' in the checkout")
     folder = _folder(Path(args.folder), args.force)

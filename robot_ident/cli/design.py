@@ -14,16 +14,24 @@ from typing import TYPE_CHECKING, Any
 from robot_ident.cli.design_bound import (
     add_bound_arguments,
     bound_json,
+    bound_lines,
     bounded,
     check_bound_arguments,
-    say_bound,
     until_bound,
     write_design_page,
 )
-from robot_ident.cli.design_iterate import check_iterate, run_iterate
-from robot_ident.cli.design_kinds import design_json
-from robot_ident.cli.design_validation import run_validation
-from robot_ident.cli.design_waypoints import add_waypoints, run_waypoints
+from robot_ident.cli.design_kinds import (
+    add_waypoints,
+    check_iterate,
+    criteria_line,
+    design_json,
+    finish,
+    run_iterate,
+    run_tell,
+    run_validation,
+    run_waypoints,
+    share_done,
+)
 from robot_ident.cli.options import (
     DEFAULT_ROBOT,
     Options,
@@ -41,7 +49,7 @@ from robot_ident.cli.options import (
     option,
     several,
 )
-from robot_ident.cli.output import Progress, margin_table, print_json, refuse_unchecked, say, say_unchecked, table, tell
+from robot_ident.cli.output import Progress, table
 from robot_ident.errors import InputError, did_you_mean
 
 if TYPE_CHECKING:
@@ -181,18 +189,18 @@ def precision_json(found: Precision | None) -> dict[str, Any] | None:
     }
 
 
-def say_precision(found: Precision | None) -> None:
-    """Print what each parameter takes, the most demanding first."""
+def precision_lines(found: Precision | None) -> list[str]:
+    """Return what each parameter takes, the most demanding first."""
     if found is None:
-        return
+        return []
     most = float("inf")
     order = sorted(found.needed, key=lambda one: -(most if one.periods is None else one.periods))
     rows = [(one.name, one.value, one.sigma, one.unit, _periods(one)) for one in order]
-    say(table(("parameter", "value", "sigma of one period", "unit", f"periods for {100 * found.share:g} %"), rows))
     whose = "the model's" if found.estimated else "of the robot's files"
+    out = [table(("parameter", "value", "sigma of one period", "unit", f"periods for {100 * found.share:g} %"), rows)]
     if found.periods is not None:
-        say(f"{found.periods} periods ({found.periods * found.period:.4g} s) for all of these")
-    say(f"values are {whose}; sigma from noise alone: model errors do not average out")
+        out.append(f"{found.periods} periods ({found.periods * found.period:.4g} s) for all of these")
+    return [*out, f"values are {whose}; sigma from noise alone: model errors do not average out"]
 
 
 def _periods(one: Needed) -> str:
@@ -248,12 +256,11 @@ def _add_purpose(group: Options) -> None:
         "R",
         "kuka_ir361, kuka_ir361_spring, a robot YAML, URDF or model.yaml (default: --model's, else kuka_ir361)",
     )
-    group.add_argument(
-        "--criterion",
-        default="d-optimal",
-        help="d-optimal (log det of the covariance), condition (condition number) or crlb (d-optimal with position"
-        " noise, needs --model or --iterate); default: %(default)s",
+    text = (
+        "d-optimal (log det of the covariance), condition (condition number) or crlb (d-optimal with position noise,"
+        " needs --model or --iterate); default: %(default)s"
     )
+    option(group, "--criterion", None, text, "d-optimal")
     several(group, "--effect", "NAME@JOINT", "additional effects to identify", action="extend")
     flag(
         group,
@@ -263,9 +270,8 @@ def _add_purpose(group: Options) -> None:
     )
     option(group, "--model", "MODEL", "model.yaml whose parameters to optimise for")
     several(group, "--prior", "BAG", "recordings or models whose information is already available")
-    group.add_argument(
-        "--only", choices=("payload",), help="optimise for the payload's parameters alone, with friction re-estimated"
-    )
+    text = "optimise for the payload's parameters alone, with friction re-estimated"
+    group.add_argument("--only", choices=("payload",), help=text)
     option(group, "--tell", ("A@j", "B@k"), "optimise the motion to discriminate between two effects", nargs=2)
 
 
@@ -303,7 +309,6 @@ def run(args: argparse.Namespace) -> int:
     limit = args.time_limit
     deadline = None if limit is None else process_start() + limit - min(_EXIT + _WHOLE * bool(held), 0.1 * limit)
     if args.tell:
-        from robot_ident.cli.design_tell import run_tell
 
         def finished(excitation: Excitation) -> Excitation:
             return _moved_alone(_with_sources(excitation, args), whole, held)
@@ -315,36 +320,22 @@ def run(args: argparse.Namespace) -> int:
     except KeyboardInterrupt:  # what was designed is kept, without a bound
         found, bound = replace(found, interrupted=True), None
     found = replace(found, excitations=tuple(_with_sources(one, args) for one in found.excitations))
-    written = [_moved_alone(one, whole, held) for one in found.excitations]
-    for file, excitation in zip(files, written, strict=bool(files)):
-        excitation.write(file, force=args.force)
     needed = precision(args, target, found.excitations, prior)
     if args.page:
         write_design_page(args, found, target, bound)
-    if args.json:
-        more = {"bound": bound_json(bound, found), "page": args.page, "held": held, "precision": precision_json(needed)}
-        print_json(design_json(files, found, found.parameters, found.margins, found.seconds, found.notes, **more))
-        refuse_unchecked(args, found.margins, files)
-        return 0
-    for note in (*held_note(whole, held), *found.notes):
-        tell(note)
-    if found.interrupted:
-        tell("stopped early: this is the best excitation so far")
-    say_unchecked(found.margins)
+    more = {"bound": bound_json(bound, found), "page": args.page, "held": held, "precision": precision_json(needed)}
+    data = design_json(files, found, found.parameters, found.margins, found.seconds, found.notes, **more)
     together = f" of {len(found.excitations)} motions together" if len(found.excitations) > 1 else ""
     beside = ", the earlier recordings included" if args.prior else ""
-    say(
-        f"log10 det of the covariance{together}{beside} {found.log10_det_covariance:.2f}, condition number"
-        f" {found.condition_number:.2f} ({found.seconds:.0f} s)"
-    )
-    if bound is not None:
-        say_bound(bound, found)
-    say_precision(needed)
-    say(margin_table(found.margins))
-    for file in [*files, *([args.page] if args.page else [])]:
-        say(f"written: {file}")
-    refuse_unchecked(args, found.margins, files)
-    return 0
+    lines = [
+        criteria_line(found, found.seconds, together + beside),
+        *bound_lines(bound, found),
+        *precision_lines(needed),
+    ]
+    stopped = ("stopped early: this is the best excitation so far",) if found.interrupted else ()
+    notes = (*held_note(whole, held), *found.notes, *stopped)
+    written = [_moved_alone(one, whole, held) for one in found.excitations]
+    return finish(args, files, written, found.margins, data, lines, notes=notes, checked=True)
 
 
 def output_files(output: str | None, count: int) -> list[str]:
@@ -418,11 +409,8 @@ def _design(
     with Progress("design", 1.0) as bar:
 
         def show(state: State) -> None:
-            done = state.done / state.planned if state.planned else 0.0
-            if args.time_limit is not None:
-                done = state.seconds / args.time_limit
             note = f"{state.phase}: det 10^{state.log10_det_covariance:.2f}, condition {state.condition_number:.2f}"
-            bar.reach(min(1.0, done), note)
+            bar.reach(share_done(args, state), note)
 
         return design(
             robot,

@@ -8,7 +8,7 @@ from dataclasses import replace
 from typing import TYPE_CHECKING, Any
 
 from robot_ident.cli.options import Options, flag, option
-from robot_ident.cli.output import Progress, say
+from robot_ident.cli.output import Progress
 from robot_ident.errors import InputError
 
 if TYPE_CHECKING:
@@ -75,16 +75,18 @@ def bounded(
     return replace(found, excitations=tuple(excitations)), bound
 
 
-def say_bound(bound: Bound, found: DesignResult) -> None:
-    """Print the efficiency, what it is measured by, and what the bound rests on."""
+def bound_lines(bound: Bound | None, found: DesignResult) -> list[str]:
+    """Return the efficiency, what it is measured by, and what the bound rests on."""
+    if bound is None:
+        return []
     efficiency = bound.efficiency(found.log10_det_covariance)
     count = len(found.excitations)
     none = "no motion within the limits gets" if count == 1 else f"no {count} motions within the limits get"
-    say(
+    return [
         f"D-efficiency at least {100 * efficiency:.0f} %: {none} below"
-        f" {bound.log10_det_covariance:.2f} ({bound.seconds:.0f} s)"
-    )
-    say(bound.explanation())
+        f" {bound.log10_det_covariance:.2f} ({bound.seconds:.0f} s)",
+        bound.explanation(),
+    ]
 
 
 def write_design_page(args: argparse.Namespace, found: DesignResult, target: Target, bound: Bound | None) -> None:

@@ -7,12 +7,11 @@ from dataclasses import replace
 from typing import TYPE_CHECKING
 
 from robot_ident.cli.options import add_json, add_output, add_recordings, flag
-from robot_ident.cli.output import print_json, say, table, tell
+from robot_ident.cli.output import print_json, refuse_output, say, say_written, table, tell
 from robot_ident.errors import InputError
 
 if TYPE_CHECKING:
     from robot_ident.diagnosis.diagnosis import Diagnosis, Finding
-    from robot_ident.model.model import Model
     from robot_ident.robot.robot import Robot
     from robot_ident.workflow.inputs import Inputs
     from robot_ident.workflow.steps import Step
@@ -43,14 +42,13 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
 def run(args: argparse.Namespace) -> int:
     """Say which physical effect is missing."""
     from robot_ident.cli.steps import bar, print_additions, to_dict
-    from robot_ident.files import refuse_existing
+    from robot_ident.model.model_file import write_model
     from robot_ident.workflow.inputs import read_inputs
     from robot_ident.workflow.steps import Additions, add_until_adequate, find_missing
 
     if args.output and not args.add_until_adequate:
         raise InputError(f"-o {args.output}: a model is written only with --add-until-adequate")
-    if args.output:
-        refuse_existing(args.output, force=args.force)
+    refuse_output(args)
     inputs = read_inputs(args.inputs, args.validation, args.topic)
     if len(inputs.models) != 1 or not inputs.measurements:
         raise InputError("diagnose takes one model and at least one recording")
@@ -60,7 +58,7 @@ def run(args: argparse.Namespace) -> int:
     added = add_until_adequate(found, inputs, bar) if args.add_until_adequate else Additions([found])
     steps = added.steps
     if args.output:
-        _write(steps[-1].model if added.foreseen else inputs.models[0], args)
+        write_model(steps[-1].model if added.foreseen else model, args.output, force=args.force)
     found = replace(found, notes=(*found.notes, *_troubles(found, inputs, steps if added.foreseen else [])))
     if args.json:
         print_json(found.to_dict() | (to_dict(added) if steps else {}))
@@ -68,8 +66,7 @@ def run(args: argparse.Namespace) -> int:
     _print(found, inputs)
     if steps:
         print_additions(found, added)
-    if args.output:
-        say(f"written: {args.output}")
+    say_written(args.output)
     return 0
 
 
@@ -93,12 +90,6 @@ def _troubles(found: Diagnosis, inputs: Inputs, steps: list[Step]) -> tuple[str,
     return (*lines, f"with what is missing added it {told} than the torque itself")
 
 
-def _write(model: Model, args: argparse.Namespace) -> None:
-    from robot_ident.model.model_file import write_model
-
-    write_model(model, args.output, force=args.force)
-
-
 def _print(found: Diagnosis, inputs: Inputs) -> None:
     robot = inputs.models[0].robot
     say(found.in_words)
@@ -120,18 +111,13 @@ def _print(found: Diagnosis, inputs: Inputs) -> None:
     if found.missing or found.others:
         say()
         listed = [*found.missing, *found.others]
-        header = (
-            "rank",
-            "candidate",
-            "named",
-            "explains",
-            "p",
-            "rms before",
-            "rms after",
-            "unit",
-            "indistinguishable from",
+        header = ("rank", "candidate", "named", "explains", "p", "rms before", "rms after", "unit")
+        say(
+            table(
+                (*header, "indistinguishable from"),
+                [_row(rank, s, s in found.missing, robot) for rank, s in enumerate(listed, 1)],
+            )
         )
-        say(table(header, [_row(rank, s, s in found.missing, robot) for rank, s in enumerate(listed, 1)]))
     for note in found.notes:
         tell(f"note: {note}")
 

@@ -47,21 +47,9 @@ def describe(effect: type[Effect]) -> dict[str, Any]:
         "equation": effect.equation,
         "scope": effect.scope,
         "symmetry": effect.symmetry,
-        "parameters": [
-            {"name": c.name, "unit": c.unit, "unit_prismatic": c.unit_prismatic, "positive": c.positive}
-            for c in effect.coefficients
-        ],
+        "parameters": [_named(c, "name", "unit", "unit_prismatic", "positive") for c in effect.coefficients],
         "inner": [
-            {
-                "name": i.name,
-                "unit": i.unit,
-                "unit_prismatic": i.unit_prismatic,
-                "lower": i.lower,
-                "upper": i.upper,
-                "grid": list(i.grid),
-                "continuous": i.continuous,
-            }
-            for i in effect.inner
+            _named(i, "name", "unit", "unit_prismatic", "lower", "upper", "grid", "continuous") for i in effect.inner
         ],
         "signature": effect.signature,
         "confused_with": list(effect.confused_with),
@@ -73,6 +61,10 @@ def describe(effect: type[Effect]) -> dict[str, Any]:
         "evidence": effect.evidence or None,
         "measuring": effect.measuring,
     }
+
+
+def _named(parameter: Any, *names: str) -> dict[str, Any]:
+    return {name: getattr(parameter, name) for name in names}
 
 
 def page(effect: type[Effect]) -> str:

@@ -9,7 +9,7 @@ from pathlib import Path
 from typing import TYPE_CHECKING
 
 from robot_ident.cli.options import add_json, flag, number, option
-from robot_ident.cli.output import print_json, say, table, tell
+from robot_ident.cli.output import print_json, say, say_written, table, tell
 
 if TYPE_CHECKING:
     from robot_ident.export.exported import Exported
@@ -95,8 +95,7 @@ def run(args: argparse.Namespace) -> int:
             {**data, "carried": list(made.carried), "left_out": left, "residual": residual, "notes": list(notes)}
         )
         return 0
-    for note in notes:
-        tell(note)
+    tell(*notes)
     say(f"exported: the links{''.join(f', {label}' for label in made.carried)}")
     if made.left:
         say(f"not exported: {', '.join(made.left)}")
@@ -107,22 +106,16 @@ def run(args: argparse.Namespace) -> int:
     if held.residual:
         say(fit_table(model.robot, held.residual))
         say("error of the complete model along the recording")
-    say(f"written: {target}")
+    say_written(target)
     return 0
 
 
-def _urdf(model: Model, args: argparse.Namespace) -> Exported:
-    from robot_ident.export.exported import Dynamics
-    from robot_ident.export.to_urdf import to_urdf
-
-    return to_urdf(Dynamics.of(model))
-
-
-def _mjcf(model: Model, args: argparse.Namespace) -> Exported:
+def _of_dynamics(model: Model, args: argparse.Namespace) -> Exported:
     from robot_ident.export.exported import Dynamics
     from robot_ident.export.to_mjcf import to_mjcf
+    from robot_ident.export.to_urdf import to_urdf
 
-    return to_mjcf(Dynamics.of(model))
+    return (to_urdf if args.urdf else to_mjcf)(Dynamics.of(model))
 
 
 def _c(model: Model, args: argparse.Namespace) -> Exported:
@@ -140,7 +133,11 @@ def _c(model: Model, args: argparse.Namespace) -> Exported:
     return replace(made, notes=(*made.notes, f"{why}; they are {sigmas:.2g} standard deviations from some that can"))
 
 
-FORMATS: dict[str, Callable[[Model, argparse.Namespace], Exported]] = {"urdf": _urdf, "mjcf": _mjcf, "c": _c}
+FORMATS: dict[str, Callable[[Model, argparse.Namespace], Exported]] = {
+    "urdf": _of_dynamics,
+    "mjcf": _of_dynamics,
+    "c": _c,
+}
 
 
 @dataclass(frozen=True)

@@ -10,7 +10,6 @@ from typing import TYPE_CHECKING, Any
 
 from robot_ident.cli.options import (
     AS_DECLARED,
-    Options,
     add_bags_and_effects,
     add_joints,
     add_json,
@@ -27,7 +26,7 @@ from robot_ident.cli.options import (
     processing_of,
     refuse_default_robot,
 )
-from robot_ident.cli.output import print_json, say, table, tell
+from robot_ident.cli.output import print_json, refuse_output, say, say_written, table, tell
 from robot_ident.errors import InputError
 
 if TYPE_CHECKING:
@@ -39,35 +38,18 @@ if TYPE_CHECKING:
 _MOMENTS = "Ixx", "Ixy", "Iyy", "Ixz", "Iyz", "Izz"
 
 _OF_THE_MODEL = (
-    "--effect",
-    "--physical",
-    "--joints",
-    "--hold",
-    "--trajectory",
-    "--low-pass",
-    "--derivative-bandwidth",
-    "--minimum-speed",
-    "--anti-alias",
+    *("--effect", "--physical", "--joints", "--hold", "--trajectory", "--low-pass", "--derivative-bandwidth"),
+    *("--minimum-speed", "--anti-alias"),
 )
-"""Options of `identify` that would have no effect here."""
-
-
-def add_only(parser: Options) -> None:
-    """Add the options that leave the arm as a model knows it."""
-    parser.add_argument(
-        "--only", choices=("payload",), help="estimate the payload and friction alone, on an arm with a known --model"
-    )
-    option(parser, "--model", "MODEL", "with --only: model.yaml of the arm without payload")
+"""Options of `identify` that would have no effect with `--only payload`."""
 
 
 def run_only(args: argparse.Namespace) -> int:
     """Identify a payload and print it with its uncertainty."""
-    from dataclasses import replace
-
     from robot_ident.bags import read_for
     from robot_ident.estimation.effort_checks import contradictions
     from robot_ident.estimation.payload import bare, identify_payload, part_of
-    from robot_ident.files import refuse_existing, refuse_twice, write_text
+    from robot_ident.files import refuse_twice, write_text
     from robot_ident.model.model_file import read_model
     from robot_ident.recording.checks import refuse_copies
     from robot_ident.recording.measurement import Processing
@@ -78,8 +60,7 @@ def run_only(args: argparse.Namespace) -> int:
     given = [option for option in _OF_THE_MODEL if getattr(args, option[2:].replace("-", "_"))]
     if given:
         raise InputError(f"--only payload does not go with {', '.join(given)}: the model says so")
-    if args.output:
-        refuse_existing(args.output, force=args.force)
+    refuse_output(args)
     refuse_twice(args.bags)
     model = read_model(args.model)
     used = Processing(**dict(model.processing)) if model.processing else Processing()
@@ -143,8 +124,7 @@ def body_table(body: Mapping[str, Any]) -> str:
 
 
 def _print(found: PayloadFit, output: str | None) -> None:
-    for note in found.notes:
-        tell(note)
+    tell(*found.notes)
     say(body_table(found.to_dict()))
     say("centre in the end effector's frame, moments of inertia about it along its axes")
     if found.stated is not None:
@@ -153,8 +133,7 @@ def _print(found: PayloadFit, output: str | None) -> None:
     say()
     joints = [(joint, rms, found.noise_rms[joint]) for joint, rms in found.residual_rms.items()]
     say(table(("joint", "residual rms", "noise rms"), joints))
-    if output:
-        say(f"written: {output}")
+    say_written(output)
 
 
 def add_arguments(parser: argparse.ArgumentParser) -> None:
@@ -163,20 +142,19 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
     add_bags_and_effects(parser, model)
     add_robot(model)
     add_joints(model, "identify", angle="as recorded")
-    add_only(model)
-    model.add_argument(
-        "--base",
-        choices=("prediction", "declared"),
-        help="prediction: choose offsets, rotor inertias and filters by cross-validation; declared: use those of the"
-        " robot YAML and the options (default: the robot YAML's, else prediction)",
+    text = "estimate the payload and friction alone, on an arm with a known --model"
+    model.add_argument("--only", choices=("payload",), help=text)
+    option(model, "--model", "MODEL", "with --only: model.yaml of the arm without payload")
+    text = (
+        "prediction: choose offsets, rotor inertias and filters by cross-validation; declared: use those of the robot"
+        " YAML and the options (default: the robot YAML's, else prediction)"
     )
+    model.add_argument("--base", choices=("prediction", "declared"), help=text)
     estimation = parser.add_argument_group("estimation")
-    estimation.add_argument(
-        "--estimator",
-        default="wls",
-        help="ls (least squares), wls (weighted), ml (maximum likelihood), iv (instrumental variables); default:"
-        " %(default)s",
+    text = (
+        "ls (least squares), wls (weighted), ml (maximum likelihood), iv (instrumental variables); default: %(default)s"
     )
+    option(estimation, "--estimator", None, text, "wls")
     flag(estimation, "--physical", "project the estimate onto physically consistent parameters (needs clarabel)")
     flag(estimation, "--as-declared", "continue even if the data contradict the robot YAML's effort metadata")
     add_reading(parser.add_argument_group("reading the recordings"))
@@ -192,7 +170,7 @@ def run(args: argparse.Namespace) -> int:
     from robot_ident.effects import refuse_unseen
     from robot_ident.estimation.effort_checks import contradictions
     from robot_ident.estimation.identify import with_base
-    from robot_ident.files import refuse_existing, refuse_twice
+    from robot_ident.files import refuse_twice
     from robot_ident.model.model_file import write_model
     from robot_ident.model.structure import Structure
     from robot_ident.provenance import provenance
@@ -205,8 +183,7 @@ def run(args: argparse.Namespace) -> int:
         return run_only(args)
     if args.model:
         raise InputError("--model: goes with --only payload; identify estimates the whole arm anew")
-    if args.output:
-        refuse_existing(args.output, force=args.force)
+    refuse_output(args)
     whole = load_robot(args.robot)
     refuse_twice(args.bags)
     refuse_unseen(args.effect, whole)
@@ -236,8 +213,7 @@ def run(args: argparse.Namespace) -> int:
     if args.json:
         print_json(model.to_dict())
         return 0
-    for note in model.notes:
-        tell(note)
+    tell(*model.notes)
     say(parameter_table(model))
     say()
     say(fit_table(model.robot, model.residual))
@@ -255,8 +231,7 @@ def run(args: argparse.Namespace) -> int:
         )
     if model.days is not None:
         say(_days(model.days))
-    if args.output:
-        say(f"written: {args.output}")
+    say_written(args.output)
     return 0
 
 

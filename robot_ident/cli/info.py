@@ -59,32 +59,15 @@ def run(args: argparse.Namespace) -> int:
         trouble = str(error)
     topics = [{"name": t.name, "type": t.type, "messages": t.messages, "joints": list(t.joints)} for t in bag.topics]
     if args.json:
-        data = {
-            "schema": "robot_ident/info/1",
-            "path": bag.path,
-            "form": bag.form,
-            "truncated": bag.truncated,
-            "topics": topics,
-        }
-        notes = [*bag.notes, *([trouble] if trouble else []), *coupled]
-        print_json(
-            {
-                **data,
-                "recording": summary.to_dict() if summary else None,
-                "declaration": [one.to_dict() for one in declared],
-                "notes": notes,
-            }
-        )
+        data = {"schema": "robot_ident/info/1", "path": bag.path, "form": bag.form, "truncated": bag.truncated}
+        data |= {"topics": topics, "recording": summary.to_dict() if summary else None}
+        data |= {"declaration": [one.to_dict() for one in declared]}
+        print_json({**data, "notes": [*bag.notes, *([trouble] if trouble else []), *coupled]})
         return 0
     say(f"{bag.path}: {bag.form}{', truncated' if bag.truncated else ''}")
-    say(
-        table(
-            ("topic", "type", "messages", "joints"),
-            [(t.name or "-", t.type, t.messages, ", ".join(t.joints)) for t in bag.topics],
-        )
-    )
-    for note in dict.fromkeys([*bag.notes, *(summary.notes if summary else ()), *([trouble] if trouble else [])]):
-        tell(note)
+    listed = [(t.name or "-", t.type, t.messages, ", ".join(t.joints)) for t in bag.topics]
+    say(table(("topic", "type", "messages", "joints"), listed))
+    tell(*dict.fromkeys([*bag.notes, *(summary.notes if summary else ()), *([trouble] if trouble else [])]))
     if summary:
         say()
         _print(summary)
@@ -92,8 +75,7 @@ def run(args: argparse.Namespace) -> int:
         say("\neffort vs. the rigid-body model of the URDF (ratio 1: torque in the declared unit)")
         rows = [(one.joint, *_share(one), one.verdict, one.hint) for one in declared]
         say(table(("joint", "ratio", "sigma", "verdict", "look at"), rows))
-    for note in coupled:
-        tell(note)
+    tell(*coupled)
     return 0
 
 
@@ -120,12 +102,12 @@ def _judged(recording: Recording, robot: Robot) -> tuple[list[Declared], list[st
     declared = judge_measured(measured, robot)
     checks = EffortChecks([measured], robot)
     gravity = checks.gravity()
-    told = [
+    told = (
         checks.foreign(),
         checks.exchanged(),
         gravity and gravity.told(robot),
         undecided_directions(measured, robot),
-    ]
+    )
     return declared, [*(line for line in told if line), *_coupling(measured, robot)]
 
 
@@ -162,15 +144,6 @@ def _print(summary: Summary) -> None:
         )
         for k, name in enumerate(summary.joints)
     ]
-    header = (
-        "joint",
-        "lowest",
-        "highest",
-        "top speed",
-        "top torque",
-        "torque noise",
-        "position noise",
-        "position step",
-    )
-    say(table(header, rows))
+    header = ("joint", "lowest", "highest", "top speed", "top torque")
+    say(table((*header, "torque noise", "position noise", "position step"), rows))
     say("positions rad (m), speeds rad/s (m/s), torques Nm (N); noise: standard deviation of one sample")

@@ -9,8 +9,8 @@ from functools import partial
 from pathlib import Path
 from typing import TYPE_CHECKING
 
-from robot_ident.cli.options import add_json, add_output, each, option
-from robot_ident.cli.output import print_json, say, tell
+from robot_ident.cli.options import add_json, add_output, each, numbers_of, option
+from robot_ident.cli.output import print_json, say, say_written, tell
 from robot_ident.errors import InputError, did_you_mean
 from robot_ident.files import read_text
 
@@ -152,10 +152,7 @@ def _held(words: list[str], inventory: Inventory) -> dict[str, float]:
 
 
 def _numbers(text: str, option: str, lengths: tuple[int, ...]) -> list[float]:
-    try:
-        values = [float(word) for word in text.split(",")]
-    except ValueError as error:
-        raise InputError(f"{option} {text}: numbers separated by commas were expected") from error
+    values = numbers_of(text, f"{option} {text}: numbers separated by commas were expected")
     if len(values) not in lengths or any(value - value != 0.0 for value in values):
         raise InputError(f"{option} {text}: {' or '.join(map(str, lengths))} finite numbers were expected")
     return values
@@ -278,4 +275,4 @@ def _print(draft: Draft, inventory: Inventory, unchecked: list[str], output: Pat
         say(f"missing: {what}")
     for what in unchecked:
         say(f"not checked: {what}")
-    say(f"written: {output}")
+    say_written(output)

@@ -23,14 +23,11 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
 def run(args: argparse.Namespace) -> int:
     """Repeat the identification and print Table II of the paper."""
     from robot_ident.cli.identify import to_the_digit
-    from robot_ident.errors import InputError
     from robot_ident.model.structure import Structure
     from robot_ident.robot import load_robot
     from robot_ident.testbed.monte_carlo import montecarlo
     from robot_ident.trajectories.excitation import Excitation
 
-    if args.periods < 1:
-        raise InputError(f"--periods {args.periods}: at least 1")
     robot = load_robot(args.robot)
     excitation = Excitation.read(args.excitation)
     excitation.check_robot(robot)

@@ -48,8 +48,7 @@ def add_json(parser: Options) -> None:
 
 def add_cluster(parser: Options) -> None:
     """Add `--cluster`."""
-    text = "run on a Dask scheduler (tcp://HOST:PORT) instead of local processes"
-    option(parser, "--cluster", "ADDRESS", text)
+    option(parser, "--cluster", "ADDRESS", "run on a Dask scheduler (tcp://HOST:PORT) instead of local processes")
 
 
 def flag(parser: Options, name: str, text: str) -> None:
@@ -60,8 +59,8 @@ def flag(parser: Options, name: str, text: str) -> None:
 def option(
     parser: Options, name: str, metavar: str | tuple[str, ...] | None, text: str, default: Any = None, **more: Any
 ) -> None:
-    """Add an option with a value, a word unless `more` says otherwise; its help ends with its default, if any."""
-    told = text if default is None else f"{text} (default: %(default)s)"
+    """Add an option with a value, a word unless `more` says otherwise; its help says its default, if any."""
+    told = text if default is None or "%(default)s" in text else f"{text} (default: %(default)s)"
     parser.add_argument(name, metavar=metavar, default=default, help=told, **more)
 
 
@@ -76,19 +75,14 @@ def each(parser: Options, name: str, metavar: str, text: str) -> None:
 
 
 def number(
-    parser: Options,
-    name: str,
-    metavar: str | None,
-    bounds: tuple[float, float],
-    text: str,
-    default: float | None = None,
+    parser: Options, name: str, metavar: str | None, bounds: tuple[float, float], text: str, default: Any = None
 ) -> None:
     """Add an option with a number between bounds, inclusive."""
     option(parser, name, metavar, text, default, type=within(*bounds))
 
 
 def count(
-    parser: Options, name: str, metavar: str | None, bounds: tuple[int, int], text: str, default: int | None = None
+    parser: Options, name: str, metavar: str | None, bounds: tuple[int, int], text: str, default: Any = None
 ) -> None:
     """Add an option with a whole number between bounds, inclusive."""
     option(parser, name, metavar, text, default, type=within(*bounds, int))
@@ -109,12 +103,8 @@ def refuse_default_robot(name: str, joints: Sequence[str], recordings: Iterable[
 
 def add_robot(parser: Options, default: str | None = DEFAULT_ROBOT) -> None:
     """Add `--robot`."""
-    parser.add_argument(
-        "--robot",
-        default=default,
-        metavar="R",
-        help=f"kuka_ir361, kuka_ir361_spring, a robot YAML or a URDF (default: {default or 'none'})",
-    )
+    text = f"kuka_ir361, kuka_ir361_spring, a robot YAML or a URDF (default: {default or 'none'})"
+    parser.add_argument("--robot", default=default, metavar="R", help=text)
 
 
 def add_output(parser: Options, metavar: str, text: str, *, required: bool = False) -> None:
@@ -125,11 +115,8 @@ def add_output(parser: Options, metavar: str, text: str, *, required: bool = Fal
 
 def add_accept_unchecked(parser: Options) -> None:
     """Add `--accept-unchecked`."""
-    flag(
-        parser,
-        "--accept-unchecked",
-        "exit with 0 although limits or collisions were not checked; the output still lists them",
-    )
+    text = "exit with 0 although limits or collisions were not checked; the output still lists them"
+    flag(parser, "--accept-unchecked", text)
 
 
 class _Effects(argparse.Action):
@@ -256,14 +243,6 @@ def processing_of(args: argparse.Namespace, robot: Robot, *, played: Robot) -> P
             told = ", ".join(f"{one:g}" for one in frequencies)
             raise InputError(f"--trajectory: base frequencies of {told} Hz; identify recordings of one period together")
         frequency = frequencies[0]
-    for name, value in (
-        ("--base-frequency", frequency),
-        ("--low-pass", args.low_pass),
-        ("--derivative-bandwidth", args.derivative_bandwidth),
-        ("--decimate", args.decimate),
-    ):
-        if value is not None and not 0 < value < float("inf"):
-            raise InputError(f"{name} {value}: must be above 0 and finite")
     low_pass, wide = args.low_pass, args.derivative_bandwidth
     if low_pass is not None and wide is not None and wide < low_pass:
         raise InputError(
@@ -361,22 +340,21 @@ def _filter(text: str | None) -> tuple[float, float] | None:
     return found
 
 
+def numbers_of(text: str, refusal: str) -> list[float]:
+    """Return the numbers of `X,Y,...`; InputError(refusal) where one of the words is none."""
+    try:
+        return [float(word) for word in text.split(",")]
+    except ValueError as error:
+        raise InputError(refusal) from error
+
+
 def _speeds(text: str | None, robot: Robot) -> tuple[float, ...] | None:
     if text is None:
         return None
-    try:
-        values = [float(word) for word in text.split(",")]
-    except ValueError as error:
-        raise InputError(f"--minimum-speed {text!r}: numbers separated by commas were expected") from error
+    values = numbers_of(text, f"--minimum-speed {text!r}: numbers separated by commas were expected")
     if len(values) not in (1, robot.n) or any(not value >= 0 for value in values):
         raise InputError(f"--minimum-speed {text!r}: give one value or {robot.n}, none negative")
     return tuple(values * robot.n if len(values) == 1 else values)
-
-
-def add_common(parser: Options) -> None:
-    """Add the options that the commands with recordings share."""
-    add_recordings(parser)
-    add_json(parser)
 
 
 def add_recordings(parser: Options) -> None:

@@ -79,6 +79,14 @@ def refuse_own_input(args: argparse.Namespace) -> None:
                 raise InputError(f"{word}: is read by this command and can't be its output too; give another name")
 
 
+def refuse_output(args: argparse.Namespace) -> None:
+    """Raise InputError where the file of -o is there already and --force isn't given."""
+    from robot_ident.files import refuse_existing
+
+    if args.output:
+        refuse_existing(args.output, force=args.force)
+
+
 def say(text: str = "") -> None:
     """Print a result; in a terminal with the headers of its tables in bold, unless NO_COLOR is set."""
     _out(_dressed(text) if _coloured() else text)
@@ -96,12 +104,20 @@ def _dressed(text: str) -> str:
     return re.sub("(█+)", "\x1b[36m\\1\x1b[0m", "\n".join(lines))
 
 
-def tell(text: str) -> None:
-    """Print a log line on standard error; where that takes no more, nobody is told, and the work goes on."""
+def tell(*lines: str) -> None:
+    """Print log lines on standard error; where that takes no more, nobody is told, and the work goes on."""
     try:
-        print(text, file=sys.stderr, flush=True)
+        for line in lines:
+            print(line, file=sys.stderr, flush=True)
     except OSError:
         _discard(sys.stderr)
+
+
+def say_written(*files: str | os.PathLike[str] | None) -> None:
+    """Print which files were written, None where one was not asked for."""
+    for file in files:
+        if file:
+            say(f"written: {file}")
 
 
 def print_json(data: dict[str, Any]) -> None:

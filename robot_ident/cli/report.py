@@ -8,7 +8,7 @@ from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 from robot_ident.cli.options import add_json, add_output, add_validation, each, option, several
-from robot_ident.cli.output import Progress, print_json, say
+from robot_ident.cli.output import Progress, print_json, refuse_output, say, say_written
 from robot_ident.errors import InputError
 
 if TYPE_CHECKING:
@@ -35,13 +35,12 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
 
 def run(args: argparse.Namespace) -> int:
     """Write one self-contained page on models beside recordings."""
-    from robot_ident.files import refuse_existing
     from robot_ident.model.model_file import is_model, read_model
     from robot_ident.report.sections import write_report
     from robot_ident.workflow.findings import gather
     from robot_ident.workflow.inputs import read_excitations, read_sources, refuse_repeated
 
-    refuse_existing(args.output, force=args.force)
+    refuse_output(args)
     for path in args.models:
         if not is_model(path):
             raise InputError(f"{path}: not a model; make one by robot_ident identify ... -o model.yaml")
@@ -67,7 +66,7 @@ def run(args: argparse.Namespace) -> int:
     from robot_ident.report.wording import verdict
 
     say(verdict(found))
-    say(f"written: {args.output}")
+    say_written(args.output)
     return 0
 
 

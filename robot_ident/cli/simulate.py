@@ -7,8 +7,8 @@ import time
 from collections.abc import Sequence
 from typing import TYPE_CHECKING, Any
 
-from robot_ident.cli.options import add_json, add_output, add_robot, count, each, flag, number, option
-from robot_ident.cli.output import print_json, say, tell
+from robot_ident.cli.options import add_json, add_output, add_robot, count, each, flag, number, numbers_of, option
+from robot_ident.cli.output import print_json, refuse_output, say, say_written, tell
 
 if TYPE_CHECKING:
     from robot_ident.recording.conditions import KnownPayload
@@ -62,17 +62,13 @@ def run(args: argparse.Namespace) -> int:
     from robot_ident.trajectories.excitation import Excitation
     from robot_ident.trajectories.point_to_point import load_motion
 
-    refuse_existing(args.output, force=args.force)
+    refuse_output(args)
     answer = None if args.hidden is None else sealed_path(args.output)
     if answer is not None:
         refuse_existing(answer, force=args.force)
         if args.effect:
             raise InputError("--hidden and --effect exclude each other, because they might add the same effect")
     _none_of_ones_own(args.effect)
-    if args.periods < 1:
-        raise InputError(f"--periods {args.periods}: at least 1")
-    if args.seed < 0:
-        raise InputError(f"--seed {args.seed}: must not be negative")
     carried = _payload(args.payload)
     refuse_existing(sidecar(args.output), force=args.force)
     robot = load_robot(args.robot)
@@ -105,12 +101,11 @@ def run(args: argparse.Namespace) -> int:
         more = {"duration": result.recording.duration, "seconds": seconds, "effects": list(shown)}
         print_json({**data, **more, "sealed": None if answer is None else str(answer), "notes": notes})
         return 0
-    for note in notes:
-        tell(note)
+    tell(*notes)
     for effect in plant_physics(robot, effects)[-len(effects) :] if scenario is None and effects else ():
         say(f"with {values_in_words(effect.text, robot)}")
     say(f"{result.recording.samples} samples, {result.recording.duration:.1f} s of robot time in {seconds:.2f} s")
-    say(f"written: {args.output}")
+    say_written(args.output)
     if answer is not None:
         say(f"hidden effects written: {answer} (robot_ident trial --open {answer} shows them)")
     return 0
@@ -134,10 +129,7 @@ def _payload(text: str | None) -> KnownPayload | None:
 
     if text is None:
         return None
-    try:
-        values = [float(word) for word in text.split(",")]
-    except ValueError as error:
-        raise InputError(f"--payload {text}: KG or KG,X,Y,Z was expected") from error
+    values = numbers_of(text, f"--payload {text}: KG or KG,X,Y,Z was expected")
     if len(values) not in (1, 4) or not all(abs(v) < 1e6 for v in values) or not values[0] > 0:
         raise InputError(f"--payload {text}: KG or KG,X,Y,Z was expected, the mass above 0")
     x, y, z = values[1:] or (0.0, 0.0, 0.0)

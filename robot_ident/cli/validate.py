@@ -37,8 +37,7 @@ def run(args: argparse.Namespace) -> int:
     if args.json:
         print_json(result.to_dict())
     else:
-        for note in result.notes:
-            tell(note)
+        tell(*result.notes)
         say(f"residual while moving, low-pass filter at {result.low_pass_hz:g} Hz")
         say(fit_table(model.robot, result.residual))
         if result.standstill:
