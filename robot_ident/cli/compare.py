@@ -34,12 +34,8 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
         help="models and recordings; two models without a recording: what changed",
     )
     option(parser, "--topic", "T", "topic of the joint states")
-    option(
-        parser,
-        "--mcap",
-        "OUT",
-        "write effort, prediction, residual and the torque of each effect as time series (.mcap file or folder)",
-    )
+    text = "write effort, prediction, residual and the torque of each effect as time series (.mcap file or folder)"
+    option(parser, "--mcap", "OUT", text)
     option(
         parser,
         "--over",

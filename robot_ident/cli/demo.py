@@ -10,6 +10,8 @@ import fcntl
 import importlib.util
 import itertools
 import os
+import shlex
+import shutil
 import signal
 import socket
 import subprocess
@@ -91,8 +93,6 @@ def run(args: argparse.Namespace) -> int:
 
 def _folder(folder: Path, force: bool) -> Path:
     """Make the folder; that of an earlier demo is kept beside the new one, or replaced on request."""
-    import shutil
-
     mark = ".robot_ident_demo"
     if (folder / mark).exists():
         if force:
@@ -137,8 +137,6 @@ def _identify(robot: Robot, runs: list[Run], folder: Path) -> Additions:
 
 def _report(runs: list[Run], count: int, folder: Path, page: Path) -> Findings:
     """Compare the models with the recordings, from what is on disk, and write the report."""
-    import shlex
-
     from robot_ident.model.model_file import read_model
     from robot_ident.report.sections import write_report
     from robot_ident.workflow.findings import gather
@@ -191,7 +189,8 @@ def _summary(found: Findings, added: Additions, truth: Array) -> str:
         rows.append((name, share, *(_pair(step, joint, "excess") for joint in joints)))
     rows.append(("noise", "", *(_pair(steps[0], joint, "noise") for joint in joints)))
     title = "Excess over noise [Nm rms], fitted recordings / validation motion:"
-    ratios = ", ".join(f"{_ratio(steps[0], joint):.1f}" for joint in joints)
+    levels = [steps[0].training[joint] for joint in joints]
+    ratios = ", ".join(f"{level.rms / (level.noise or level.rms):.1f}" for level in levels)
     lines = ["", title, table(("model", "explains", *joints), rows), ""]
     lines.append(f"Paper's model: residual / noise = {ratios}. {_ending(found, added)}")
     z = abs(found.last.model.linear - truth) / found.last.model.std[: len(truth)]
@@ -215,11 +214,6 @@ def _pair(step: Step, joint: str, figure: str) -> str:
     """Return a level's `excess` or `noise` at a joint, on fitted recordings and on the validation."""
     values = [getattr(levels[joint], figure) for levels in (step.training, step.validation)]
     return " / ".join("-" if value is None else f"{value:.1f}" for value in values)
-
-
-def _ratio(step: Step, joint: str) -> float:
-    level = step.training[joint]
-    return level.rms / (level.noise or level.rms)
 
 
 def _to_dict(found: Findings, added: Additions, truth: Array, runs: list[Run], seconds: float) -> dict[str, Any]:

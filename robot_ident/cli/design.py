@@ -1,5 +1,5 @@
 """`robot_ident design`: motions from the robot's limits, or within the envelope of what it has run already (`--from
-BAG`), and how many periods a precision takes (`--precision 5% --parameter p3`).
+BAG`), how good the best is (`--bound`), and how many periods a precision takes (`--precision 5% --parameter p3`).
 """
 
 from __future__ import annotations
@@ -11,15 +11,6 @@ from dataclasses import asdict, dataclass, replace
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
-from robot_ident.cli.design_bound import (
-    add_bound_arguments,
-    bound_json,
-    bound_lines,
-    bounded,
-    check_bound_arguments,
-    until_bound,
-    write_design_page,
-)
 from robot_ident.cli.design_kinds import (
     add_waypoints,
     check_iterate,
@@ -31,6 +22,7 @@ from robot_ident.cli.design_kinds import (
     run_validation,
     run_waypoints,
     share_done,
+    write_motions,
 )
 from robot_ident.cli.options import (
     DEFAULT_ROBOT,
@@ -43,8 +35,7 @@ from robot_ident.cli.options import (
     count,
     each,
     flag,
-    held_for_design,
-    held_note,
+    given_angles,
     number,
     option,
     several,
@@ -53,50 +44,13 @@ from robot_ident.cli.output import Progress, table
 from robot_ident.errors import InputError, did_you_mean
 
 if TYPE_CHECKING:
+    from robot_ident.design.bound import Bound
     from robot_ident.design.design import DesignResult
     from robot_ident.design.target import Needed, Target
     from robot_ident.model.model import Model
-    from robot_ident.recording.recording import Recording
     from robot_ident.robot import Robot
     from robot_ident.signals.motion import Array
     from robot_ident.trajectories.excitation import Excitation
-
-
-_BANDWIDTH = 10.0  # Hz of the derivatives of what does not repeat: beyond, noise would widen the envelope
-_POINTS = 4000  # of a recording at which the tool is looked at
-
-
-def within_runs(args: argparse.Namespace, robot: Robot, whole: Robot) -> Robot:
-    """Return the robot with the envelope of the recordings of --from as its limits; itself where there are none.
-
-    whole: the robot with all its joints, of which `robot` may hold some: its tool has been where all of them took it.
-    """
-    if not args.run_before:
-        return robot
-    import numpy as np
-
-    from robot_ident.bags import read_for
-    from robot_ident.limits.envelope import within_envelope
-    from robot_ident.recording.measurement import Processing
-    from robot_ident.recording.process import process
-    from robot_ident.signals.motion import Motion
-
-    motions, places = [], []
-    for bag in args.run_before:
-        recording = read_for(bag, robot)
-        measured = process(recording, robot, Processing(derivative_bandwidth=_BANDWIDTH), motion_only=True)
-        edge = 0 if measured.base_frequency is not None else round(1.0 / (_BANDWIDTH * measured.dt))
-        kept = measured.motion[slice(edge, measured.motion.samples - edge)]
-        motions.append(Motion(kept.q, kept.dq, kept.ddq))
-        places.append(_places(recording, robot, whole))
-    return within_envelope(robot, motions, np.concatenate(places))
-
-
-def _places(recording: Recording, robot: Robot, whole: Robot) -> Array:
-    """Return where the tool was [N, 3] m: with all joints as recorded, or those held that the recording lacks."""
-    seen = whole if set(whole.joints) <= set(recording.names) else robot
-    q = recording.with_joints(seen.joints).q
-    return seen.rigid.frame_position(q[:: max(1, len(q) // _POINTS)], robot.end_effector)
 
 
 @dataclass(frozen=True)
@@ -119,15 +73,10 @@ class Precision:
 
 def add_precision(parser: Options) -> None:
     """Add the options."""
-    option(
-        parser, "--precision", "P", "also print how many periods bring sigma down to this ratio of the value, e.g. 5%%"
-    )
-    each(
-        parser,
-        "--parameter",
-        "NAME",
-        "with --precision: only this parameter (default: all); its value comes from --model or the robot's files",
-    )
+    text = "also print how many periods bring sigma down to this ratio of the value, e.g. 5%%"
+    option(parser, "--precision", "P", text)
+    text = "with --precision: only this parameter (default: all); its value comes from --model or the robot's files"
+    each(parser, "--parameter", "NAME", text)
 
 
 def check_precision(args: argparse.Namespace, target: Target) -> None:
@@ -209,6 +158,7 @@ def _periods(one: Needed) -> str:
     return "never" if one.periods is None else str(one.periods)
 
 
+_SHARE = 0.4  # of a time limit that is left for the bound
 _EXIT = 0.8  # s that writing, and ending the worker processes, take
 _WHOLE = 2.0  # s for the certificate of the whole robot where some joints are held
 
@@ -222,15 +172,11 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
     option(motion, "--bandwidth", "LO:HI", "use L harmonics within this band only, Hz")
     number(motion, "--sample-rate", "HZ", (1.0, 1e5), "sample rate of the trajectory, Hz", 150.0)
     flag(motion, "--symmetric", "make q(-t) = q(t), which separates friction from conservative torque errors")
-    count(
-        motion, "--trajectories", "K", (1, 20), "optimise K trajectories jointly; -o NAME.yaml writes NAME_1.yaml...", 1
-    )
+    text = "optimise K trajectories jointly; -o NAME.yaml writes NAME_1.yaml..."
+    count(motion, "--trajectories", "K", (1, 20), text, 1)
     add_waypoints(motion)
-    flag(
-        motion,
-        "--validation-motion",
-        "instead of an excitation, draw 20 random points with maximum acceleration and a full stop at each",
-    )
+    text = "instead of an excitation, draw 20 random points with maximum acceleration and a full stop at each"
+    flag(motion, "--validation-motion", text)
     limits = parser.add_argument_group("limits")
     text = "stay inside the envelope of these recordings: positions, speeds, accelerations, tool positions"
     several(limits, "--from", "BAG", text, dest="run_before")
@@ -250,12 +196,8 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
 
 
 def _add_purpose(group: Options) -> None:
-    option(
-        group,
-        "--robot",
-        "R",
-        "kuka_ir361, kuka_ir361_spring, a robot YAML, URDF or model.yaml (default: --model's, else kuka_ir361)",
-    )
+    text = "kuka_ir361, kuka_ir361_spring, a robot YAML, URDF or model.yaml (default: --model's, else kuka_ir361)"
+    option(group, "--robot", "R", text)
     text = (
         "d-optimal (log det of the covariance), condition (condition number) or crlb (d-optimal with position noise,"
         " needs --model or --iterate); default: %(default)s"
@@ -278,6 +220,7 @@ def _add_purpose(group: Options) -> None:
 def run(args: argparse.Namespace) -> int:
     """Design excitations."""
     from robot_ident.files import refuse_existing
+    from robot_ident.workflow.fitting import held_for_design, held_note, within_runs
     from robot_ident.workflow.inputs import prior_information
 
     files = output_files(args.output, args.trajectories)
@@ -290,9 +233,9 @@ def run(args: argparse.Namespace) -> int:
         check_iterate(args)
     band = bandwidth_of(args.bandwidth)
     model, whole = _model_and_robot(args)
-    robot, held = held_for_design(args, whole)
+    robot, held = held_for_design(whole, args.joints, given_angles(args, whole))
     _check_model(args, model, robot)
-    robot = within_runs(args, robot, whole)
+    robot = within_runs(args.run_before, robot, whole)
     if args.validation_motion:
         return run_validation(args, _target(args, model, robot), files)
     if args.waypoints:
@@ -320,6 +263,7 @@ def run(args: argparse.Namespace) -> int:
     except KeyboardInterrupt:  # what was designed is kept, without a bound
         found, bound = replace(found, interrupted=True), None
     found = replace(found, excitations=tuple(_with_sources(one, args) for one in found.excitations))
+    write_motions(args, files, *(_moved_alone(one, whole, held) for one in found.excitations))
     needed = precision(args, target, found.excitations, prior)
     if args.page:
         write_design_page(args, found, target, bound)
@@ -334,8 +278,94 @@ def run(args: argparse.Namespace) -> int:
     ]
     stopped = ("stopped early: this is the best excitation so far",) if found.interrupted else ()
     notes = (*held_note(whole, held), *found.notes, *stopped)
-    written = [_moved_alone(one, whole, held) for one in found.excitations]
-    return finish(args, files, written, found.margins, data, lines, notes=notes, checked=True)
+    return finish(args, files, found.margins, data, lines, notes=notes, checked=True)
+
+
+def add_bound_arguments(parser: Options) -> None:
+    """Add `--bound` and `--page`."""
+    flag(parser, "--bound", "also bound the best criterion within the limits (up to 60 s) and print the D-efficiency")
+    option(parser, "--page", "PAGE", "page.html to write: the motion, its limits, its information")
+
+
+def check_bound_arguments(args: argparse.Namespace) -> None:
+    """Raise InputError where the options don't go together, or the page can't be written."""
+    from robot_ident.files import refuse_existing
+
+    for name, given in (("--bound", args.bound), ("--page", args.page)):
+        if given and args.tell:
+            raise InputError(f"{name} goes with a criterion, not with --tell")
+    if args.page:
+        refuse_existing(args.page, force=args.force)
+
+
+def until_bound(args: argparse.Namespace, deadline: float | None) -> float | None:
+    """Return when the search has to end so that the bound fits into the time limit."""
+    from robot_ident.design.bound import TIME_LIMIT
+
+    if deadline is None or not args.bound:
+        return deadline
+    return deadline - min(TIME_LIMIT, _SHARE * max(0.0, deadline - time.monotonic()))
+
+
+def bounded(
+    args: argparse.Namespace, found: DesignResult, target: Target, prior: Array | None, deadline: float | None
+) -> tuple[DesignResult, Bound | None]:
+    """Return the design with the bound in what its files say was achieved."""
+    if not args.bound:
+        return found, None
+    from robot_ident.design.bound import TIME_LIMIT, Proof, determinant_bound
+    from robot_ident.design.family import family_of
+
+    time_limit = TIME_LIMIT if deadline is None else min(TIME_LIMIT, max(1.0, deadline - time.monotonic()))
+    started = time.monotonic()
+    band = found.excitation.reproduce.get("bandwidth")
+    family = family_of(
+        args.base_frequency, args.sample_rate, args.harmonics, (band[0], band[1]) if band else None, args.symmetric
+    )
+    with Progress("bound", 1.0) as bar:
+
+        def show(proof: Proof) -> None:
+            done = min(1.0, (time.monotonic() - started) / time_limit)
+            bar.reach(done, f"within {(proof.upper - proof.lower) / 2.302585:.2f} decades")
+
+        bound = determinant_bound(
+            target, family, trajectories=len(found.excitations), prior=prior, time_limit=time_limit, progress=show
+        )
+    kept = bound.to_json(found.log10_det_covariance)
+    excitations = [replace(one, achieved={**one.achieved, "bound": kept}) for one in found.excitations]
+    return replace(found, excitations=tuple(excitations)), bound
+
+
+def bound_lines(bound: Bound | None, found: DesignResult) -> list[str]:
+    """Return the efficiency, what it is measured by, and what the bound rests on."""
+    if bound is None:
+        return []
+    efficiency = bound.efficiency(found.log10_det_covariance)
+    count = len(found.excitations)
+    none = "no motion within the limits gets" if count == 1 else f"no {count} motions within the limits get"
+    return [
+        f"D-efficiency at least {100 * efficiency:.0f} %: {none} below"
+        f" {bound.log10_det_covariance:.2f} ({bound.seconds:.0f} s)",
+        bound.explanation(),
+    ]
+
+
+def write_design_page(args: argparse.Namespace, found: DesignResult, target: Target, bound: Bound | None) -> None:
+    """Write the page of `--page`."""
+    from robot_ident.report.design_sections import design_sections
+    from robot_ident.report.page import write_page
+
+    units = tuple(parameter.unit for parameter in target.structure.parameters)
+    first = found.excitation
+    series = f"{first.harmonics} harmonics of {first.base_frequency:g} Hz, sampled at {first.sample_rate:g} Hz"
+    subtitle = f"{first.criterion}, {series}"
+    sections = design_sections(found, target.robot, units, bound)
+    write_page(args.page, f"Excitation of {first.robot}", sections, subtitle=subtitle, force=args.force)
+
+
+def bound_json(bound: Bound | None, found: DesignResult) -> dict[str, Any] | None:
+    """Return the bound as plain values."""
+    return None if bound is None else bound.to_json(found.log10_det_covariance)
 
 
 def output_files(output: str | None, count: int) -> list[str]:

@@ -95,10 +95,15 @@ def design_json(
     }
 
 
+def write_motions(args: argparse.Namespace, files: Sequence[str], *motions: Writable) -> None:
+    """Write the motions, if there are files to write."""
+    for file, motion in zip(files, motions, strict=bool(files)):
+        motion.write(file, force=args.force)
+
+
 def finish(
     args: argparse.Namespace,
     files: Sequence[str],
-    motions: Sequence[Writable],
     margins: Margins,
     data: dict[str, Any],
     lines: Iterable[str],
@@ -106,12 +111,10 @@ def finish(
     notes: Iterable[str] = (),
     checked: bool = False,
 ) -> int:
-    """Write the motions and print a design: as JSON, or as notes, what was not checked, its lines, margins and files.
+    """Print a design: as JSON, or as notes, what was not checked, its lines, margins and files.
 
     checked: whether the files can be accepted by `robot_ident check` where something was not checked.
     """
-    for file, motion in zip(files, motions, strict=bool(files)):
-        motion.write(file, force=args.force)
     if args.json:
         print_json(data)
     else:
@@ -145,6 +148,7 @@ def run_validation(args: argparse.Namespace, target: Target, files: Sequence[str
     t = np.arange(int(motion.duration * args.sample_rate) + 1) / args.sample_rate
     columns = target.structure.columns(motion.reference(t), target.values) / np.sqrt(target.torque_variance)[:, None]
     values = evaluate_rows(np.asarray(columns.reshape(-1, columns.shape[2])))
+    write_motions(args, files, motion)
     points, seconds = len(motion.points), time.monotonic() - started
     drawn = {"points": points, "duration": motion.duration}
     data = design_json(files, values, target.structure.names, margins, seconds, target.notes, validation=drawn)
@@ -152,7 +156,7 @@ def run_validation(args: argparse.Namespace, target: Target, files: Sequence[str
         f"{points} random points, {motion.duration:.4g} s: maximum acceleration, then velocity, full stop at each;"
         " it enters no fit (validate, --validation)"
     )
-    return finish(args, files, [motion], margins, data, [line])
+    return finish(args, files, margins, data, [line])
 
 
 def add_waypoints(parser: Options) -> None:
@@ -180,6 +184,7 @@ def run_waypoints(args: argparse.Namespace, target: Target, files: Sequence[str]
             seed=args.seed,
             progress=bar.reach,
         )
+    write_motions(args, files, tour.motion)
     notes = [*target.notes]
     if tour.refused:
         words = ", ".join(f"{a} to {b}" for a, b in tour.refused)
@@ -198,7 +203,7 @@ def run_waypoints(args: argparse.Namespace, target: Target, files: Sequence[str]
         "at " + ", ".join(f"{100 * pace:g} %" for pace in tour.paces) + " of the speed",
         criteria_line(values, seconds),
     ]
-    return finish(args, files, [tour.motion], tour.margins, data, lines, notes=notes)
+    return finish(args, files, tour.margins, data, lines, notes=notes)
 
 
 def criteria_line(values: Evaluation | DesignResult, seconds: float, whose: str = "") -> str:
@@ -244,6 +249,7 @@ def run_tell(
             deadline=float("inf") if deadline is None else deadline,
             progress=show,
         )
+    write_motions(args, files, finished(found.excitation))
     told = {
         "effects": list(args.tell),
         "noncentrality": found.noncentrality,
@@ -260,7 +266,7 @@ def run_tell(
         f"{first} vs. {second}: noncentrality {found.noncentrality:.1f}, {state} (a motion of kind: {found.kind})",
         *(f"  {label}: {text}" for label, text in found.otherwise.items()),
     ]
-    return finish(args, files, [finished(found.excitation)], found.margins, data, lines, notes=target.notes)
+    return finish(args, files, found.margins, data, lines, notes=target.notes)
 
 
 def check_iterate(args: argparse.Namespace) -> None:
@@ -293,8 +299,8 @@ def run_iterate(args: argparse.Namespace, robot: Robot, files: Sequence[str]) ->
             seed=args.seed,
             progress=show,
         )
-    last = found.last
-    rounds = found.to_dict()
+    last, rounds = found.last, found.to_dict()
+    write_motions(args, files, last.excitation)
     data = design_json(files, last, last.parameters, last.margins, last.seconds, last.notes, iterations=rounds)
     rows = [
         (
@@ -308,4 +314,4 @@ def run_iterate(args: argparse.Namespace, robot: Robot, files: Sequence[str]) ->
     ]
     header = ("motion", "log10 det of the bound", "log10 det of c2", "condition number", "sigma, mean")
     lines = [table(header, rows), found.in_words]
-    return finish(args, files, [last.excitation], last.margins, data, lines, checked=True)
+    return finish(args, files, last.margins, data, lines, checked=True)

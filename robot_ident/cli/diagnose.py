@@ -29,11 +29,8 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
     )
     add_recordings(parser.add_argument_group("recordings"))
     extension = parser.add_argument_group("model extension")
-    flag(
-        extension,
-        "--add-until-adequate",
-        "add the missing effects and repeat until the model is adequate; print the error after each step",
-    )
+    text = "add the missing effects and repeat until the model is adequate; print the error after each step"
+    flag(extension, "--add-until-adequate", text)
     output = parser.add_argument_group("output")
     add_output(output, "MODEL", "with --add-until-adequate: extended model to write")
     add_json(output)

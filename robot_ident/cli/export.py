@@ -26,20 +26,10 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
     option(form, "--urdf", "F", "write the robot's URDF with the identified inertias and joint friction")
     option(form, "--mjcf", "F", "write a MuJoCo model, including rotor inertias")
     option(form, "--c", "DIR", "write C code of torque, gravity and friction to this folder")
-    number(
-        parser,
-        "--smoothing",
-        "V",
-        (1e-9, 1e3),
-        "with --c: speed below which Coulomb friction is smoothed, rad/s or m/s",
-        0.01,
-    )
-    option(
-        parser,
-        "--validation",
-        "BAG",
-        "recording on which to print the model's error and the torque of the effects not exported",
-    )
+    text = "with --c: speed below which Coulomb friction is smoothed, rad/s or m/s"
+    number(parser, "--smoothing", "V", (1e-9, 1e3), text, 0.01)
+    text = "recording on which to print the model's error and the torque of the effects not exported"
+    option(parser, "--validation", "BAG", text)
     option(parser, "--topic", "T", "topic of the joint states")
     flag(
         parser,

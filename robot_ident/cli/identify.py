@@ -17,11 +17,9 @@ from robot_ident.cli.options import (
     add_processing,
     add_reading,
     add_robot,
-    at_its_speed,
     bags_of,
     flag,
-    held_in_recordings,
-    held_note,
+    given_angles,
     option,
     processing_of,
     refuse_default_robot,
@@ -177,6 +175,7 @@ def run(args: argparse.Namespace) -> int:
     from robot_ident.recording.checks import refuse_copies, refuse_same_rows
     from robot_ident.recording.process import process
     from robot_ident.robot import load_robot
+    from robot_ident.workflow.fitting import at_its_speed, held_in_recordings, held_note
 
     args.bags = bags_of(args)
     if args.only:
@@ -190,9 +189,9 @@ def run(args: argparse.Namespace) -> int:
     recordings = [read_for(bag, whole, topic=args.topic) for bag in args.bags]
     refuse_default_robot(args.robot, whole.joints, recordings)
     refuse_same_rows(recordings)
-    robot, recordings, held = held_in_recordings(args, whole, recordings)
+    robot, recordings, held = held_in_recordings(whole, recordings, args.joints, given_angles(args, whole))
     robot = robot if args.base is None else replace(robot, base=args.base)
-    recordings, processing = at_its_speed(args, recordings, processing_of(args, robot, played=whole))
+    recordings, processing = at_its_speed(args.trajectory or [], recordings, processing_of(args, robot, played=whole))
     structure = Structure.build(robot, args.effect)
     measurements = [process(recording, robot, processing) for recording in recordings]
     refuse_copies(measurements)

@@ -11,7 +11,6 @@ from robot_ident.errors import InputError
 
 if TYPE_CHECKING:
     from robot_ident.estimation.declaration import Declared
-    from robot_ident.recording.measurement import Measurement
     from robot_ident.recording.recording import Recording
     from robot_ident.recording.summary import Summary
     from robot_ident.robot import Robot
@@ -73,21 +72,18 @@ def run(args: argparse.Namespace) -> int:
         _print(summary)
     if declared:
         say("\neffort vs. the rigid-body model of the URDF (ratio 1: torque in the declared unit)")
-        rows = [(one.joint, *_share(one), one.verdict, one.hint) for one in declared]
+        rows = []
+        for one in declared:  # share and standard deviation where they are told
+            share = ("-", "-") if one.verdict == "not_told" else (f"{one.share:.3f}", f"{one.std:.3f}")
+            rows.append((one.joint, *share, one.verdict, one.hint))
         say(table(("joint", "ratio", "sigma", "verdict", "look at"), rows))
     tell(*coupled)
     return 0
 
 
-def _share(declared: Declared) -> tuple[float | str, float | str]:
-    """Return share and standard deviation in words, where they are told."""
-    if declared.verdict == "not_told":
-        return "-", "-"
-    return f"{declared.share:.3f}", f"{declared.std:.3f}"
-
-
 def _judged(recording: Recording, robot: Robot) -> tuple[list[Declared], list[str]]:
     """Return by joint how effort and rigid model go together, and what else there is to say of it."""
+    from robot_ident.estimation.contradiction import coupling_contradiction
     from robot_ident.estimation.declaration import judge_measured
     from robot_ident.estimation.effort_checks import EffortChecks, undecided_directions
     from robot_ident.recording.checks import silent_efforts
@@ -102,23 +98,10 @@ def _judged(recording: Recording, robot: Robot) -> tuple[list[Declared], list[st
     declared = judge_measured(measured, robot)
     checks = EffortChecks([measured], robot)
     gravity = checks.gravity()
-    told = (
-        checks.foreign(),
-        checks.exchanged(),
-        gravity and gravity.told(robot),
-        undecided_directions(measured, robot),
-    )
-    return declared, [*(line for line in told if line), *_coupling(measured, robot)]
-
-
-def _coupling(measured: Measurement, robot: Robot) -> list[str]:
-    """Return what contradicts a declared coupling, whose joints seem to have wrong signs and gains."""
-    if robot.effort.coupling is None:
-        return []
-    from robot_ident.estimation.contradiction import coupling_contradiction
-
-    found = coupling_contradiction([measured], robot)
-    return [] if found is None else [found.told(robot)]
+    coupled = coupling_contradiction([measured], robot) if robot.effort.coupling is not None else None
+    told = (checks.foreign(), checks.exchanged(), gravity and gravity.told(robot))
+    more = (undecided_directions(measured, robot), coupled and coupled.told(robot))
+    return declared, [line for line in (*told, *more) if line]
 
 
 def _print(summary: Summary) -> None:

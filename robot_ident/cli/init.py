@@ -31,12 +31,8 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
     placed = parser.add_mutually_exclusive_group()
     placed.add_argument("--mount", choices=("floor", "wall", "ceiling"), help="surface to which the base is mounted")
     option(placed, "--gravity", "X,Y,Z", "gravity in the base frame, m/s^2")
-    option(
-        parser,
-        "--acceleration",
-        "A[,A...]",
-        "acceleration limits, rad/s^2: one for all moving joints, or one per joint",
-    )
+    text = "acceleration limits, rad/s^2: one for all moving joints, or one per joint"
+    option(parser, "--acceleration", "A[,A...]", text)
     each(parser, "--hold", "JOINT=ANGLE", "joint that does not move, and its position in rad or m")
     add_output(parser, "ROBOT", "robot.yaml to write", required=True)
     add_json(parser)

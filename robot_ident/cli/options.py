@@ -7,7 +7,6 @@ from __future__ import annotations
 import argparse
 import os
 from collections.abc import Callable, Iterable, Sequence
-from dataclasses import replace
 from pathlib import Path
 from typing import TYPE_CHECKING, Any, TypeAlias
 
@@ -17,8 +16,6 @@ if TYPE_CHECKING:
     from robot_ident.recording.measurement import Processing
     from robot_ident.recording.recording import Recording
     from robot_ident.robot.robot import Robot
-    from robot_ident.signals.motion import Array
-    from robot_ident.trajectories.excitation import Excitation
 
 
 def within(lower: float, upper: float, kind: type[float] | type[int] = float) -> Callable[[str], float]:
@@ -153,8 +150,7 @@ def bags_of(args: argparse.Namespace) -> list[str]:
 
 def add_effects_from(parser: argparse.ArgumentParser) -> None:
     """Add the option."""
-    text = "Python file with user-defined effects (see examples/my_effects.py)"
-    each(parser, "--effects-from", "FILE.py", text)
+    each(parser, "--effects-from", "FILE.py", "Python file with user-defined effects (see examples/my_effects.py)")
 
 
 def register_effects(files: Sequence[str]) -> None:
@@ -178,7 +174,6 @@ def _register_source(path: str, source: bytes) -> None:
 
 
 AS_DECLARED = ", or continue with --as-declared"
-_ALIKE = 1e-4  # difference of speeds that are the same
 
 
 def add_reading(parser: Options) -> None:
@@ -186,46 +181,23 @@ def add_reading(parser: Options) -> None:
     period = parser.add_mutually_exclusive_group()
     text = "excitation.yaml that was played: sets the period; give it once, or once per recording in their order"
     option(period, "--trajectory", "EXCITATION", text, action="append")
-    number(
-        period,
-        "--base-frequency",
-        "F",
-        (1e-4, 1e4),
-        "base frequency of the motion, Hz (default: detected from the data)",
-    )
+    text = "base frequency of the motion, Hz (default: detected from the data)"
+    number(period, "--base-frequency", "F", (1e-4, 1e4), text)
     flag(period, "--not-periodic", "treat the recording as non-periodic")
     option(parser, "--topic", "T", "topic of the joint states (default: joint_states in any namespace)")
 
 
 def add_processing(parser: Options) -> None:
     """Add the options of processing."""
-    number(
-        parser,
-        "--low-pass",
-        "HZ",
-        (0.01, 1e5),
-        "low-pass filter of effort and regressor (default: none if periodic, else 10 Hz)",
-    )
-    number(
-        parser,
-        "--derivative-bandwidth",
-        "HZ",
-        (0.01, 1e5),
-        "low-pass filter of non-periodic positions before differentiation (default: 4 times --low-pass)",
-    )
+    text = "low-pass filter of effort and regressor (default: none if periodic, else 10 Hz)"
+    number(parser, "--low-pass", "HZ", (0.01, 1e5), text)
+    text = "low-pass filter of non-periodic positions before differentiation (default: 4 times --low-pass)"
+    number(parser, "--derivative-bandwidth", "HZ", (0.01, 1e5), text)
     count(parser, "--decimate", "K", (1, 1000), "keep every K-th row after the low-pass filter", 1)
-    option(
-        parser,
-        "--minimum-speed",
-        "V[,V...]",
-        "exclude rows slower than this, rad/s or m/s: one value, or one per joint (default: the robot's)",
-    )
-    option(
-        parser,
-        "--anti-alias",
-        "ORDER:HZ",
-        "compensate this Butterworth filter of the recorded effort; none: no filter (default: the robot YAML's)",
-    )
+    text = "exclude rows slower than this, rad/s or m/s: one value, or one per joint (default: the robot's)"
+    option(parser, "--minimum-speed", "V[,V...]", text)
+    text = "compensate this Butterworth filter of the recorded effort; none: no filter (default: the robot YAML's)"
+    option(parser, "--anti-alias", "ORDER:HZ", text)
 
 
 def processing_of(args: argparse.Namespace, robot: Robot, *, played: Robot) -> Processing:
@@ -237,7 +209,9 @@ def processing_of(args: argparse.Namespace, robot: Robot, *, played: Robot) -> P
 
     frequency = args.base_frequency
     if args.trajectory:
-        excitations = _excitations(args.trajectory, played)
+        from robot_ident.workflow.fitting import excitations_of
+
+        excitations = excitations_of(args.trajectory, played)
         frequencies = sorted({one.base_frequency for one in excitations})
         if len(frequencies) > 1:
             told = ", ".join(f"{one:g}" for one in frequencies)
@@ -258,70 +232,6 @@ def processing_of(args: argparse.Namespace, robot: Robot, *, played: Robot) -> P
         minimum_speed=_speeds(args.minimum_speed, robot),
         anti_alias=_filter(args.anti_alias),
     )
-
-
-def at_its_speed(
-    args: argparse.Namespace, recordings: Sequence[Recording], processing: Processing
-) -> tuple[list[Recording], Processing]:
-    """Return recordings and processing with the time that a speed override stretched: where the path is that of
-    --trajectory but slower, its period is what the data say, and a note says so.
-    """
-    if not args.trajectory:
-        return list(recordings), processing
-    if len(args.trajectory) not in (1, len(recordings)):
-        raise InputError(
-            f"--trajectory is given {len(args.trajectory)} times for {len(recordings)} recordings; give it once, or"
-            " once per recording in their order"
-        )
-    from robot_ident.recording.summary import mean_path, path_notes, speed_scale
-
-    files = args.trajectory * (len(recordings) // len(args.trajectory))
-    excitations = _excitations(files)
-    moving = [one.with_joints(played.joints) for one, played in zip(recordings, excitations, strict=True)]
-    means = [mean_path(one) for one in moving]
-    scales = [
-        speed_scale(one, _path(played), played.base_frequency, mean)
-        for one, played, mean in zip(moving, excitations, means, strict=True)
-    ]
-    recordings = [
-        replace(one, notes=(*one.notes, *path_notes(played.joints, q, _path(played), played.base_frequency, file)))
-        for one, file, played, (_, q) in zip(recordings, files, excitations, means, strict=True)
-    ]
-    if all(scale is None or scale == 1.0 for scale in scales):
-        return recordings, processing
-    slowed = [
-        one
-        if scale is None or scale == 1.0
-        else replace(
-            one,
-            notes=(
-                *one.notes,
-                f"run at {100 * scale:.4g} % of the speed of {file}: a speed override stretched time; its"
-                f" base frequency is taken as {scale * played.base_frequency:.6g} Hz",
-            ),
-        )
-        for one, scale, file, played in zip(recordings, scales, files, excitations, strict=True)
-    ]
-    found = [scale for scale in scales if scale is not None]
-    alike = len(found) == len(scales) and max(found) - min(found) < _ALIKE
-    frequency = found[0] * excitations[0].base_frequency if alike else None
-    return slowed, replace(processing, base_frequency=frequency, periodic=True)
-
-
-def _path(played: Excitation) -> Callable[[Array], Array]:
-    """Return the positions of an excitation as a function of time."""
-    return lambda t: played.series.motion(t).q
-
-
-def _excitations(files: Sequence[str], robot: Robot | None = None) -> list[Excitation]:
-    """Return the excitations of some files; InputError where one is not of the robot."""
-    from robot_ident.trajectories.excitation import Excitation
-
-    found = [Excitation.read(file) for file in files]
-    for one in found:
-        if robot is not None:
-            one.check_robot(robot)
-    return found
 
 
 def _filter(text: str | None) -> tuple[float, float] | None:
@@ -374,12 +284,8 @@ def add_joints(parser: Options, does: str, *, angle: str) -> None:
     does: what the command does with the joints. angle: where a held joint stands that --hold doesn't name.
     """
     option(parser, "--joints", "A,B", f"{does} these joints only; the others stand still")
-    each(
-        parser,
-        "--hold",
-        "JOINT=ANGLE",
-        f"with --joints: position of a joint that stands still, rad or m (default: {angle})",
-    )
+    text = f"with --joints: position of a joint that stands still, rad or m (default: {angle})"
+    each(parser, "--hold", "JOINT=ANGLE", text)
 
 
 def given_angles(args: argparse.Namespace, robot: Robot) -> dict[str, float]:
@@ -400,62 +306,3 @@ def given_angles(args: argparse.Namespace, robot: Robot) -> dict[str, float]:
     if both:
         raise InputError(f"--hold {both[0]}: --joints moves it")
     return out
-
-
-def held_for_design(args: argparse.Namespace, robot: Robot) -> tuple[Robot, dict[str, float]]:
-    """Return the robot of --joints and the angles of the others: as --hold says, else 0, or the middle of their range
-    where 0 lies outside.
-    """
-    given = given_angles(args, robot)
-    if args.joints is None:
-        return robot, {}
-    from robot_ident.planning.validation_motion import check_angles
-    from robot_ident.robot.locked_joints import hold, moving_joints
-
-    moving = moving_joints(robot, args.joints)
-    angles = {}
-    for joint, name in enumerate(robot.joints):
-        if name not in moving:
-            lower, upper = float(robot.limits.lower[joint]), float(robot.limits.upper[joint])
-            angles[name] = given.get(name, 0.0 if lower < 0.0 < upper else 0.5 * (lower + upper))
-    check_angles(robot, angles)
-    return hold(robot, moving, angles), angles
-
-
-def held_in_recordings(
-    args: argparse.Namespace, robot: Robot, recordings: Sequence[Recording]
-) -> tuple[Robot, list[Recording], dict[str, float]]:
-    """Return the robot of --joints, the parts of the recordings in which the others stand still, and where they stand.
-
-    Raises InputError where they stand elsewhere from one recording to the next: the base parameters depend on it.
-    """
-    given = given_angles(args, robot)
-    if args.joints is None:
-        return robot, list(recordings), {}
-    from robot_ident.recording.checks import STILL, held_angles, still_part
-    from robot_ident.robot.locked_joints import hold, moving_joints
-
-    moving = moving_joints(robot, args.joints)
-    held = [name for name in robot.joints if name not in moving]
-    found = [held_angles(recording, held, given) for recording in recordings]
-    for recording, other in zip(recordings[1:], found[1:], strict=True):
-        for name in held:
-            if abs(other[name] - found[0][name]) > 2.0 * STILL:
-                raise InputError(
-                    f"{recording.source}: {name} stands at {other[name]:.4g}, in {recordings[0].source} at"
-                    f" {found[0][name]:.4g}; the parameters depend on the pose: identify them apart"
-                )
-    angles = {name: sum(one[name] for one in found) / len(found) for name in held}
-    return hold(robot, moving, angles), [still_part(recording, angles) for recording in recordings], angles
-
-
-def held_note(robot: Robot, angles: dict[str, float]) -> list[str]:
-    """Return a line that says which joints are held, and where."""
-    if not angles:
-        return []
-    words = ", ".join(f"{name} at {angle:.4g} {_unit(robot, name)}" for name, angle in angles.items())
-    return [f"held: {words}; parameters hold for this pose, links are numbered along the joints that move"]
-
-
-def _unit(robot: Robot, name: str) -> str:
-    return "m" if robot.prismatic[robot.joint_index(name)] else "rad"

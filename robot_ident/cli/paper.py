@@ -20,11 +20,8 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
     several(parser, "--section", "N", text, type=within(1, 6, int), default=sections)
     flag(parser, "--quick", "shorter searches: minutes instead of a quarter of an hour")
     flag(parser, "--redesign", "design all trajectories anew instead of those that ship with the package")
-    flag(
-        parser,
-        "--printed-table",
-        "simulate Table I exactly as printed, although no mass distribution has these moments",
-    )
+    text = "simulate Table I exactly as printed, although no mass distribution has these moments"
+    flag(parser, "--printed-table", text)
     count(parser, "--seed", None, (0, 2**31), "of noise, draws and searches", 0)
     add_json(parser)
 

@@ -22,12 +22,8 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
     )
     several(parser, "--bag", "BAG", "recordings to compare the models with", required=True)
     add_validation(parser)
-    each(
-        parser,
-        "--trajectory",
-        "EXCITATION",
-        "excitation.yaml that was played, for its limit margins (default: from the models)",
-    )
+    text = "excitation.yaml that was played, for its limit margins (default: from the models)"
+    each(parser, "--trajectory", "EXCITATION", text)
     option(parser, "--topic", "T", "topic of the joint states")
     add_output(parser, "PAGE", "HTML page to write", required=True)
     add_json(parser)

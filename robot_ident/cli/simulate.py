@@ -22,20 +22,12 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
     parser.add_argument("excitation", metavar="excitation.yaml", help="excitation or validation motion to play")
     plant = parser.add_argument_group("simulated robot")
     add_robot(plant)
-    each(
-        plant,
-        "--effect",
-        "NAME@JOINT[:k=v,...]",
-        "additional effect of the plant (robot_ident effects NAME lists its values)",
-    )
+    text = "additional effect of the plant (robot_ident effects NAME lists its values)"
+    each(plant, "--effect", "NAME@JOINT[:k=v,...]", text)
     text = "add effects drawn at random and write them to BAG.sealed only (robot_ident trial --open shows them)"
     option(plant, "--hidden", "SEED", text, type=int)
-    option(
-        plant,
-        "--payload",
-        "KG[,X,Y,Z]",
-        "point mass at the end effector and its centre in m in that frame; written to BAG.conditions.yaml",
-    )
+    text = "point mass at the end effector and its centre in m in that frame; written to BAG.conditions.yaml"
+    option(plant, "--payload", "KG[,X,Y,Z]", text)
     option(plant, "--servo", None, "feedforward or pd", "feedforward")
     measured = parser.add_argument_group("recording")
     count(measured, "--periods", None, (1, 100_000), "steady periods of an excitation, after one transient period", 16)
@@ -76,7 +68,9 @@ def run(args: argparse.Namespace) -> int:
     motion.check_robot(robot)
     scenario = None if args.hidden is None else draw_scenario(args.hidden, robot)
     effects = args.effect if scenario is None else scenario.all_effects
-    effects = [*effects, *_carrying(carried)]
+    if carried is not None:
+        x, y, z = carried.centre
+        effects = [*effects, f"payload:payload={carried.mass!r},x={x!r},y={y!r},z={z!r}"]
     started = time.perf_counter()
     options: dict[str, Any] = {"servo": args.servo, "seed": args.seed, "effects": effects}
     options["anti_alias"] = args.anti_alias
@@ -134,14 +128,6 @@ def _payload(text: str | None) -> KnownPayload | None:
         raise InputError(f"--payload {text}: KG or KG,X,Y,Z was expected, the mass above 0")
     x, y, z = values[1:] or (0.0, 0.0, 0.0)
     return KnownPayload(values[0], (x, y, z))
-
-
-def _carrying(payload: KnownPayload | None) -> list[str]:
-    """Return a payload as an effect of the plant."""
-    if payload is None:
-        return []
-    x, y, z = payload.centre
-    return [f"payload:payload={payload.mass!r},x={x!r},y={y!r},z={z!r}"]
 
 
 def _without_noise(robot: Robot) -> list[str]:

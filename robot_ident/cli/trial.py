@@ -274,7 +274,10 @@ def run_base(args: argparse.Namespace, cases: Sequence[Case], robot: Robot) -> i
     rows = [
         (
             kind["kind"],
-            *(_ratio(kind[name]) for name in ("median", "ninetieth_percentile", "worst")),
+            *(
+                "no model" if kind[name] is None else f"{kind[name]:.2f}"
+                for name in ("median", "ninetieth_percentile", "worst")
+            ),
             f"{kind['as_good']} of {kind['cases']}",
             ", ".join(map(str, kind["exceptions"])) or "-",
         )
@@ -351,7 +354,3 @@ def _with_base(case: Case, robot: Robot) -> BaseOutcome:
     from robot_ident.testbed.base_trial import run_base_case
 
     return run_base_case(case.seed, robot)
-
-
-def _ratio(value: float | None) -> str:
-    return "no model" if value is None else f"{value:.2f}"
