@@ -55,7 +55,9 @@ def run(args: argparse.Namespace) -> int:
         print_json(data | {name: parts[name].to_json() if name in parts else None for name in names})
     else:
         say_unchecked(margins)
-        _show(margins, parts)
+        say(margin_table(margins))
+        for name, part in parts.items():
+            say(f"\n{name.replace('_', '-')}\n{margin_table(replace(part, notes=()))}")
         for line in precision_lines(needed):
             say(line)
     if violations:
@@ -118,10 +120,3 @@ def _positions(text: str, joints: tuple[str, ...]) -> Array:
     if len(values) != len(joints) or not np.all(np.isfinite(values)):
         raise InputError(f"--from {text}: {len(joints)} numbers were expected, for {', '.join(joints)}")
     return values
-
-
-def _show(margins: Margins, parts: dict[str, Margins]) -> None:
-    say(margin_table(margins))
-    for name, part in parts.items():
-        say(f"\n{name.replace('_', '-')}")
-        say(margin_table(replace(part, notes=())))

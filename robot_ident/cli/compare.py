@@ -154,12 +154,11 @@ def _troubles(inputs: Inputs) -> list[str]:
 def _print(inputs: Inputs, found: Sequence[Comparison]) -> None:
     robot = inputs.models[0].robot
     tell(*_troubles(inputs), *found[0].notes)
-    rows = [
-        _row(path if len(found) > 1 else "", joint, robot.torque_unit(number))
-        for number in range(robot.n)
-        for path, one in zip(inputs.paths, found, strict=True)
-        for joint in (one.joints[number],)
-    ]
+    rows = []
+    for number in range(robot.n):
+        for path, one in zip(inputs.paths, found, strict=True):
+            name, *figures = one.joints[number].row()
+            rows.append((name, path, *figures[:3], robot.torque_unit(number), *figures[3:-1]))
     header = ("joint", "model", "residual rms", "noise rms", "excess rms", "unit", "chi2/dof", "p", "")
     keep = [k for k in range(len(header)) if k != 1 or len(found) > 1]
     say(table([header[k] for k in keep], [[row[k] for k in keep] for row in rows]))
@@ -167,11 +166,6 @@ def _print(inputs: Inputs, found: Sequence[Comparison]) -> None:
         for number, joint in enumerate(one.joints):
             if joint.explained_by:
                 _print_joint(joint, robot, number, f" ({path})" if len(found) > 1 else "")
-
-
-def _row(path: str, joint: JointComparison, unit: str) -> tuple[object, ...]:
-    name, *figures = joint.row()
-    return (name, path, *figures[:3], unit, *figures[3:-1])
 
 
 def _print_joint(joint: JointComparison, robot: Robot, number: int, model: str) -> None:
@@ -313,7 +307,11 @@ def say_change(inputs: Inputs, change: Change, *, after: bool) -> None:
     if found.changed:
         say()
         titles = ("parameter", "old", "sigma", "new", "sigma", "change", "sigma", "p", "unit")
-        say(table(titles, [_change(p) for p in found.changed]))
+        figures = []
+        for p in found.changed:
+            told = "-" if p.p_value is None else chance(p.p_value)
+            figures.append((p.name, p.old, p.old_std, p.new, p.new_std, p.change, p.std, told, p.unit))
+        say(table(titles, figures))
 
 
 def _torque(inputs: Inputs, torque: Mapping[str, float], joint: str | None) -> str | None:
@@ -323,13 +321,6 @@ def _torque(inputs: Inputs, torque: Mapping[str, float], joint: str | None) -> s
 
 def _in_words(p: ParameterChange) -> str:
     return p.name + (f" {p.change:+.3g} {p.unit}" if p.relative is None else f" {100 * p.relative:+.3g} %")
-
-
-def _change(p: ParameterChange) -> tuple[object, ...]:
-    from robot_ident.regression.more_than_noise import chance
-
-    told = "-" if p.p_value is None else chance(p.p_value)
-    return (p.name, p.old, p.old_std, p.new, p.new_std, p.change, p.std, told, p.unit)
 
 
 def check_unchanged(change: Change | None) -> None:

@@ -190,7 +190,8 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
     add_cluster(search)
     output = parser.add_argument_group("output")
     add_output(output, "EXCITATION", "excitation.yaml to write")
-    add_bound_arguments(output)
+    flag(output, "--bound", "also bound the best criterion within the limits (up to 60 s) and print the D-efficiency")
+    option(output, "--page", "PAGE", "page.html to write: the motion, its limits, its information")
     add_precision(output)
     add_json(output)
 
@@ -267,7 +268,8 @@ def run(args: argparse.Namespace) -> int:
     needed = precision(args, target, found.excitations, prior)
     if args.page:
         write_design_page(args, found, target, bound)
-    more = {"bound": bound_json(bound, found), "page": args.page, "held": held, "precision": precision_json(needed)}
+    kept = None if bound is None else bound.to_json(found.log10_det_covariance)
+    more = {"bound": kept, "page": args.page, "held": held, "precision": precision_json(needed)}
     data = design_json(files, found, found.parameters, found.margins, found.seconds, found.notes, **more)
     together = f" of {len(found.excitations)} motions together" if len(found.excitations) > 1 else ""
     beside = ", the earlier recordings included" if args.prior else ""
@@ -279,12 +281,6 @@ def run(args: argparse.Namespace) -> int:
     stopped = ("stopped early: this is the best excitation so far",) if found.interrupted else ()
     notes = (*held_note(whole, held), *found.notes, *stopped)
     return finish(args, files, found.margins, data, lines, notes=notes, checked=True)
-
-
-def add_bound_arguments(parser: Options) -> None:
-    """Add `--bound` and `--page`."""
-    flag(parser, "--bound", "also bound the best criterion within the limits (up to 60 s) and print the D-efficiency")
-    option(parser, "--page", "PAGE", "page.html to write: the motion, its limits, its information")
 
 
 def check_bound_arguments(args: argparse.Namespace) -> None:
@@ -361,11 +357,6 @@ def write_design_page(args: argparse.Namespace, found: DesignResult, target: Tar
     subtitle = f"{first.criterion}, {series}"
     sections = design_sections(found, target.robot, units, bound)
     write_page(args.page, f"Excitation of {first.robot}", sections, subtitle=subtitle, force=args.force)
-
-
-def bound_json(bound: Bound | None, found: DesignResult) -> dict[str, Any] | None:
-    """Return the bound as plain values."""
-    return None if bound is None else bound.to_json(found.log10_det_covariance)
 
 
 def output_files(output: str | None, count: int) -> list[str]:

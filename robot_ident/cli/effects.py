@@ -31,12 +31,13 @@ def run(args: argparse.Namespace) -> int:
     elif args.name:
         say(page(chosen[0]))
     else:
-        say(table(("effect", "torque", "in time", "meaning"), [_row(effect) for effect in chosen]))
+        say(
+            table(
+                ("effect", "torque", "in time", "meaning"),
+                [(one.name, one.equation, one.symmetry, one.meaning) for one in chosen],
+            )
+        )
     return 0
-
-
-def _row(effect: type[Effect]) -> tuple[str, str, str, str]:
-    return effect.name, effect.equation, effect.symmetry, effect.meaning
 
 
 def describe(effect: type[Effect]) -> dict[str, Any]:

@@ -74,16 +74,11 @@ def run(args: argparse.Namespace) -> int:
         _write_folder(target, made.files, force=args.force)
     if args.json:
         left = [{"effect": label, "rms": held.left_out.get(label)} for label in made.left]
-        data = {
-            "schema": "robot_ident/export/1",
-            "format": form,
-            "path": str(target),
-            "files": [str(target / name) for name in sorted(made.files)],
-        }
+        files = [str(target / name) for name in sorted(made.files)]
+        data = {"schema": "robot_ident/export/1", "format": form, "path": str(target), "files": files}
         residual = {joint: asdict(one) for joint, one in held.residual.items()} if args.validation else None
-        print_json(
-            {**data, "carried": list(made.carried), "left_out": left, "residual": residual, "notes": list(notes)}
-        )
+        more = {"carried": list(made.carried), "left_out": left, "residual": residual, "notes": list(notes)}
+        print_json({**data, **more})
         return 0
     tell(*notes)
     say(f"exported: the links{''.join(f', {label}' for label in made.carried)}")

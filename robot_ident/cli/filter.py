@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import argparse
+from dataclasses import replace
 from typing import TYPE_CHECKING
 
 from robot_ident.cli.options import add_json, add_robot, count, option
@@ -64,8 +65,6 @@ def run(args: argparse.Namespace) -> int:
 
 def _between(args: argparse.Namespace) -> FrequencyResponse:
     """Return the response between the two recordings, of one joint or all."""
-    from dataclasses import replace
-
     from robot_ident.bags import read_for
     from robot_ident.recording.filter_response import between
     from robot_ident.recording.process import process

@@ -39,17 +39,13 @@ def run(args: argparse.Namespace) -> int:
     declared: list[Declared] = []
     coupled: list[str] = []
     try:
-        recording = (
-            read_for(args.bag, robot, topic=args.topic)
-            if robot
-            else read_recording(args.bag, topic=args.topic, velocities=False)
-        )
-        if robot is not None:
-            recording = recording.with_joints(robot.joints)
+        if robot is None:
+            summary = summarise(read_recording(args.bag, topic=args.topic, velocities=False))
+        else:
+            recording = read_for(args.bag, robot, topic=args.topic).with_joints(robot.joints)
             check_samples(recording)
             check_plausible(at_the_joints(recording, robot), robot)
-        summary = summarise(recording)
-        if robot is not None:
+            summary = summarise(recording)
             declared, coupled = _judged(recording, robot)
             coupled += coarse_notes(recording.q, robot.drives.encoder_step, robot.joints)
     except InputError as error:

@@ -70,8 +70,8 @@ def refuse_own_input(args: argparse.Namespace) -> None:
     if isinstance(output, str) and os.path.isdir(output) and args.verb not in _WRITE_FOLDERS:
         raise InputError(f"-o {output}: is a folder; the name of a file was expected")
     for name, value in given.items():
-        for word in value if isinstance(value, list) else [value]:
-            if name in outputs or not isinstance(word, str) or os.path.realpath(word) not in outputs.values():
+        for word in _words(value):
+            if name in outputs or os.path.realpath(word) not in outputs.values():
                 continue
             if os.path.isdir(word) or word.endswith(_RECORDINGS):
                 raise InputError(f"{word}: is read as a recording and can't be the output too; give another name")

@@ -131,12 +131,9 @@ def held_note(robot: Robot, angles: dict[str, float]) -> list[str]:
     """Return a line that says which joints are held, and where."""
     if not angles:
         return []
-    words = ", ".join(f"{name} at {angle:.4g} {_unit(robot, name)}" for name, angle in angles.items())
+    units = {name: "m" if slides else "rad" for name, slides in zip(robot.joints, robot.prismatic, strict=True)}
+    words = ", ".join(f"{name} at {angle:.4g} {units[name]}" for name, angle in angles.items())
     return [f"held: {words}; parameters hold for this pose, links are numbered along the joints that move"]
-
-
-def _unit(robot: Robot, name: str) -> str:
-    return "m" if robot.prismatic[robot.joint_index(name)] else "rad"
 
 
 def within_runs(bags: Sequence[str], robot: Robot, whole: Robot) -> Robot:
