@@ -6,7 +6,8 @@ import argparse
 from collections.abc import Sequence
 from typing import TYPE_CHECKING, Any
 
-from robot_ident.cli.output import print_json, say, tell
+from robot_ident.cli.options import add_json, add_recordings, flag, several
+from robot_ident.cli.output import print_json, refuse_output, say, say_written, tell
 from robot_ident.errors import InputError
 
 if TYPE_CHECKING:
@@ -15,26 +16,23 @@ if TYPE_CHECKING:
 
 def add_arguments(parser: argparse.ArgumentParser) -> None:
     """Add the command's options."""
-    from robot_ident.cli.options import add_common
-
     parser.add_argument("model", metavar="model.yaml", help="the model to extend")
     parser.add_argument("effects", nargs="+", metavar="NAME@JOINT", help="effects to add")
-    parser.add_argument("--bag", nargs="+", required=True, metavar="BAG", help="recordings to fit the model to")
+    several(parser, "--bag", "BAG", "recordings to fit the model to", required=True)
     parser.add_argument("-o", "--output", metavar="MODEL2", help="write the extended model to this file")
-    parser.add_argument("--force", action="store_true", help="overwrite existing files")
-    add_common(parser)
+    flag(parser, "--force", "overwrite existing files")
+    add_recordings(parser)
+    add_json(parser)
 
 
 def run(args: argparse.Namespace) -> int:
     """Add effects to a model, refit, and print the error before and after."""
     from robot_ident.cli.steps import staircase
-    from robot_ident.files import refuse_existing
     from robot_ident.model.model_file import is_model, read_model, write_model
     from robot_ident.workflow.inputs import read_inputs
     from robot_ident.workflow.steps import steps_of
 
-    if args.output:
-        refuse_existing(args.output, force=args.force)
+    refuse_output(args)
     if not is_model(args.model):
         raise InputError(f"{args.model}: not a model; make one by robot_ident identify ... -o model.yaml")
     read_model(args.model).structure.with_further(args.effects)  # what it refuses, it refuses before it reads BAG
@@ -57,10 +55,8 @@ def run(args: argparse.Namespace) -> int:
             say(f"{p.name} = {value:.4g}{spread} {p.unit}".rstrip() + (" (at its bound)" if at_bound else ""))
     for one in last.gains or ():
         say(f"gain of {one['joint']} = {one['value']:.4g} ± {one['std']:.2g} {one['unit']}")
-    for line in steps[-1].troubles:
-        tell(line)
-    if args.output:
-        say(f"written: {args.output}")
+    tell(*steps[-1].troubles)
+    say_written(args.output)
     return 0
 
 

@@ -6,18 +6,9 @@ import argparse
 from dataclasses import replace
 from typing import TYPE_CHECKING
 
-from robot_ident.cli.design import Precision, add_precision, precision, precision_json, say_precision
-from robot_ident.cli.output import (
-    add_accept_unchecked,
-    add_json,
-    add_robot,
-    margin_table,
-    print_json,
-    refuse_unchecked,
-    say,
-    say_unchecked,
-    within,
-)
+from robot_ident.cli.design import Precision, add_precision, precision, precision_json, precision_lines
+from robot_ident.cli.options import add_accept_unchecked, add_json, add_robot, count, option
+from robot_ident.cli.output import margin_table, print_json, refuse_unchecked, say, say_unchecked
 from robot_ident.errors import CheckFailed, InputError
 
 if TYPE_CHECKING:
@@ -32,17 +23,12 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
     """Add the command's options."""
     parser.add_argument("excitation", metavar="excitation.yaml", help="excitation or validation motion")
     add_robot(parser)
-    parser.add_argument(
-        "--periods", type=within(1, 100_000, int), default=1, help="number of periods to play (default: %(default)s)"
+    count(parser, "--periods", None, (1, 100_000), "number of periods to play", 1)
+    text = (
+        "check the approach from rest at these positions (rad or m) too; write --from=-0.1,... if the first is negative"
     )
-    parser.add_argument(
-        "--from",
-        dest="start",
-        metavar="Q1,Q2,...",
-        help="check the approach from rest at these positions (rad or m) too; write --from=-0.1,... if the first is"
-        " negative",
-    )
-    parser.add_argument("--model", metavar="MODEL", help="with --precision: model.yaml that holds the parameters")
+    option(parser, "--from", "Q1,Q2,...", text, dest="start")
+    option(parser, "--model", "MODEL", "with --precision: model.yaml that holds the parameters")
     add_precision(parser)
     add_accept_unchecked(parser)
     add_json(parser)
@@ -69,8 +55,11 @@ def run(args: argparse.Namespace) -> int:
         print_json(data | {name: parts[name].to_json() if name in parts else None for name in names})
     else:
         say_unchecked(margins)
-        _show(margins, parts)
-        say_precision(needed)
+        say(margin_table(margins))
+        for name, part in parts.items():
+            say(f"\n{name.replace('_', '-')}\n{margin_table(replace(part, notes=()))}")
+        for line in precision_lines(needed):
+            say(line)
     if violations:
         raise CheckFailed(f"{args.excitation}: {violations[0]}")
     if not args.json:
@@ -131,10 +120,3 @@ def _positions(text: str, joints: tuple[str, ...]) -> Array:
     if len(values) != len(joints) or not np.all(np.isfinite(values)):
         raise InputError(f"--from {text}: {len(joints)} numbers were expected, for {', '.join(joints)}")
     return values
-
-
-def _show(margins: Margins, parts: dict[str, Margins]) -> None:
-    say(margin_table(margins))
-    for name, part in parts.items():
-        say(f"\n{name.replace('_', '-')}")
-        say(margin_table(replace(part, notes=())))

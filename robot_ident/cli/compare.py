@@ -7,7 +7,8 @@ from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass
 from typing import TYPE_CHECKING, Any
 
-from robot_ident.cli.output import add_json, print_json, say, table, tell
+from robot_ident.cli.options import add_json, flag, option
+from robot_ident.cli.output import print_json, say, table, tell
 from robot_ident.errors import CheckFailed, InputError, did_you_mean
 
 if TYPE_CHECKING:
@@ -26,34 +27,25 @@ _SENTENCES = 4
 
 def add_arguments(parser: argparse.ArgumentParser) -> None:
     """Add the command's options."""
-
     parser.add_argument(
         "inputs",
         nargs="+",
         metavar="model.yaml BAG",
         help="models and recordings; two models without a recording: what changed",
     )
-    parser.add_argument("--topic", metavar="T", help="topic of the joint states")
-    parser.add_argument(
-        "--mcap",
-        metavar="OUT",
-        help="write effort, prediction, residual and the torque of each effect as time series (.mcap file or folder)",
-    )
-    parser.add_argument(
+    option(parser, "--topic", "T", "topic of the joint states")
+    text = "write effort, prediction, residual and the torque of each effect as time series (.mcap file or folder)"
+    option(parser, "--mcap", "OUT", text)
+    option(
+        parser,
         "--over",
-        metavar="WHAT",
-        help="also print the residual and its noise as a function of position, velocity, acceleration, load,"
+        "WHAT",
+        "also print the residual and its noise as a function of position, velocity, acceleration, load,"
         " time_since_reversal, time or frequency",
     )
-    parser.add_argument(
-        "--fail-on-misfit", action="store_true", help="exit with 3 if the first model shows lack of fit at a joint"
-    )
-    parser.add_argument("--force", action="store_true", help="overwrite existing files")
-    parser.add_argument(
-        "--fail-on-change",
-        action="store_true",
-        help="exit with 3 if a parameter changed from the first of two models to the second",
-    )
+    flag(parser, "--fail-on-misfit", "exit with 3 if the first model shows lack of fit at a joint")
+    flag(parser, "--force", "overwrite existing files")
+    flag(parser, "--fail-on-change", "exit with 3 if a parameter changed from the first of two models to the second")
     add_json(parser)
 
 
@@ -101,9 +93,9 @@ def run(args: argparse.Namespace) -> int:
 
 def _without_recording(args: argparse.Namespace, inputs: Inputs) -> None:
     """Raise InputError where models alone don't do."""
-    for option, given in (("--mcap", args.mcap), ("--fail-on-misfit", args.fail_on_misfit)):
+    for name, given in (("--mcap", args.mcap), ("--fail-on-misfit", args.fail_on_misfit)):
         if given:
-            raise InputError(f"{option}: needs at least one recording in addition to {', '.join(inputs.paths)}")
+            raise InputError(f"{name}: needs at least one recording in addition to {', '.join(inputs.paths)}")
     if len(inputs.models) != 2:
         raise InputError(
             f"{', '.join(inputs.paths)}: no recording; compare takes at least one recording, or two models, old and"
@@ -161,14 +153,12 @@ def _troubles(inputs: Inputs) -> list[str]:
 
 def _print(inputs: Inputs, found: Sequence[Comparison]) -> None:
     robot = inputs.models[0].robot
-    for note in [*_troubles(inputs), *found[0].notes]:
-        tell(note)
-    rows = [
-        _row(path if len(found) > 1 else "", joint, robot.torque_unit(number))
-        for number in range(robot.n)
-        for path, one in zip(inputs.paths, found, strict=True)
-        for joint in (one.joints[number],)
-    ]
+    tell(*_troubles(inputs), *found[0].notes)
+    rows = []
+    for number in range(robot.n):
+        for path, one in zip(inputs.paths, found, strict=True):
+            name, *figures = one.joints[number].row()
+            rows.append((name, path, *figures[:3], robot.torque_unit(number), *figures[3:-1]))
     header = ("joint", "model", "residual rms", "noise rms", "excess rms", "unit", "chi2/dof", "p", "")
     keep = [k for k in range(len(header)) if k != 1 or len(found) > 1]
     say(table([header[k] for k in keep], [[row[k] for k in keep] for row in rows]))
@@ -176,11 +166,6 @@ def _print(inputs: Inputs, found: Sequence[Comparison]) -> None:
         for number, joint in enumerate(one.joints):
             if joint.explained_by:
                 _print_joint(joint, robot, number, f" ({path})" if len(found) > 1 else "")
-
-
-def _row(path: str, joint: JointComparison, unit: str) -> tuple[object, ...]:
-    name, *figures = joint.row()
-    return (name, path, *figures[:3], unit, *figures[3:-1])
 
 
 def _print_joint(joint: JointComparison, robot: Robot, number: int, model: str) -> None:
@@ -322,25 +307,20 @@ def say_change(inputs: Inputs, change: Change, *, after: bool) -> None:
     if found.changed:
         say()
         titles = ("parameter", "old", "sigma", "new", "sigma", "change", "sigma", "p", "unit")
-        say(table(titles, [_change(p) for p in found.changed]))
+        figures = []
+        for p in found.changed:
+            told = "-" if p.p_value is None else chance(p.p_value)
+            figures.append((p.name, p.old, p.old_std, p.new, p.new_std, p.change, p.std, told, p.unit))
+        say(table(titles, figures))
 
 
 def _torque(inputs: Inputs, torque: Mapping[str, float], joint: str | None) -> str | None:
-    if joint is None:
-        return None
     robot = inputs.models[0].robot
-    return f"{torque[joint]:.3g} {robot.torque_unit(robot.joint_index(joint))}"
+    return joint and f"{torque[joint]:.3g} {robot.torque_unit(robot.joint_index(joint))}"
 
 
 def _in_words(p: ParameterChange) -> str:
     return p.name + (f" {p.change:+.3g} {p.unit}" if p.relative is None else f" {100 * p.relative:+.3g} %")
-
-
-def _change(p: ParameterChange) -> tuple[object, ...]:
-    from robot_ident.regression.more_than_noise import chance
-
-    told = "-" if p.p_value is None else chance(p.p_value)
-    return (p.name, p.old, p.old_std, p.new, p.new_std, p.change, p.std, told, p.unit)
 
 
 def check_unchanged(change: Change | None) -> None:

@@ -10,6 +10,8 @@ import fcntl
 import importlib.util
 import itertools
 import os
+import shlex
+import shutil
 import signal
 import socket
 import subprocess
@@ -22,7 +24,8 @@ from functools import partial
 from pathlib import Path
 from typing import TYPE_CHECKING, Any, TextIO
 
-from robot_ident.cli.output import Progress, add_json, print_json, say, table, tell, within
+from robot_ident.cli.options import add_json, count, flag, option, within
+from robot_ident.cli.output import Progress, print_json, say, table, tell
 from robot_ident.errors import InputError, RobotIdentError
 from robot_ident.parallel import PARENT
 
@@ -50,27 +53,15 @@ _QUIET = 1e-6  # of the noise's variance: as good as none, and the weights keep 
 
 def add_arguments(parser: argparse.ArgumentParser) -> None:
     """Add the verb's options."""
-    parser.add_argument(
-        "--periods",
-        type=within(2, 1000, int),
-        default=10,
-        help="steady periods of each trajectory (default %(default)s)",
-    )
+    count(parser, "--periods", None, (2, 1000), "steady periods of each trajectory (default %(default)s)", 10)
     parser.add_argument(
         "--design-time", type=within(1.0, 3600.0), default=16.0, metavar="S", help="to optimise the excitations"
     )
-    parser.add_argument(
-        "--hidden",
-        nargs="*",
-        default=HIDDEN,
-        metavar="NAME@JOINT:VALUE",
-        help="what the robot has and the paper's model lacks",
-    )
-    parser.add_argument(
-        "--seed", type=within(0, 2**31, int), default=0, help="of design and noise (default %(default)s)"
-    )
-    parser.add_argument("--folder", default="robot_ident_demo", help="where everything is kept (default ./%(default)s)")
-    parser.add_argument("--force", action="store_true", help="replace the folder of an earlier demo")
+    text = "what the robot has and the paper's model lacks"
+    parser.add_argument("--hidden", nargs="*", default=HIDDEN, metavar="NAME@JOINT:VALUE", help=text)
+    count(parser, "--seed", None, (0, 2**31), "of design and noise (default %(default)s)", 0)
+    option(parser, "--folder", None, "where everything is kept (default ./%(default)s)", "robot_ident_demo")
+    flag(parser, "--force", "replace the folder of an earlier demo")
     add_json(parser)
 
 
@@ -79,8 +70,6 @@ def run(args: argparse.Namespace) -> int:
     from robot_ident.robot import load_robot
 
     started = time.monotonic()
-    if args.periods < 2:
-        raise InputError(f"--periods {args.periods}: at least 2 are needed to measure the noise")
     if importlib.util.find_spec("rclpy") is None:
         raise InputError("the demo needs ROS 2; install it with pip install '.[ros]' in the checkout")
     folder = _folder(Path(args.folder), args.force)
@@ -104,8 +93,6 @@ def run(args: argparse.Namespace) -> int:
 
 def _folder(folder: Path, force: bool) -> Path:
     """Make the folder; that of an earlier demo is kept beside the new one, or replaced on request."""
-    import shutil
-
     mark = ".robot_ident_demo"
     if (folder / mark).exists():
         if force:
@@ -150,8 +137,6 @@ def _identify(robot: Robot, runs: list[Run], folder: Path) -> Additions:
 
 def _report(runs: list[Run], count: int, folder: Path, page: Path) -> Findings:
     """Compare the models with the recordings, from what is on disk, and write the report."""
-    import shlex
-
     from robot_ident.model.model_file import read_model
     from robot_ident.report.sections import write_report
     from robot_ident.workflow.findings import gather
@@ -204,7 +189,8 @@ def _summary(found: Findings, added: Additions, truth: Array) -> str:
         rows.append((name, share, *(_pair(step, joint, "excess") for joint in joints)))
     rows.append(("noise", "", *(_pair(steps[0], joint, "noise") for joint in joints)))
     title = "Excess over noise [Nm rms], fitted recordings / validation motion:"
-    ratios = ", ".join(f"{_ratio(steps[0], joint):.1f}" for joint in joints)
+    levels = [steps[0].training[joint] for joint in joints]
+    ratios = ", ".join(f"{level.rms / (level.noise or level.rms):.1f}" for level in levels)
     lines = ["", title, table(("model", "explains", *joints), rows), ""]
     lines.append(f"Paper's model: residual / noise = {ratios}. {_ending(found, added)}")
     z = abs(found.last.model.linear - truth) / found.last.model.std[: len(truth)]
@@ -228,11 +214,6 @@ def _pair(step: Step, joint: str, figure: str) -> str:
     """Return a level's `excess` or `noise` at a joint, on fitted recordings and on the validation."""
     values = [getattr(levels[joint], figure) for levels in (step.training, step.validation)]
     return " / ".join("-" if value is None else f"{value:.1f}" for value in values)
-
-
-def _ratio(step: Step, joint: str) -> float:
-    level = step.training[joint]
-    return level.rms / (level.noise or level.rms)
 
 
 def _to_dict(found: Findings, added: Additions, truth: Array, runs: list[Run], seconds: float) -> dict[str, Any]:

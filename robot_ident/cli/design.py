@@ -1,5 +1,5 @@
 """`robot_ident design`: motions from the robot's limits, or within the envelope of what it has run already (`--from
-BAG`), and how many periods a precision takes (`--precision 5% --parameter p3`).
+BAG`), how good the best is (`--bound`), and how many periods a precision takes (`--precision 5% --parameter p3`).
 """
 
 from __future__ import annotations
@@ -11,84 +11,46 @@ from dataclasses import asdict, dataclass, replace
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
-from robot_ident.cli.design_bound import (
-    add_bound_arguments,
-    bound_json,
-    bounded,
-    check_bound_arguments,
-    say_bound,
-    until_bound,
-    write_design_page,
+from robot_ident.cli.design_kinds import (
+    add_waypoints,
+    check_iterate,
+    criteria_line,
+    design_json,
+    finish,
+    run_iterate,
+    run_tell,
+    run_validation,
+    run_waypoints,
+    share_done,
+    write_motions,
 )
-from robot_ident.cli.design_iterate import check_iterate, run_iterate
-from robot_ident.cli.design_kinds import design_json
-from robot_ident.cli.design_validation import run_validation
-from robot_ident.cli.design_waypoints import add_waypoints, run_waypoints
-from robot_ident.cli.options import add_joints, held_for_design, held_note
-from robot_ident.cli.output import (
+from robot_ident.cli.options import (
     DEFAULT_ROBOT,
     Options,
-    Progress,
     add_accept_unchecked,
     add_cluster,
+    add_joints,
     add_json,
     add_output,
-    margin_table,
-    print_json,
-    refuse_unchecked,
-    say,
-    say_unchecked,
-    table,
-    tell,
-    within,
+    count,
+    each,
+    flag,
+    given_angles,
+    number,
+    option,
+    several,
 )
+from robot_ident.cli.output import Progress, table
 from robot_ident.errors import InputError, did_you_mean
 
 if TYPE_CHECKING:
+    from robot_ident.design.bound import Bound
     from robot_ident.design.design import DesignResult
     from robot_ident.design.target import Needed, Target
     from robot_ident.model.model import Model
-    from robot_ident.recording.recording import Recording
     from robot_ident.robot import Robot
     from robot_ident.signals.motion import Array
     from robot_ident.trajectories.excitation import Excitation
-
-
-_BANDWIDTH = 10.0  # Hz of the derivatives of what does not repeat: beyond, noise would widen the envelope
-_POINTS = 4000  # of a recording at which the tool is looked at
-
-
-def within_runs(args: argparse.Namespace, robot: Robot, whole: Robot) -> Robot:
-    """Return the robot with the envelope of the recordings of --from as its limits; itself where there are none.
-
-    whole: the robot with all its joints, of which `robot` may hold some: its tool has been where all of them took it.
-    """
-    if not args.run_before:
-        return robot
-    import numpy as np
-
-    from robot_ident.bags import read_for
-    from robot_ident.limits.envelope import within_envelope
-    from robot_ident.recording.measurement import Processing
-    from robot_ident.recording.process import process
-    from robot_ident.signals.motion import Motion
-
-    motions, places = [], []
-    for bag in args.run_before:
-        recording = read_for(bag, robot)
-        measured = process(recording, robot, Processing(derivative_bandwidth=_BANDWIDTH), motion_only=True)
-        edge = 0 if measured.base_frequency is not None else round(1.0 / (_BANDWIDTH * measured.dt))
-        kept = measured.motion[slice(edge, measured.motion.samples - edge)]
-        motions.append(Motion(kept.q, kept.dq, kept.ddq))
-        places.append(_places(recording, robot, whole))
-    return within_envelope(robot, motions, np.concatenate(places))
-
-
-def _places(recording: Recording, robot: Robot, whole: Robot) -> Array:
-    """Return where the tool was [N, 3] m: with all joints as recorded, or those held that the recording lacks."""
-    seen = whole if set(whole.joints) <= set(recording.names) else robot
-    q = recording.with_joints(seen.joints).q
-    return seen.rigid.frame_position(q[:: max(1, len(q) // _POINTS)], robot.end_effector)
 
 
 @dataclass(frozen=True)
@@ -111,18 +73,10 @@ class Precision:
 
 def add_precision(parser: Options) -> None:
     """Add the options."""
-    parser.add_argument(
-        "--precision",
-        metavar="P",
-        help="also print how many periods bring sigma down to this ratio of the value, e.g. 5%%",
-    )
-    parser.add_argument(
-        "--parameter",
-        action="append",
-        default=[],
-        metavar="NAME",
-        help="with --precision: only this parameter (default: all); its value comes from --model or the robot's files",
-    )
+    text = "also print how many periods bring sigma down to this ratio of the value, e.g. 5%%"
+    option(parser, "--precision", "P", text)
+    text = "with --precision: only this parameter (default: all); its value comes from --model or the robot's files"
+    each(parser, "--parameter", "NAME", text)
 
 
 def check_precision(args: argparse.Namespace, target: Target) -> None:
@@ -184,18 +138,18 @@ def precision_json(found: Precision | None) -> dict[str, Any] | None:
     }
 
 
-def say_precision(found: Precision | None) -> None:
-    """Print what each parameter takes, the most demanding first."""
+def precision_lines(found: Precision | None) -> list[str]:
+    """Return what each parameter takes, the most demanding first."""
     if found is None:
-        return
+        return []
     most = float("inf")
     order = sorted(found.needed, key=lambda one: -(most if one.periods is None else one.periods))
     rows = [(one.name, one.value, one.sigma, one.unit, _periods(one)) for one in order]
-    say(table(("parameter", "value", "sigma of one period", "unit", f"periods for {100 * found.share:g} %"), rows))
     whose = "the model's" if found.estimated else "of the robot's files"
+    out = [table(("parameter", "value", "sigma of one period", "unit", f"periods for {100 * found.share:g} %"), rows)]
     if found.periods is not None:
-        say(f"{found.periods} periods ({found.periods * found.period:.4g} s) for all of these")
-    say(f"values are {whose}; sigma from noise alone: model errors do not average out")
+        out.append(f"{found.periods} periods ({found.periods * found.period:.4g} s) for all of these")
+    return [*out, f"values are {whose}; sigma from noise alone: model errors do not average out"]
 
 
 def _periods(one: Needed) -> str:
@@ -204,6 +158,7 @@ def _periods(one: Needed) -> str:
     return "never" if one.periods is None else str(one.periods)
 
 
+_SHARE = 0.4  # of a time limit that is left for the bound
 _EXIT = 0.8  # s that writing, and ending the worker processes, take
 _WHOLE = 2.0  # s for the certificate of the whole robot where some joints are held
 
@@ -212,111 +167,61 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
     """Add the command's options."""
     _add_purpose(parser.add_argument_group("what to optimise"))
     motion = parser.add_argument_group("motion")
-    motion.add_argument(
-        "--harmonics", type=within(1, 60, int), metavar="L", help="harmonics of the Fourier series (default: 5)"
-    )
-    motion.add_argument(
-        "--base-frequency",
-        type=within(1e-4, 100.0),
-        default=0.1,
-        metavar="F",
-        help="base frequency of the Fourier series, Hz (default: %(default)s)",
-    )
-    motion.add_argument("--bandwidth", metavar="LO:HI", help="use L harmonics within this band only, Hz")
-    motion.add_argument(
-        "--sample-rate",
-        type=within(1.0, 1e5),
-        default=150.0,
-        metavar="HZ",
-        help="sample rate of the trajectory, Hz (default: %(default)s)",
-    )
-    motion.add_argument(
-        "--symmetric",
-        action="store_true",
-        help="make q(-t) = q(t), which separates friction from conservative torque errors",
-    )
-    motion.add_argument(
-        "--trajectories",
-        type=within(1, 20, int),
-        default=1,
-        metavar="K",
-        help="optimise K trajectories jointly; -o NAME.yaml writes NAME_1.yaml... (default: %(default)s)",
-    )
+    count(motion, "--harmonics", "L", (1, 60), "harmonics of the Fourier series (default: 5)")
+    number(motion, "--base-frequency", "F", (1e-4, 100.0), "base frequency of the Fourier series, Hz", 0.1)
+    option(motion, "--bandwidth", "LO:HI", "use L harmonics within this band only, Hz")
+    number(motion, "--sample-rate", "HZ", (1.0, 1e5), "sample rate of the trajectory, Hz", 150.0)
+    flag(motion, "--symmetric", "make q(-t) = q(t), which separates friction from conservative torque errors")
+    text = "optimise K trajectories jointly; -o NAME.yaml writes NAME_1.yaml..."
+    count(motion, "--trajectories", "K", (1, 20), text, 1)
     add_waypoints(motion)
-    motion.add_argument(
-        "--validation-motion",
-        action="store_true",
-        help="instead of an excitation, draw 20 random points with maximum acceleration and a full stop at each",
-    )
+    text = "instead of an excitation, draw 20 random points with maximum acceleration and a full stop at each"
+    flag(motion, "--validation-motion", text)
     limits = parser.add_argument_group("limits")
-    limits.add_argument(
-        "--from",
-        dest="run_before",
-        nargs="+",
-        default=[],
-        metavar="BAG",
-        help="stay inside the envelope of these recordings: positions, speeds, accelerations, tool positions",
-    )
+    text = "stay inside the envelope of these recordings: positions, speeds, accelerations, tool positions"
+    several(limits, "--from", "BAG", text, dest="run_before")
     add_joints(limits, "move", angle="0")
     add_accept_unchecked(limits)
     search = parser.add_argument_group("search")
-    search.add_argument(
-        "--starts", type=within(1, 100_000, int), metavar="N", help="random starts of the optimiser (default: 12)"
-    )
-    search.add_argument(
-        "--time-limit", type=float, metavar="S", help="stop after S seconds of wall time and keep the best result"
-    )
-    search.add_argument(
-        "--seed", type=within(0, 2**31, int), default=0, help="seed of the random starts (default: %(default)s)"
-    )
+    count(search, "--starts", "N", (1, 100_000), "random starts of the optimiser (default: 12)")
+    text = "stop after S seconds of wall time and keep the best result"
+    option(search, "--time-limit", "S", text, type=float)
+    count(search, "--seed", None, (0, 2**31), "seed of the random starts", 0)
     add_cluster(search)
     output = parser.add_argument_group("output")
     add_output(output, "EXCITATION", "excitation.yaml to write")
-    add_bound_arguments(output)
+    flag(output, "--bound", "also bound the best criterion within the limits (up to 60 s) and print the D-efficiency")
+    option(output, "--page", "PAGE", "page.html to write: the motion, its limits, its information")
     add_precision(output)
     add_json(output)
 
 
 def _add_purpose(group: Options) -> None:
-    group.add_argument(
-        "--robot",
-        metavar="R",
-        help="kuka_ir361, kuka_ir361_spring, a robot YAML, URDF or model.yaml (default: --model's, else kuka_ir361)",
+    text = "kuka_ir361, kuka_ir361_spring, a robot YAML, URDF or model.yaml (default: --model's, else kuka_ir361)"
+    option(group, "--robot", "R", text)
+    text = (
+        "d-optimal (log det of the covariance), condition (condition number) or crlb (d-optimal with position noise,"
+        " needs --model or --iterate); default: %(default)s"
     )
-    group.add_argument(
-        "--criterion",
-        default="d-optimal",
-        help="d-optimal (log det of the covariance), condition (condition number) or crlb (d-optimal with position"
-        " noise, needs --model or --iterate); default: %(default)s",
-    )
-    group.add_argument(
-        "--effect", action="extend", nargs="+", default=[], metavar="NAME@JOINT", help="additional effects to identify"
-    )
-    group.add_argument(
+    option(group, "--criterion", None, text, "d-optimal")
+    several(group, "--effect", "NAME@JOINT", "additional effects to identify", action="extend")
+    flag(
+        group,
         "--iterate",
-        action="store_true",
-        help="with --criterion crlb: measure the simulated robot, estimate, design again until sigma no longer falls;"
+        "with --criterion crlb: measure the simulated robot, estimate, design again until sigma no longer falls;"
         " --starts and --time-limit are those of each design",
     )
-    group.add_argument("--model", metavar="MODEL", help="model.yaml whose parameters to optimise for")
-    group.add_argument(
-        "--prior",
-        nargs="+",
-        default=[],
-        metavar="BAG",
-        help="recordings or models whose information is already available",
-    )
-    group.add_argument(
-        "--only", choices=("payload",), help="optimise for the payload's parameters alone, with friction re-estimated"
-    )
-    group.add_argument(
-        "--tell", nargs=2, metavar=("A@j", "B@k"), help="optimise the motion to discriminate between two effects"
-    )
+    option(group, "--model", "MODEL", "model.yaml whose parameters to optimise for")
+    several(group, "--prior", "BAG", "recordings or models whose information is already available")
+    text = "optimise for the payload's parameters alone, with friction re-estimated"
+    group.add_argument("--only", choices=("payload",), help=text)
+    option(group, "--tell", ("A@j", "B@k"), "optimise the motion to discriminate between two effects", nargs=2)
 
 
 def run(args: argparse.Namespace) -> int:
     """Design excitations."""
     from robot_ident.files import refuse_existing
+    from robot_ident.workflow.fitting import held_for_design, held_note, within_runs
     from robot_ident.workflow.inputs import prior_information
 
     files = output_files(args.output, args.trajectories)
@@ -329,9 +234,9 @@ def run(args: argparse.Namespace) -> int:
         check_iterate(args)
     band = bandwidth_of(args.bandwidth)
     model, whole = _model_and_robot(args)
-    robot, held = held_for_design(args, whole)
+    robot, held = held_for_design(whole, args.joints, given_angles(args, whole))
     _check_model(args, model, robot)
-    robot = within_runs(args, robot, whole)
+    robot = within_runs(args.run_before, robot, whole)
     if args.validation_motion:
         return run_validation(args, _target(args, model, robot), files)
     if args.waypoints:
@@ -348,7 +253,6 @@ def run(args: argparse.Namespace) -> int:
     limit = args.time_limit
     deadline = None if limit is None else process_start() + limit - min(_EXIT + _WHOLE * bool(held), 0.1 * limit)
     if args.tell:
-        from robot_ident.cli.design_tell import run_tell
 
         def finished(excitation: Excitation) -> Excitation:
             return _moved_alone(_with_sources(excitation, args), whole, held)
@@ -360,36 +264,99 @@ def run(args: argparse.Namespace) -> int:
     except KeyboardInterrupt:  # what was designed is kept, without a bound
         found, bound = replace(found, interrupted=True), None
     found = replace(found, excitations=tuple(_with_sources(one, args) for one in found.excitations))
-    written = [_moved_alone(one, whole, held) for one in found.excitations]
-    for file, excitation in zip(files, written, strict=bool(files)):
-        excitation.write(file, force=args.force)
+    write_motions(args, files, *(_moved_alone(one, whole, held) for one in found.excitations))
     needed = precision(args, target, found.excitations, prior)
     if args.page:
         write_design_page(args, found, target, bound)
-    if args.json:
-        more = {"bound": bound_json(bound, found), "page": args.page, "held": held, "precision": precision_json(needed)}
-        print_json(design_json(files, found, found.parameters, found.margins, found.seconds, found.notes, **more))
-        refuse_unchecked(args, found.margins, files)
-        return 0
-    for note in (*held_note(whole, held), *found.notes):
-        tell(note)
-    if found.interrupted:
-        tell("stopped early: this is the best excitation so far")
-    say_unchecked(found.margins)
+    kept = None if bound is None else bound.to_json(found.log10_det_covariance)
+    more = {"bound": kept, "page": args.page, "held": held, "precision": precision_json(needed)}
+    data = design_json(files, found, found.parameters, found.margins, found.seconds, found.notes, **more)
     together = f" of {len(found.excitations)} motions together" if len(found.excitations) > 1 else ""
     beside = ", the earlier recordings included" if args.prior else ""
-    say(
-        f"log10 det of the covariance{together}{beside} {found.log10_det_covariance:.2f}, condition number"
-        f" {found.condition_number:.2f} ({found.seconds:.0f} s)"
+    lines = [
+        criteria_line(found, found.seconds, together + beside),
+        *bound_lines(bound, found),
+        *precision_lines(needed),
+    ]
+    stopped = ("stopped early: this is the best excitation so far",) if found.interrupted else ()
+    notes = (*held_note(whole, held), *found.notes, *stopped)
+    return finish(args, files, found.margins, data, lines, notes=notes, checked=True)
+
+
+def check_bound_arguments(args: argparse.Namespace) -> None:
+    """Raise InputError where the options don't go together, or the page can't be written."""
+    from robot_ident.files import refuse_existing
+
+    for name, given in (("--bound", args.bound), ("--page", args.page)):
+        if given and args.tell:
+            raise InputError(f"{name} goes with a criterion, not with --tell")
+    if args.page:
+        refuse_existing(args.page, force=args.force)
+
+
+def until_bound(args: argparse.Namespace, deadline: float | None) -> float | None:
+    """Return when the search has to end so that the bound fits into the time limit."""
+    from robot_ident.design.bound import TIME_LIMIT
+
+    if deadline is None or not args.bound:
+        return deadline
+    return deadline - min(TIME_LIMIT, _SHARE * max(0.0, deadline - time.monotonic()))
+
+
+def bounded(
+    args: argparse.Namespace, found: DesignResult, target: Target, prior: Array | None, deadline: float | None
+) -> tuple[DesignResult, Bound | None]:
+    """Return the design with the bound in what its files say was achieved."""
+    if not args.bound:
+        return found, None
+    from robot_ident.design.bound import TIME_LIMIT, Proof, determinant_bound
+    from robot_ident.design.family import family_of
+
+    time_limit = TIME_LIMIT if deadline is None else min(TIME_LIMIT, max(1.0, deadline - time.monotonic()))
+    started = time.monotonic()
+    band = found.excitation.reproduce.get("bandwidth")
+    family = family_of(
+        args.base_frequency, args.sample_rate, args.harmonics, (band[0], band[1]) if band else None, args.symmetric
     )
-    if bound is not None:
-        say_bound(bound, found)
-    say_precision(needed)
-    say(margin_table(found.margins))
-    for file in [*files, *([args.page] if args.page else [])]:
-        say(f"written: {file}")
-    refuse_unchecked(args, found.margins, files)
-    return 0
+    with Progress("bound", 1.0) as bar:
+
+        def show(proof: Proof) -> None:
+            done = min(1.0, (time.monotonic() - started) / time_limit)
+            bar.reach(done, f"within {(proof.upper - proof.lower) / 2.302585:.2f} decades")
+
+        bound = determinant_bound(
+            target, family, trajectories=len(found.excitations), prior=prior, time_limit=time_limit, progress=show
+        )
+    kept = bound.to_json(found.log10_det_covariance)
+    excitations = [replace(one, achieved={**one.achieved, "bound": kept}) for one in found.excitations]
+    return replace(found, excitations=tuple(excitations)), bound
+
+
+def bound_lines(bound: Bound | None, found: DesignResult) -> list[str]:
+    """Return the efficiency, what it is measured by, and what the bound rests on."""
+    if bound is None:
+        return []
+    efficiency = bound.efficiency(found.log10_det_covariance)
+    count = len(found.excitations)
+    none = "no motion within the limits gets" if count == 1 else f"no {count} motions within the limits get"
+    return [
+        f"D-efficiency at least {100 * efficiency:.0f} %: {none} below"
+        f" {bound.log10_det_covariance:.2f} ({bound.seconds:.0f} s)",
+        bound.explanation(),
+    ]
+
+
+def write_design_page(args: argparse.Namespace, found: DesignResult, target: Target, bound: Bound | None) -> None:
+    """Write the page of `--page`."""
+    from robot_ident.report.design_sections import design_sections
+    from robot_ident.report.page import write_page
+
+    units = tuple(parameter.unit for parameter in target.structure.parameters)
+    first = found.excitation
+    series = f"{first.harmonics} harmonics of {first.base_frequency:g} Hz, sampled at {first.sample_rate:g} Hz"
+    subtitle = f"{first.criterion}, {series}"
+    sections = design_sections(found, target.robot, units, bound)
+    write_page(args.page, f"Excitation of {first.robot}", sections, subtitle=subtitle, force=args.force)
 
 
 def output_files(output: str | None, count: int) -> list[str]:
@@ -463,11 +430,8 @@ def _design(
     with Progress("design", 1.0) as bar:
 
         def show(state: State) -> None:
-            done = state.done / state.planned if state.planned else 0.0
-            if args.time_limit is not None:
-                done = state.seconds / args.time_limit
             note = f"{state.phase}: det 10^{state.log10_det_covariance:.2f}, condition {state.condition_number:.2f}"
-            bar.reach(min(1.0, done), note)
+            bar.reach(share_done(args, state), note)
 
         return design(
             robot,

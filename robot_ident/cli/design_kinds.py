@@ -1,22 +1,61 @@
-"""What the kinds of `robot_ident design` share: refusing the options of the others, and what --json prints."""
+"""The kinds of `robot_ident design`: the motion on which a model is validated (`--validation-motion`), a tour of
+approved moves (`--waypoints`), the motion that best tells two effects apart (`--tell`), and design, measurement and
+estimate in turn on the simulated robot (`--criterion crlb --iterate`); and what all of them refuse, write and print.
+"""
 
 from __future__ import annotations
 
 import argparse
-from collections.abc import Sequence
-from typing import TYPE_CHECKING, Any
+import time
+from collections.abc import Callable, Iterable, Sequence
+from typing import TYPE_CHECKING, Any, Protocol
 
+from robot_ident.cli.options import Options, count, option
+from robot_ident.cli.output import (
+    Progress,
+    margin_table,
+    print_json,
+    refuse_unchecked,
+    say,
+    say_unchecked,
+    say_written,
+    table,
+    tell,
+)
 from robot_ident.errors import InputError
 
 if TYPE_CHECKING:
     from robot_ident.design.criteria import Evaluation
     from robot_ident.design.design import DesignResult
+    from robot_ident.design.design import Progress as State
+    from robot_ident.design.target import Target
     from robot_ident.limits.certifier import Margins
+    from robot_ident.robot import Robot
+    from robot_ident.signals.motion import Array
+    from robot_ident.trajectories.excitation import Excitation
 
 
-def refuse_with(args: argparse.Namespace, kind: str, options: Sequence[str]) -> None:
-    """Raise InputError where options are given that a kind of design (its option) would not heed."""
-    given = [option for option in options if _is_given(args, option)]
+_NOT_WITH = {
+    "--validation-motion": "--waypoints --tell --only --iterate --prior --symmetric --bandwidth --harmonics --starts"
+    " --time-limit --bound --page --precision --joints --trajectories",
+    "--waypoints": "--iterate --tell --trajectories --symmetric --bandwidth --bound --page --prior --precision"
+    " --joints",
+    "--iterate": "--model --prior --tell --only --waypoints --symmetric --bandwidth --bound --page --precision --joints"
+    " --from --trajectories",
+}
+"""Options that a kind of design (its own option) would not heed."""
+
+
+class Writable(Protocol):
+    """A motion that can be written."""
+
+    def write(self, path: str, *, force: bool) -> None:
+        """Write it to a file."""
+
+
+def refuse_others(args: argparse.Namespace, kind: str) -> None:
+    """Raise InputError where options are given that a kind of design would not heed."""
+    given = [name for name in _NOT_WITH[kind].split() if _is_given(args, name)]
     if given:
         raise InputError(f"{kind} does not go with {', '.join(given)}")
 
@@ -54,3 +93,225 @@ def design_json(
         **own,
         **kind,
     }
+
+
+def write_motions(args: argparse.Namespace, files: Sequence[str], *motions: Writable) -> None:
+    """Write the motions, if there are files to write."""
+    for file, motion in zip(files, motions, strict=bool(files)):
+        motion.write(file, force=args.force)
+
+
+def finish(
+    args: argparse.Namespace,
+    files: Sequence[str],
+    margins: Margins,
+    data: dict[str, Any],
+    lines: Iterable[str],
+    *,
+    notes: Iterable[str] = (),
+    checked: bool = False,
+) -> int:
+    """Print a design: as JSON, or as notes, what was not checked, its lines, margins and files.
+
+    checked: whether the files can be accepted by `robot_ident check` where something was not checked.
+    """
+    if args.json:
+        print_json(data)
+    else:
+        tell(*notes)
+        say_unchecked(margins)
+        say("\n".join([*lines, margin_table(margins)]))
+        say_written(*files, args.page)
+    refuse_unchecked(args, margins, files if checked else ())
+    return 0
+
+
+def share_done(args: argparse.Namespace, state: State) -> float:
+    """Return how far a search has come: of its time if that is limited, else of its plan."""
+    if args.time_limit is not None:
+        return min(1.0, state.seconds / args.time_limit)
+    return min(1.0, state.done / state.planned) if state.planned else 0.0
+
+
+def run_validation(args: argparse.Namespace, target: Target, files: Sequence[str]) -> int:
+    """Draw a certified motion through random points with full stops, and write it (Swevers et al. 1997, section V)."""
+    import numpy as np
+
+    from robot_ident.design.criteria import evaluate_rows
+    from robot_ident.limits.certifier import certify
+    from robot_ident.planning.validation_motion import validation_motion
+
+    refuse_others(args, "--validation-motion")
+    started = time.monotonic()
+    motion = validation_motion(target.robot, seed=args.seed)
+    margins = certify(motion, target.robot)
+    t = np.arange(int(motion.duration * args.sample_rate) + 1) / args.sample_rate
+    columns = target.structure.columns(motion.reference(t), target.values) / np.sqrt(target.torque_variance)[:, None]
+    values = evaluate_rows(np.asarray(columns.reshape(-1, columns.shape[2])))
+    write_motions(args, files, motion)
+    points, seconds = len(motion.points), time.monotonic() - started
+    drawn = {"points": points, "duration": motion.duration}
+    data = design_json(files, values, target.structure.names, margins, seconds, target.notes, validation=drawn)
+    line = (
+        f"{points} random points, {motion.duration:.4g} s: maximum acceleration, then velocity, full stop at each;"
+        " it enters no fit (validate, --validation)"
+    )
+    return finish(args, files, margins, data, [line])
+
+
+def add_waypoints(parser: Options) -> None:
+    """Add the options."""
+    text = "instead of a Fourier series, plan a repeated tour of moves between the approved poses of a YAML"
+    option(parser, "--waypoints", "FILE", text)
+    count(parser, "--moves", "K", (2, 200), "maximum number of moves of the tour", 12)
+    count(parser, "--repeats", "M", (1, 1000), "repetitions of the tour", 8)
+
+
+def run_waypoints(args: argparse.Namespace, target: Target, files: Sequence[str]) -> int:
+    """Plan a tour, and write it as a point-to-point motion."""
+    from robot_ident.design.tours import Waypoints, plan_tour
+
+    refuse_others(args, "--waypoints")
+    started = time.monotonic()
+    waypoints = Waypoints.read(args.waypoints, target.robot)
+    with Progress("tour", 1.0) as bar:
+        tour = plan_tour(
+            target,
+            waypoints,
+            length=args.moves,
+            repeats=args.repeats,
+            sample_rate=args.sample_rate,
+            seed=args.seed,
+            progress=bar.reach,
+        )
+    write_motions(args, files, tour.motion)
+    notes = [*target.notes]
+    if tour.refused:
+        words = ", ".join(f"{a} to {b}" for a, b in tour.refused)
+        notes.append(f"left out, for they break a limit at every speed: {words}")
+    if tour.untold:
+        still = f" ({', '.join(tour.resting)} never moves)" if tour.resting else ""
+        notes.append(
+            f"the approved moves{still} leave undetermined: {', '.join(tour.untold)}; approve poses that differ in more"
+            " joints, or more of them"
+        )
+    values, seconds, duration = tour.evaluation, time.monotonic() - started, tour.motion.duration
+    planned = {"poses": list(tour.names), "paces": list(tour.paces), "repeats": args.repeats, "duration": duration}
+    data = design_json(files, values, target.structure.names, tour.margins, seconds, notes, waypoints=planned)
+    lines = [
+        f"{len(tour.paces)} moves, {args.repeats} times, {duration:.4g} s: {' - '.join(tour.names)}",
+        "at " + ", ".join(f"{100 * pace:g} %" for pace in tour.paces) + " of the speed",
+        criteria_line(values, seconds),
+    ]
+    return finish(args, files, tour.margins, data, lines, notes=notes)
+
+
+def criteria_line(values: Evaluation | DesignResult, seconds: float, whose: str = "") -> str:
+    """Return both criteria in words; whose: of which motions and recordings together."""
+    return (
+        f"log10 det of the covariance{whose} {values.log10_det_covariance:.2f}, condition number"
+        f" {values.condition_number:.2f} ({seconds:.0f} s)"
+    )
+
+
+def run_tell(
+    args: argparse.Namespace,
+    target: Target,
+    prior: Array | None,
+    deadline: float | None,
+    files: Sequence[str],
+    finished: Callable[[Excitation], Excitation],
+) -> int:
+    """Design the motion that tells two effects apart; finished: what makes of it what is written."""
+    from robot_ident.design.discrimination import NEEDED, tell_apart
+
+    if args.trajectories > 1 or args.symmetric or args.bandwidth or args.harmonics:
+        raise InputError(
+            "--tell chooses its motion's form itself: leave out --trajectories, --symmetric, --bandwidth and"
+            " --harmonics"
+        )
+    if args.precision:
+        raise InputError("--precision counts periods for a parameter's sigma; leave it out with --tell")
+    first, second = args.tell
+    with Progress("tell", 1.0) as bar:
+
+        def show(tried: int, planned: int, best: float) -> None:
+            bar.reach(min(1.0, tried / planned), f"noncentrality {best:.1f}")
+
+        found = tell_apart(
+            target,
+            first,
+            second,
+            base_frequency=args.base_frequency,
+            sample_rate=args.sample_rate,
+            prior=prior,
+            seed=args.seed,
+            deadline=float("inf") if deadline is None else deadline,
+            progress=show,
+        )
+    write_motions(args, files, finished(found.excitation))
+    told = {
+        "effects": list(args.tell),
+        "noncentrality": found.noncentrality,
+        "of_each": list(found.of_each),
+        "needed": NEEDED,
+        "separable": found.separable,
+        "motion": found.kind,
+        "otherwise": found.otherwise,
+    }
+    values, names = found.evaluation, found.parameters
+    data = design_json(files, values, names, found.margins, found.seconds, target.notes, tell=told)
+    state = "sufficient" if found.separable else f"not separable by motion: {NEEDED:g} is needed"
+    lines = [
+        f"{first} vs. {second}: noncentrality {found.noncentrality:.1f}, {state} (a motion of kind: {found.kind})",
+        *(f"  {label}: {text}" for label, text in found.otherwise.items()),
+    ]
+    return finish(args, files, found.margins, data, lines, notes=target.notes)
+
+
+def check_iterate(args: argparse.Namespace) -> None:
+    """Raise InputError where options of other designs are given."""
+    if args.criterion != "crlb":
+        raise InputError(
+            f"--iterate goes with --criterion crlb, which alone depends on the estimate (given: {args.criterion})"
+        )
+    refuse_others(args, "--iterate")
+
+
+def run_iterate(args: argparse.Namespace, robot: Robot, files: Sequence[str]) -> int:
+    """Iterate, print the bound from round to round, write the last motion."""
+    from robot_ident.testbed.redesign import redesign
+
+    with Progress("design", 1.0) as bar:
+
+        def show(number: int, state: State) -> None:
+            note = f"round {number + 1}: bound 10^{state.log10_det_covariance:.2f}"
+            bar.reach(share_done(args, state), note)
+
+        found = redesign(
+            robot,
+            effects=args.effect,
+            harmonics=args.harmonics,
+            base_frequency=args.base_frequency,
+            sample_rate=args.sample_rate,
+            starts=args.starts,
+            time_limit=args.time_limit,
+            seed=args.seed,
+            progress=show,
+        )
+    last, rounds = found.last, found.to_dict()
+    write_motions(args, files, last.excitation)
+    data = design_json(files, last, last.parameters, last.margins, last.seconds, last.notes, iterations=rounds)
+    rows = [
+        (
+            one.excitation.criterion or "given",
+            f"{one.log10_det_bound:.2f}",
+            f"{one.model.log10_det_covariance:.2f}",
+            f"{one.model.condition_number:.2f}",
+            f"{-100 * one.fall:+.1f} %" if one.fall else "",
+        )
+        for one in found.rounds
+    ]
+    header = ("motion", "log10 det of the bound", "log10 det of c2", "condition number", "sigma, mean")
+    lines = [table(header, rows), found.in_words]
+    return finish(args, files, last.margins, data, lines, checked=True)

@@ -6,12 +6,12 @@ import argparse
 from dataclasses import replace
 from typing import TYPE_CHECKING
 
-from robot_ident.cli.output import add_json, add_output, print_json, say, table, tell
+from robot_ident.cli.options import add_json, add_output, add_recordings, flag
+from robot_ident.cli.output import print_json, refuse_output, say, say_written, table, tell
 from robot_ident.errors import InputError
 
 if TYPE_CHECKING:
     from robot_ident.diagnosis.diagnosis import Diagnosis, Finding
-    from robot_ident.model.model import Model
     from robot_ident.robot.robot import Robot
     from robot_ident.workflow.inputs import Inputs
     from robot_ident.workflow.steps import Step
@@ -21,8 +21,6 @@ _TIED_LISTED = 3  # of the candidates that one is tied with: the table stays rea
 
 def add_arguments(parser: argparse.ArgumentParser) -> None:
     """Add the command's options."""
-    from robot_ident.cli.options import add_recordings
-
     parser.add_argument(
         "inputs",
         nargs="+",
@@ -31,11 +29,8 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
     )
     add_recordings(parser.add_argument_group("recordings"))
     extension = parser.add_argument_group("model extension")
-    extension.add_argument(
-        "--add-until-adequate",
-        action="store_true",
-        help="add the missing effects and repeat until the model is adequate; print the error after each step",
-    )
+    text = "add the missing effects and repeat until the model is adequate; print the error after each step"
+    flag(extension, "--add-until-adequate", text)
     output = parser.add_argument_group("output")
     add_output(output, "MODEL", "with --add-until-adequate: extended model to write")
     add_json(output)
@@ -44,14 +39,13 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
 def run(args: argparse.Namespace) -> int:
     """Say which physical effect is missing."""
     from robot_ident.cli.steps import bar, print_additions, to_dict
-    from robot_ident.files import refuse_existing
+    from robot_ident.model.model_file import write_model
     from robot_ident.workflow.inputs import read_inputs
     from robot_ident.workflow.steps import Additions, add_until_adequate, find_missing
 
     if args.output and not args.add_until_adequate:
         raise InputError(f"-o {args.output}: a model is written only with --add-until-adequate")
-    if args.output:
-        refuse_existing(args.output, force=args.force)
+    refuse_output(args)
     inputs = read_inputs(args.inputs, args.validation, args.topic)
     if len(inputs.models) != 1 or not inputs.measurements:
         raise InputError("diagnose takes one model and at least one recording")
@@ -61,7 +55,7 @@ def run(args: argparse.Namespace) -> int:
     added = add_until_adequate(found, inputs, bar) if args.add_until_adequate else Additions([found])
     steps = added.steps
     if args.output:
-        _write(steps[-1].model if added.foreseen else inputs.models[0], args)
+        write_model(steps[-1].model if added.foreseen else model, args.output, force=args.force)
     found = replace(found, notes=(*found.notes, *_troubles(found, inputs, steps if added.foreseen else [])))
     if args.json:
         print_json(found.to_dict() | (to_dict(added) if steps else {}))
@@ -69,8 +63,7 @@ def run(args: argparse.Namespace) -> int:
     _print(found, inputs)
     if steps:
         print_additions(found, added)
-    if args.output:
-        say(f"written: {args.output}")
+    say_written(args.output)
     return 0
 
 
@@ -94,12 +87,6 @@ def _troubles(found: Diagnosis, inputs: Inputs, steps: list[Step]) -> tuple[str,
     return (*lines, f"with what is missing added it {told} than the torque itself")
 
 
-def _write(model: Model, args: argparse.Namespace) -> None:
-    from robot_ident.model.model_file import write_model
-
-    write_model(model, args.output, force=args.force)
-
-
 def _print(found: Diagnosis, inputs: Inputs) -> None:
     robot = inputs.models[0].robot
     say(found.in_words)
@@ -121,18 +108,13 @@ def _print(found: Diagnosis, inputs: Inputs) -> None:
     if found.missing or found.others:
         say()
         listed = [*found.missing, *found.others]
-        header = (
-            "rank",
-            "candidate",
-            "named",
-            "explains",
-            "p",
-            "rms before",
-            "rms after",
-            "unit",
-            "indistinguishable from",
+        header = ("rank", "candidate", "named", "explains", "p", "rms before", "rms after", "unit")
+        say(
+            table(
+                (*header, "indistinguishable from"),
+                [_row(rank, s, s in found.missing, robot) for rank, s in enumerate(listed, 1)],
+            )
         )
-        say(table(header, [_row(rank, s, s in found.missing, robot) for rank, s in enumerate(listed, 1)]))
     for note in found.notes:
         tell(f"note: {note}")
 

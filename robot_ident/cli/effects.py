@@ -5,7 +5,8 @@ from __future__ import annotations
 import argparse
 from typing import TYPE_CHECKING, Any
 
-from robot_ident.cli.output import add_json, print_json, say, table
+from robot_ident.cli.options import add_json
+from robot_ident.cli.output import print_json, say, table
 
 if TYPE_CHECKING:
     from robot_ident.effects import Effect, Inner
@@ -30,12 +31,13 @@ def run(args: argparse.Namespace) -> int:
     elif args.name:
         say(page(chosen[0]))
     else:
-        say(table(("effect", "torque", "in time", "meaning"), [_row(effect) for effect in chosen]))
+        say(
+            table(
+                ("effect", "torque", "in time", "meaning"),
+                [(one.name, one.equation, one.symmetry, one.meaning) for one in chosen],
+            )
+        )
     return 0
-
-
-def _row(effect: type[Effect]) -> tuple[str, str, str, str]:
-    return effect.name, effect.equation, effect.symmetry, effect.meaning
 
 
 def describe(effect: type[Effect]) -> dict[str, Any]:
@@ -46,21 +48,9 @@ def describe(effect: type[Effect]) -> dict[str, Any]:
         "equation": effect.equation,
         "scope": effect.scope,
         "symmetry": effect.symmetry,
-        "parameters": [
-            {"name": c.name, "unit": c.unit, "unit_prismatic": c.unit_prismatic, "positive": c.positive}
-            for c in effect.coefficients
-        ],
+        "parameters": [_named(c, "name", "unit", "unit_prismatic", "positive") for c in effect.coefficients],
         "inner": [
-            {
-                "name": i.name,
-                "unit": i.unit,
-                "unit_prismatic": i.unit_prismatic,
-                "lower": i.lower,
-                "upper": i.upper,
-                "grid": list(i.grid),
-                "continuous": i.continuous,
-            }
-            for i in effect.inner
+            _named(i, "name", "unit", "unit_prismatic", "lower", "upper", "grid", "continuous") for i in effect.inner
         ],
         "signature": effect.signature,
         "confused_with": list(effect.confused_with),
@@ -72,6 +62,10 @@ def describe(effect: type[Effect]) -> dict[str, Any]:
         "evidence": effect.evidence or None,
         "measuring": effect.measuring,
     }
+
+
+def _named(parameter: Any, *names: str) -> dict[str, Any]:
+    return {name: getattr(parameter, name) for name in names}
 
 
 def page(effect: type[Effect]) -> str:

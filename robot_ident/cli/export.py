@@ -8,7 +8,8 @@ from dataclasses import asdict, dataclass, replace
 from pathlib import Path
 from typing import TYPE_CHECKING
 
-from robot_ident.cli.output import add_json, print_json, say, table, tell, within
+from robot_ident.cli.options import add_json, flag, number, option
+from robot_ident.cli.output import print_json, say, say_written, table, tell
 
 if TYPE_CHECKING:
     from robot_ident.export.exported import Exported
@@ -22,31 +23,21 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
     """Add the command's options."""
     parser.add_argument("model", metavar="model.yaml", help="identified model")
     form = parser.add_mutually_exclusive_group(required=True)
-    form.add_argument(
-        "--urdf", metavar="F", help="write the robot's URDF with the identified inertias and joint friction"
-    )
-    form.add_argument("--mjcf", metavar="F", help="write a MuJoCo model, including rotor inertias")
-    form.add_argument("--c", metavar="DIR", help="write C code of torque, gravity and friction to this folder")
-    parser.add_argument(
-        "--smoothing",
-        type=within(1e-9, 1e3),
-        default=0.01,
-        metavar="V",
-        help="with --c: speed below which Coulomb friction is smoothed, rad/s or m/s (default: %(default)s)",
-    )
-    parser.add_argument(
-        "--validation",
-        metavar="BAG",
-        help="recording on which to print the model's error and the torque of the effects not exported",
-    )
-    parser.add_argument("--topic", metavar="T", help="topic of the joint states")
-    parser.add_argument(
+    option(form, "--urdf", "F", "write the robot's URDF with the identified inertias and joint friction")
+    option(form, "--mjcf", "F", "write a MuJoCo model, including rotor inertias")
+    option(form, "--c", "DIR", "write C code of torque, gravity and friction to this folder")
+    text = "with --c: speed below which Coulomb friction is smoothed, rad/s or m/s"
+    number(parser, "--smoothing", "V", (1e-9, 1e3), text, 0.01)
+    text = "recording on which to print the model's error and the torque of the effects not exported"
+    option(parser, "--validation", "BAG", text)
+    option(parser, "--topic", "T", "topic of the joint states")
+    flag(
+        parser,
         "--anyway",
-        action="store_true",
-        help="export even if the model misses half of its own torque, fails on --validation or is not physically"
+        "export even if the model misses half of its own torque, fails on --validation or is not physically"
         " consistent (C code)",
     )
-    parser.add_argument("--force", action="store_true", help="overwrite existing files")
+    flag(parser, "--force", "overwrite existing files")
     add_json(parser)
 
 
@@ -83,19 +74,13 @@ def run(args: argparse.Namespace) -> int:
         _write_folder(target, made.files, force=args.force)
     if args.json:
         left = [{"effect": label, "rms": held.left_out.get(label)} for label in made.left]
-        data = {
-            "schema": "robot_ident/export/1",
-            "format": form,
-            "path": str(target),
-            "files": [str(target / name) for name in sorted(made.files)],
-        }
+        files = [str(target / name) for name in sorted(made.files)]
+        data = {"schema": "robot_ident/export/1", "format": form, "path": str(target), "files": files}
         residual = {joint: asdict(one) for joint, one in held.residual.items()} if args.validation else None
-        print_json(
-            {**data, "carried": list(made.carried), "left_out": left, "residual": residual, "notes": list(notes)}
-        )
+        more = {"carried": list(made.carried), "left_out": left, "residual": residual, "notes": list(notes)}
+        print_json({**data, **more})
         return 0
-    for note in notes:
-        tell(note)
+    tell(*notes)
     say(f"exported: the links{''.join(f', {label}' for label in made.carried)}")
     if made.left:
         say(f"not exported: {', '.join(made.left)}")
@@ -106,22 +91,16 @@ def run(args: argparse.Namespace) -> int:
     if held.residual:
         say(fit_table(model.robot, held.residual))
         say("error of the complete model along the recording")
-    say(f"written: {target}")
+    say_written(target)
     return 0
 
 
-def _urdf(model: Model, args: argparse.Namespace) -> Exported:
-    from robot_ident.export.exported import Dynamics
-    from robot_ident.export.to_urdf import to_urdf
-
-    return to_urdf(Dynamics.of(model))
-
-
-def _mjcf(model: Model, args: argparse.Namespace) -> Exported:
+def _of_dynamics(model: Model, args: argparse.Namespace) -> Exported:
     from robot_ident.export.exported import Dynamics
     from robot_ident.export.to_mjcf import to_mjcf
+    from robot_ident.export.to_urdf import to_urdf
 
-    return to_mjcf(Dynamics.of(model))
+    return (to_urdf if args.urdf else to_mjcf)(Dynamics.of(model))
 
 
 def _c(model: Model, args: argparse.Namespace) -> Exported:
@@ -139,7 +118,11 @@ def _c(model: Model, args: argparse.Namespace) -> Exported:
     return replace(made, notes=(*made.notes, f"{why}; they are {sigmas:.2g} standard deviations from some that can"))
 
 
-FORMATS: dict[str, Callable[[Model, argparse.Namespace], Exported]] = {"urdf": _urdf, "mjcf": _mjcf, "c": _c}
+FORMATS: dict[str, Callable[[Model, argparse.Namespace], Exported]] = {
+    "urdf": _of_dynamics,
+    "mjcf": _of_dynamics,
+    "c": _c,
+}
 
 
 @dataclass(frozen=True)

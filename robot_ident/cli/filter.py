@@ -3,9 +3,11 @@
 from __future__ import annotations
 
 import argparse
+from dataclasses import replace
 from typing import TYPE_CHECKING
 
-from robot_ident.cli.output import add_json, add_robot, print_json, say, table, within
+from robot_ident.cli.options import add_json, add_robot, count, option
+from robot_ident.cli.output import print_json, say, table
 from robot_ident.errors import InputError
 
 if TYPE_CHECKING:
@@ -20,13 +22,11 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
         nargs="?",
         help="measured response: columns frequency [Hz], gain (ratio), phase [deg] and, where known, deviation",
     )
-    parser.add_argument("--with", dest="behind", metavar="BAG", help="instead: recording of a motion with the filter")
-    parser.add_argument("--without", metavar="BAG", help="recording of the same motion without the filter")
+    option(parser, "--with", "BAG", "instead: recording of a motion with the filter", dest="behind")
+    option(parser, "--without", "BAG", "recording of the same motion without the filter")
     add_robot(parser)
-    parser.add_argument("--joint", metavar="J", help="with two recordings: this joint only (default: all together)")
-    parser.add_argument(
-        "--order", type=within(1, 12, int), metavar="N", help="order of the filter (default: that of the least BIC)"
-    )
+    option(parser, "--joint", "J", "with two recordings: this joint only (default: all together)")
+    count(parser, "--order", "N", (1, 12), "order of the filter (default: that of the least BIC)")
     add_json(parser)
 
 
@@ -65,8 +65,6 @@ def run(args: argparse.Namespace) -> int:
 
 def _between(args: argparse.Namespace) -> FrequencyResponse:
     """Return the response between the two recordings, of one joint or all."""
-    from dataclasses import replace
-
     from robot_ident.bags import read_for
     from robot_ident.recording.filter_response import between
     from robot_ident.recording.process import process

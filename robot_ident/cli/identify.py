@@ -8,18 +8,23 @@ from collections.abc import Mapping
 from dataclasses import replace
 from typing import TYPE_CHECKING, Any
 
-from robot_ident.cli.options import add_bags_and_effects, add_joints, bags_of, held_in_recordings, held_note
-from robot_ident.cli.output import (
-    Options,
+from robot_ident.cli.options import (
+    AS_DECLARED,
+    add_bags_and_effects,
+    add_joints,
     add_json,
     add_output,
+    add_processing,
+    add_reading,
     add_robot,
-    print_json,
+    bags_of,
+    flag,
+    given_angles,
+    option,
+    processing_of,
     refuse_default_robot,
-    say,
-    table,
-    tell,
 )
+from robot_ident.cli.output import print_json, refuse_output, say, say_written, table, tell
 from robot_ident.errors import InputError
 
 if TYPE_CHECKING:
@@ -31,36 +36,18 @@ if TYPE_CHECKING:
 _MOMENTS = "Ixx", "Ixy", "Iyy", "Ixz", "Iyz", "Izz"
 
 _OF_THE_MODEL = (
-    "--effect",
-    "--physical",
-    "--joints",
-    "--hold",
-    "--trajectory",
-    "--low-pass",
-    "--derivative-bandwidth",
-    "--minimum-speed",
-    "--anti-alias",
+    *("--effect", "--physical", "--joints", "--hold", "--trajectory", "--low-pass", "--derivative-bandwidth"),
+    *("--minimum-speed", "--anti-alias"),
 )
-"""Options of `identify` that would have no effect here."""
-
-
-def add_only(parser: Options) -> None:
-    """Add the options that leave the arm as a model knows it."""
-    parser.add_argument(
-        "--only", choices=("payload",), help="estimate the payload and friction alone, on an arm with a known --model"
-    )
-    parser.add_argument("--model", metavar="MODEL", help="with --only: model.yaml of the arm without payload")
+"""Options of `identify` that would have no effect with `--only payload`."""
 
 
 def run_only(args: argparse.Namespace) -> int:
     """Identify a payload and print it with its uncertainty."""
-    from dataclasses import replace
-
     from robot_ident.bags import read_for
-    from robot_ident.cli.options import AS_DECLARED
     from robot_ident.estimation.effort_checks import contradictions
     from robot_ident.estimation.payload import bare, identify_payload, part_of
-    from robot_ident.files import refuse_existing, refuse_twice, write_text
+    from robot_ident.files import refuse_twice, write_text
     from robot_ident.model.model_file import read_model
     from robot_ident.recording.checks import refuse_copies
     from robot_ident.recording.measurement import Processing
@@ -71,8 +58,7 @@ def run_only(args: argparse.Namespace) -> int:
     given = [option for option in _OF_THE_MODEL if getattr(args, option[2:].replace("-", "_"))]
     if given:
         raise InputError(f"--only payload does not go with {', '.join(given)}: the model says so")
-    if args.output:
-        refuse_existing(args.output, force=args.force)
+    refuse_output(args)
     refuse_twice(args.bags)
     model = read_model(args.model)
     used = Processing(**dict(model.processing)) if model.processing else Processing()
@@ -136,8 +122,7 @@ def body_table(body: Mapping[str, Any]) -> str:
 
 
 def _print(found: PayloadFit, output: str | None) -> None:
-    for note in found.notes:
-        tell(note)
+    tell(*found.notes)
     say(body_table(found.to_dict()))
     say("centre in the end effector's frame, moments of inertia about it along its axes")
     if found.stated is not None:
@@ -146,42 +131,30 @@ def _print(found: PayloadFit, output: str | None) -> None:
     say()
     joints = [(joint, rms, found.noise_rms[joint]) for joint, rms in found.residual_rms.items()]
     say(table(("joint", "residual rms", "noise rms"), joints))
-    if output:
-        say(f"written: {output}")
+    say_written(output)
 
 
 def add_arguments(parser: argparse.ArgumentParser) -> None:
     """Add the command's options."""
-    from robot_ident.cli.options import add_processing, add_reading
-
     model = parser.add_argument_group("model")
     add_bags_and_effects(parser, model)
     add_robot(model)
     add_joints(model, "identify", angle="as recorded")
-    add_only(model)
-    model.add_argument(
-        "--base",
-        choices=("prediction", "declared"),
-        help="prediction: choose offsets, rotor inertias and filters by cross-validation; declared: use those of the"
-        " robot YAML and the options (default: the robot YAML's, else prediction)",
+    text = "estimate the payload and friction alone, on an arm with a known --model"
+    model.add_argument("--only", choices=("payload",), help=text)
+    option(model, "--model", "MODEL", "with --only: model.yaml of the arm without payload")
+    text = (
+        "prediction: choose offsets, rotor inertias and filters by cross-validation; declared: use those of the robot"
+        " YAML and the options (default: the robot YAML's, else prediction)"
     )
+    model.add_argument("--base", choices=("prediction", "declared"), help=text)
     estimation = parser.add_argument_group("estimation")
-    estimation.add_argument(
-        "--estimator",
-        default="wls",
-        help="ls (least squares), wls (weighted), ml (maximum likelihood), iv (instrumental variables); default:"
-        " %(default)s",
+    text = (
+        "ls (least squares), wls (weighted), ml (maximum likelihood), iv (instrumental variables); default: %(default)s"
     )
-    estimation.add_argument(
-        "--physical",
-        action="store_true",
-        help="project the estimate onto physically consistent parameters (needs clarabel)",
-    )
-    estimation.add_argument(
-        "--as-declared",
-        action="store_true",
-        help="continue even if the data contradict the robot YAML's effort metadata",
-    )
+    option(estimation, "--estimator", None, text, "wls")
+    flag(estimation, "--physical", "project the estimate onto physically consistent parameters (needs clarabel)")
+    flag(estimation, "--as-declared", "continue even if the data contradict the robot YAML's effort metadata")
     add_reading(parser.add_argument_group("reading the recordings"))
     add_processing(parser.add_argument_group("signal processing"))
     output = parser.add_argument_group("output")
@@ -192,34 +165,33 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
 def run(args: argparse.Namespace) -> int:
     """Identify and print the parameters with their uncertainty."""
     from robot_ident.bags import read_for
-    from robot_ident.cli.options import AS_DECLARED, at_its_speed, processing_of
     from robot_ident.effects import refuse_unseen
     from robot_ident.estimation.effort_checks import contradictions
     from robot_ident.estimation.identify import with_base
-    from robot_ident.files import refuse_existing, refuse_twice
+    from robot_ident.files import refuse_twice
     from robot_ident.model.model_file import write_model
     from robot_ident.model.structure import Structure
     from robot_ident.provenance import provenance
     from robot_ident.recording.checks import refuse_copies, refuse_same_rows
     from robot_ident.recording.process import process
     from robot_ident.robot import load_robot
+    from robot_ident.workflow.fitting import at_its_speed, held_in_recordings, held_note
 
     args.bags = bags_of(args)
     if args.only:
         return run_only(args)
     if args.model:
         raise InputError("--model: goes with --only payload; identify estimates the whole arm anew")
-    if args.output:
-        refuse_existing(args.output, force=args.force)
+    refuse_output(args)
     whole = load_robot(args.robot)
     refuse_twice(args.bags)
     refuse_unseen(args.effect, whole)
     recordings = [read_for(bag, whole, topic=args.topic) for bag in args.bags]
     refuse_default_robot(args.robot, whole.joints, recordings)
     refuse_same_rows(recordings)
-    robot, recordings, held = held_in_recordings(args, whole, recordings)
+    robot, recordings, held = held_in_recordings(whole, recordings, args.joints, given_angles(args, whole))
     robot = robot if args.base is None else replace(robot, base=args.base)
-    recordings, processing = at_its_speed(args, recordings, processing_of(args, robot, played=whole))
+    recordings, processing = at_its_speed(args.trajectory or [], recordings, processing_of(args, robot, played=whole))
     structure = Structure.build(robot, args.effect)
     measurements = [process(recording, robot, processing) for recording in recordings]
     refuse_copies(measurements)
@@ -240,8 +212,7 @@ def run(args: argparse.Namespace) -> int:
     if args.json:
         print_json(model.to_dict())
         return 0
-    for note in model.notes:
-        tell(note)
+    tell(*model.notes)
     say(parameter_table(model))
     say()
     say(fit_table(model.robot, model.residual))
@@ -259,8 +230,7 @@ def run(args: argparse.Namespace) -> int:
         )
     if model.days is not None:
         say(_days(model.days))
-    if args.output:
-        say(f"written: {args.output}")
+    say_written(args.output)
     return 0
 
 

@@ -5,12 +5,12 @@ from __future__ import annotations
 import argparse
 from typing import TYPE_CHECKING
 
-from robot_ident.cli.output import add_json, add_robot, print_json, say, table, tell
+from robot_ident.cli.options import add_json, add_robot, option
+from robot_ident.cli.output import print_json, say, table, tell
 from robot_ident.errors import InputError
 
 if TYPE_CHECKING:
     from robot_ident.estimation.declaration import Declared
-    from robot_ident.recording.measurement import Measurement
     from robot_ident.recording.recording import Recording
     from robot_ident.recording.summary import Summary
     from robot_ident.robot import Robot
@@ -20,7 +20,7 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
     """Add the command's options."""
     parser.add_argument("bag", metavar="BAG", help="bag, .npz or .csv")
     add_robot(parser, default=None)
-    parser.add_argument("--topic", metavar="T", help="topic of the joint states")
+    option(parser, "--topic", "T", "topic of the joint states")
     add_json(parser)
 
 
@@ -39,17 +39,13 @@ def run(args: argparse.Namespace) -> int:
     declared: list[Declared] = []
     coupled: list[str] = []
     try:
-        recording = (
-            read_for(args.bag, robot, topic=args.topic)
-            if robot
-            else read_recording(args.bag, topic=args.topic, velocities=False)
-        )
-        if robot is not None:
-            recording = recording.with_joints(robot.joints)
+        if robot is None:
+            summary = summarise(read_recording(args.bag, topic=args.topic, velocities=False))
+        else:
+            recording = read_for(args.bag, robot, topic=args.topic).with_joints(robot.joints)
             check_samples(recording)
             check_plausible(at_the_joints(recording, robot), robot)
-        summary = summarise(recording)
-        if robot is not None:
+            summary = summarise(recording)
             declared, coupled = _judged(recording, robot)
             coupled += coarse_notes(recording.q, robot.drives.encoder_step, robot.joints)
     except InputError as error:
@@ -58,53 +54,32 @@ def run(args: argparse.Namespace) -> int:
         trouble = str(error)
     topics = [{"name": t.name, "type": t.type, "messages": t.messages, "joints": list(t.joints)} for t in bag.topics]
     if args.json:
-        data = {
-            "schema": "robot_ident/info/1",
-            "path": bag.path,
-            "form": bag.form,
-            "truncated": bag.truncated,
-            "topics": topics,
-        }
-        notes = [*bag.notes, *([trouble] if trouble else []), *coupled]
-        print_json(
-            {
-                **data,
-                "recording": summary.to_dict() if summary else None,
-                "declaration": [one.to_dict() for one in declared],
-                "notes": notes,
-            }
-        )
+        data = {"schema": "robot_ident/info/1", "path": bag.path, "form": bag.form, "truncated": bag.truncated}
+        data |= {"topics": topics, "recording": summary.to_dict() if summary else None}
+        data |= {"declaration": [one.to_dict() for one in declared]}
+        print_json({**data, "notes": [*bag.notes, *([trouble] if trouble else []), *coupled]})
         return 0
     say(f"{bag.path}: {bag.form}{', truncated' if bag.truncated else ''}")
-    say(
-        table(
-            ("topic", "type", "messages", "joints"),
-            [(t.name or "-", t.type, t.messages, ", ".join(t.joints)) for t in bag.topics],
-        )
-    )
-    for note in dict.fromkeys([*bag.notes, *(summary.notes if summary else ()), *([trouble] if trouble else [])]):
-        tell(note)
+    listed = [(t.name or "-", t.type, t.messages, ", ".join(t.joints)) for t in bag.topics]
+    say(table(("topic", "type", "messages", "joints"), listed))
+    tell(*dict.fromkeys([*bag.notes, *(summary.notes if summary else ()), *([trouble] if trouble else [])]))
     if summary:
         say()
         _print(summary)
     if declared:
         say("\neffort vs. the rigid-body model of the URDF (ratio 1: torque in the declared unit)")
-        rows = [(one.joint, *_share(one), one.verdict, one.hint) for one in declared]
+        rows = []
+        for one in declared:  # share and standard deviation where they are told
+            share = ("-", "-") if one.verdict == "not_told" else (f"{one.share:.3f}", f"{one.std:.3f}")
+            rows.append((one.joint, *share, one.verdict, one.hint))
         say(table(("joint", "ratio", "sigma", "verdict", "look at"), rows))
-    for note in coupled:
-        tell(note)
+    tell(*coupled)
     return 0
-
-
-def _share(declared: Declared) -> tuple[float | str, float | str]:
-    """Return share and standard deviation in words, where they are told."""
-    if declared.verdict == "not_told":
-        return "-", "-"
-    return f"{declared.share:.3f}", f"{declared.std:.3f}"
 
 
 def _judged(recording: Recording, robot: Robot) -> tuple[list[Declared], list[str]]:
     """Return by joint how effort and rigid model go together, and what else there is to say of it."""
+    from robot_ident.estimation.contradiction import coupling_contradiction
     from robot_ident.estimation.declaration import judge_measured
     from robot_ident.estimation.effort_checks import EffortChecks, undecided_directions
     from robot_ident.recording.checks import silent_efforts
@@ -119,23 +94,10 @@ def _judged(recording: Recording, robot: Robot) -> tuple[list[Declared], list[st
     declared = judge_measured(measured, robot)
     checks = EffortChecks([measured], robot)
     gravity = checks.gravity()
-    told = [
-        checks.foreign(),
-        checks.exchanged(),
-        gravity and gravity.told(robot),
-        undecided_directions(measured, robot),
-    ]
-    return declared, [*(line for line in told if line), *_coupling(measured, robot)]
-
-
-def _coupling(measured: Measurement, robot: Robot) -> list[str]:
-    """Return what contradicts a declared coupling, whose joints seem to have wrong signs and gains."""
-    if robot.effort.coupling is None:
-        return []
-    from robot_ident.estimation.contradiction import coupling_contradiction
-
-    found = coupling_contradiction([measured], robot)
-    return [] if found is None else [found.told(robot)]
+    coupled = coupling_contradiction([measured], robot) if robot.effort.coupling is not None else None
+    told = (checks.foreign(), checks.exchanged(), gravity and gravity.told(robot))
+    more = (undecided_directions(measured, robot), coupled and coupled.told(robot))
+    return declared, [line for line in (*told, *more) if line]
 
 
 def _print(summary: Summary) -> None:
@@ -161,15 +123,6 @@ def _print(summary: Summary) -> None:
         )
         for k, name in enumerate(summary.joints)
     ]
-    header = (
-        "joint",
-        "lowest",
-        "highest",
-        "top speed",
-        "top torque",
-        "torque noise",
-        "position noise",
-        "position step",
-    )
-    say(table(header, rows))
+    header = ("joint", "lowest", "highest", "top speed", "top torque")
+    say(table((*header, "torque noise", "position noise", "position step"), rows))
     say("positions rad (m), speeds rad/s (m/s), torques Nm (N); noise: standard deviation of one sample")

@@ -9,7 +9,8 @@ from functools import partial
 from pathlib import Path
 from typing import TYPE_CHECKING
 
-from robot_ident.cli.output import add_json, add_output, print_json, say, tell
+from robot_ident.cli.options import add_json, add_output, each, numbers_of, option
+from robot_ident.cli.output import print_json, say, say_written, tell
 from robot_ident.errors import InputError, did_you_mean
 from robot_ident.files import read_text
 
@@ -23,25 +24,16 @@ if TYPE_CHECKING:
 
 def add_arguments(parser: argparse.ArgumentParser) -> None:
     """Add the command's options."""
-    parser.add_argument("--urdf", metavar="X", help="URDF, or the output of xacro (default: /robot_description in BAG)")
-    parser.add_argument("--bag", metavar="BAG", help="recording of the robot, for its joint names and noise")
-    parser.add_argument("--topic", metavar="T", help="topic of the joint states in BAG")
+    option(parser, "--urdf", "X", "URDF, or the output of xacro (default: /robot_description in BAG)")
+    option(parser, "--bag", "BAG", "recording of the robot, for its joint names and noise")
+    option(parser, "--topic", "T", "topic of the joint states in BAG")
     parser.add_argument("--name", help="name of the robot (default: the URDF's)")
     placed = parser.add_mutually_exclusive_group()
     placed.add_argument("--mount", choices=("floor", "wall", "ceiling"), help="surface to which the base is mounted")
-    placed.add_argument("--gravity", metavar="X,Y,Z", help="gravity in the base frame, m/s^2")
-    parser.add_argument(
-        "--acceleration",
-        metavar="A[,A...]",
-        help="acceleration limits, rad/s^2: one for all moving joints, or one per joint",
-    )
-    parser.add_argument(
-        "--hold",
-        action="append",
-        default=[],
-        metavar="JOINT=ANGLE",
-        help="joint that does not move, and its position in rad or m",
-    )
+    option(placed, "--gravity", "X,Y,Z", "gravity in the base frame, m/s^2")
+    text = "acceleration limits, rad/s^2: one for all moving joints, or one per joint"
+    option(parser, "--acceleration", "A[,A...]", text)
+    each(parser, "--hold", "JOINT=ANGLE", "joint that does not move, and its position in rad or m")
     add_output(parser, "ROBOT", "robot.yaml to write", required=True)
     add_json(parser)
 
@@ -156,10 +148,7 @@ def _held(words: list[str], inventory: Inventory) -> dict[str, float]:
 
 
 def _numbers(text: str, option: str, lengths: tuple[int, ...]) -> list[float]:
-    try:
-        values = [float(word) for word in text.split(",")]
-    except ValueError as error:
-        raise InputError(f"{option} {text}: numbers separated by commas were expected") from error
+    values = numbers_of(text, f"{option} {text}: numbers separated by commas were expected")
     if len(values) not in lengths or any(value - value != 0.0 for value in values):
         raise InputError(f"{option} {text}: {' or '.join(map(str, lengths))} finite numbers were expected")
     return values
@@ -282,4 +271,4 @@ def _print(draft: Draft, inventory: Inventory, unchecked: list[str], output: Pat
         say(f"missing: {what}")
     for what in unchecked:
         say(f"not checked: {what}")
-    say(f"written: {output}")
+    say_written(output)

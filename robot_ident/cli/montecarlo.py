@@ -4,28 +4,18 @@ from __future__ import annotations
 
 import argparse
 
-from robot_ident.cli.output import add_cluster, add_json, add_robot, print_json, say, table, within
+from robot_ident.cli.options import add_cluster, add_json, add_robot, count, each
+from robot_ident.cli.output import print_json, say, table
 
 
 def add_arguments(parser: argparse.ArgumentParser) -> None:
     """Add the command's options."""
     parser.add_argument("excitation", metavar="excitation.yaml", help="excitation to repeat")
     add_robot(parser)
-    parser.add_argument(
-        "--runs", type=within(2, 1_000_000, int), default=200, help="number of identifications (default: %(default)s)"
-    )
-    parser.add_argument(
-        "--periods",
-        type=within(1, 100_000, int),
-        default=16,
-        help="periods averaged in each run (default: %(default)s)",
-    )
-    parser.add_argument(
-        "--effect", action="append", default=[], metavar="NAME@JOINT", help="additional effects in the model"
-    )
-    parser.add_argument(
-        "--seed", type=within(0, 2**31, int), default=0, help="seed of the noise (default: %(default)s)"
-    )
+    count(parser, "--runs", None, (2, 1_000_000), "number of identifications", 200)
+    count(parser, "--periods", None, (1, 100_000), "periods averaged in each run", 16)
+    each(parser, "--effect", "NAME@JOINT", "additional effects in the model")
+    count(parser, "--seed", None, (0, 2**31), "seed of the noise", 0)
     add_cluster(parser)
     add_json(parser)
 
@@ -33,14 +23,11 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
 def run(args: argparse.Namespace) -> int:
     """Repeat the identification and print Table II of the paper."""
     from robot_ident.cli.identify import to_the_digit
-    from robot_ident.errors import InputError
     from robot_ident.model.structure import Structure
     from robot_ident.robot import load_robot
     from robot_ident.testbed.monte_carlo import montecarlo
     from robot_ident.trajectories.excitation import Excitation
 
-    if args.periods < 1:
-        raise InputError(f"--periods {args.periods}: at least 1")
     robot = load_robot(args.robot)
     excitation = Excitation.read(args.excitation)
     excitation.check_robot(robot)

@@ -6,20 +6,114 @@ from __future__ import annotations
 
 import argparse
 import os
-from collections.abc import Callable, Sequence
-from dataclasses import replace
+from collections.abc import Callable, Iterable, Sequence
 from pathlib import Path
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING, Any, TypeAlias
 
-from robot_ident.cli.output import Options, add_json, within
 from robot_ident.errors import InputError
 
 if TYPE_CHECKING:
     from robot_ident.recording.measurement import Processing
     from robot_ident.recording.recording import Recording
     from robot_ident.robot.robot import Robot
-    from robot_ident.signals.motion import Array
-    from robot_ident.trajectories.excitation import Excitation
+
+
+def within(lower: float, upper: float, kind: type[float] | type[int] = float) -> Callable[[str], float]:
+    """Return a type for an option: a number between bounds, inclusive."""
+
+    def number(text: str) -> float:
+        what = "a whole number" if kind is int else "a number"
+        try:
+            value = kind(text)
+        except ValueError:
+            raise argparse.ArgumentTypeError(f"{text}: {what} is expected") from None
+        if not lower <= value <= upper:
+            raise argparse.ArgumentTypeError(f"{text}: {what} from {lower:g} to {upper:g} is expected")
+        return value
+
+    return number
+
+
+Options: TypeAlias = argparse._ActionsContainer
+"""What takes options: a parser, or one of its groups, which the help shows under a heading."""
+
+
+def add_json(parser: Options) -> None:
+    """Add `--json`."""
+    flag(parser, "--json", "print one JSON object on standard output, nothing else")
+
+
+def add_cluster(parser: Options) -> None:
+    """Add `--cluster`."""
+    option(parser, "--cluster", "ADDRESS", "run on a Dask scheduler (tcp://HOST:PORT) instead of local processes")
+
+
+def flag(parser: Options, name: str, text: str) -> None:
+    """Add an option without a value."""
+    parser.add_argument(name, action="store_true", help=text)
+
+
+def option(
+    parser: Options, name: str, metavar: str | tuple[str, ...] | None, text: str, default: Any = None, **more: Any
+) -> None:
+    """Add an option with a value, a word unless `more` says otherwise; its help says its default, if any."""
+    told = text if default is None or "%(default)s" in text else f"{text} (default: %(default)s)"
+    parser.add_argument(name, metavar=metavar, default=default, help=told, **more)
+
+
+def several(parser: Options, name: str, metavar: str, text: str, **more: Any) -> None:
+    """Add an option with one value or several after it."""
+    parser.add_argument(name, metavar=metavar, help=text, **{"nargs": "+", "default": [], **more})
+
+
+def each(parser: Options, name: str, metavar: str, text: str) -> None:
+    """Add an option that is given once for each value."""
+    parser.add_argument(name, action="append", default=[], metavar=metavar, help=text)
+
+
+def number(
+    parser: Options, name: str, metavar: str | None, bounds: tuple[float, float], text: str, default: Any = None
+) -> None:
+    """Add an option with a number between bounds, inclusive."""
+    option(parser, name, metavar, text, default, type=within(*bounds))
+
+
+def count(
+    parser: Options, name: str, metavar: str | None, bounds: tuple[int, int], text: str, default: Any = None
+) -> None:
+    """Add an option with a whole number between bounds, inclusive."""
+    option(parser, name, metavar, text, default, type=within(*bounds, int))
+
+
+DEFAULT_ROBOT = "kuka_ir361"
+
+
+def refuse_default_robot(name: str, joints: Sequence[str], recordings: Iterable[Recording]) -> None:
+    """Raise InputError where the default robot would be taken for recordings with other joints than its own."""
+    for recording in recordings:
+        others = [joint for joint in recording.names if joint not in joints]
+        if name == DEFAULT_ROBOT and others and {*joints} <= {*recording.names}:
+            raise InputError(
+                f"{recording.source} holds {', '.join(others)}, which {name}, the default robot, lacks; give --robot"
+            )
+
+
+def add_robot(parser: Options, default: str | None = DEFAULT_ROBOT) -> None:
+    """Add `--robot`."""
+    text = f"kuka_ir361, kuka_ir361_spring, a robot YAML or a URDF (default: {default or 'none'})"
+    parser.add_argument("--robot", default=default, metavar="R", help=text)
+
+
+def add_output(parser: Options, metavar: str, text: str, *, required: bool = False) -> None:
+    """Add `-o` and `--force`."""
+    parser.add_argument("-o", "--output", metavar=metavar, required=required, help=text)
+    flag(parser, "--force", "overwrite existing files")
+
+
+def add_accept_unchecked(parser: Options) -> None:
+    """Add `--accept-unchecked`."""
+    text = "exit with 0 although limits or collisions were not checked; the output still lists them"
+    flag(parser, "--accept-unchecked", text)
 
 
 class _Effects(argparse.Action):
@@ -42,9 +136,7 @@ class _Effects(argparse.Action):
 def add_bags_and_effects(parser: Options, model: Options) -> None:
     """Add the recordings to a parser, and `--effect` to its group of the model."""
     parser.add_argument("bags", nargs="*", metavar="BAG", help="recordings to fit, periodic or not")
-    model.add_argument(
-        "--effect", action=_Effects, nargs="+", default=[], metavar="NAME@JOINT", help="additional effects in the model"
-    )
+    several(model, "--effect", "NAME@JOINT", "additional effects in the model", action=_Effects)
     parser.set_defaults(after_effects=[])
 
 
@@ -58,8 +150,7 @@ def bags_of(args: argparse.Namespace) -> list[str]:
 
 def add_effects_from(parser: argparse.ArgumentParser) -> None:
     """Add the option."""
-    text = "Python file with user-defined effects (see examples/my_effects.py)"
-    parser.add_argument("--effects-from", action="append", default=[], metavar="FILE.py", help=text)
+    each(parser, "--effects-from", "FILE.py", "Python file with user-defined effects (see examples/my_effects.py)")
 
 
 def register_effects(files: Sequence[str]) -> None:
@@ -83,61 +174,30 @@ def _register_source(path: str, source: bytes) -> None:
 
 
 AS_DECLARED = ", or continue with --as-declared"
-_ALIKE = 1e-4  # difference of speeds that are the same
 
 
 def add_reading(parser: Options) -> None:
     """Add the options of reading."""
     period = parser.add_mutually_exclusive_group()
-    period.add_argument(
-        "--trajectory",
-        action="append",
-        metavar="EXCITATION",
-        help="excitation.yaml that was played: sets the period; give it once, or once per recording in their order",
-    )
-    period.add_argument(
-        "--base-frequency",
-        type=within(1e-4, 1e4),
-        metavar="F",
-        help="base frequency of the motion, Hz (default: detected from the data)",
-    )
-    period.add_argument("--not-periodic", action="store_true", help="treat the recording as non-periodic")
-    parser.add_argument(
-        "--topic", metavar="T", help="topic of the joint states (default: joint_states in any namespace)"
-    )
+    text = "excitation.yaml that was played: sets the period; give it once, or once per recording in their order"
+    option(period, "--trajectory", "EXCITATION", text, action="append")
+    text = "base frequency of the motion, Hz (default: detected from the data)"
+    number(period, "--base-frequency", "F", (1e-4, 1e4), text)
+    flag(period, "--not-periodic", "treat the recording as non-periodic")
+    option(parser, "--topic", "T", "topic of the joint states (default: joint_states in any namespace)")
 
 
 def add_processing(parser: Options) -> None:
     """Add the options of processing."""
-    parser.add_argument(
-        "--low-pass",
-        type=within(0.01, 1e5),
-        metavar="HZ",
-        help="low-pass filter of effort and regressor (default: none if periodic, else 10 Hz)",
-    )
-    parser.add_argument(
-        "--derivative-bandwidth",
-        type=within(0.01, 1e5),
-        metavar="HZ",
-        help="low-pass filter of non-periodic positions before differentiation (default: 4 times --low-pass)",
-    )
-    parser.add_argument(
-        "--decimate",
-        type=within(1, 1000, int),
-        default=1,
-        metavar="K",
-        help="keep every K-th row after the low-pass filter (default: %(default)s)",
-    )
-    parser.add_argument(
-        "--minimum-speed",
-        metavar="V[,V...]",
-        help="exclude rows slower than this, rad/s or m/s: one value, or one per joint (default: the robot's)",
-    )
-    parser.add_argument(
-        "--anti-alias",
-        metavar="ORDER:HZ",
-        help="compensate this Butterworth filter of the recorded effort; none: no filter (default: the robot YAML's)",
-    )
+    text = "low-pass filter of effort and regressor (default: none if periodic, else 10 Hz)"
+    number(parser, "--low-pass", "HZ", (0.01, 1e5), text)
+    text = "low-pass filter of non-periodic positions before differentiation (default: 4 times --low-pass)"
+    number(parser, "--derivative-bandwidth", "HZ", (0.01, 1e5), text)
+    count(parser, "--decimate", "K", (1, 1000), "keep every K-th row after the low-pass filter", 1)
+    text = "exclude rows slower than this, rad/s or m/s: one value, or one per joint (default: the robot's)"
+    option(parser, "--minimum-speed", "V[,V...]", text)
+    text = "compensate this Butterworth filter of the recorded effort; none: no filter (default: the robot YAML's)"
+    option(parser, "--anti-alias", "ORDER:HZ", text)
 
 
 def processing_of(args: argparse.Namespace, robot: Robot, *, played: Robot) -> Processing:
@@ -149,20 +209,14 @@ def processing_of(args: argparse.Namespace, robot: Robot, *, played: Robot) -> P
 
     frequency = args.base_frequency
     if args.trajectory:
-        excitations = _excitations(args.trajectory, played)
+        from robot_ident.workflow.fitting import excitations_of
+
+        excitations = excitations_of(args.trajectory, played)
         frequencies = sorted({one.base_frequency for one in excitations})
         if len(frequencies) > 1:
             told = ", ".join(f"{one:g}" for one in frequencies)
             raise InputError(f"--trajectory: base frequencies of {told} Hz; identify recordings of one period together")
         frequency = frequencies[0]
-    for name, value in (
-        ("--base-frequency", frequency),
-        ("--low-pass", args.low_pass),
-        ("--derivative-bandwidth", args.derivative_bandwidth),
-        ("--decimate", args.decimate),
-    ):
-        if value is not None and not 0 < value < float("inf"):
-            raise InputError(f"{name} {value}: must be above 0 and finite")
     low_pass, wide = args.low_pass, args.derivative_bandwidth
     if low_pass is not None and wide is not None and wide < low_pass:
         raise InputError(
@@ -178,70 +232,6 @@ def processing_of(args: argparse.Namespace, robot: Robot, *, played: Robot) -> P
         minimum_speed=_speeds(args.minimum_speed, robot),
         anti_alias=_filter(args.anti_alias),
     )
-
-
-def at_its_speed(
-    args: argparse.Namespace, recordings: Sequence[Recording], processing: Processing
-) -> tuple[list[Recording], Processing]:
-    """Return recordings and processing with the time that a speed override stretched: where the path is that of
-    --trajectory but slower, its period is what the data say, and a note says so.
-    """
-    if not args.trajectory:
-        return list(recordings), processing
-    if len(args.trajectory) not in (1, len(recordings)):
-        raise InputError(
-            f"--trajectory is given {len(args.trajectory)} times for {len(recordings)} recordings; give it once, or"
-            " once per recording in their order"
-        )
-    from robot_ident.recording.summary import mean_path, path_notes, speed_scale
-
-    files = args.trajectory * (len(recordings) // len(args.trajectory))
-    excitations = _excitations(files)
-    moving = [one.with_joints(played.joints) for one, played in zip(recordings, excitations, strict=True)]
-    means = [mean_path(one) for one in moving]
-    scales = [
-        speed_scale(one, _path(played), played.base_frequency, mean)
-        for one, played, mean in zip(moving, excitations, means, strict=True)
-    ]
-    recordings = [
-        replace(one, notes=(*one.notes, *path_notes(played.joints, q, _path(played), played.base_frequency, file)))
-        for one, file, played, (_, q) in zip(recordings, files, excitations, means, strict=True)
-    ]
-    if all(scale is None or scale == 1.0 for scale in scales):
-        return recordings, processing
-    slowed = [
-        one
-        if scale is None or scale == 1.0
-        else replace(
-            one,
-            notes=(
-                *one.notes,
-                f"run at {100 * scale:.4g} % of the speed of {file}: a speed override stretched time; its"
-                f" base frequency is taken as {scale * played.base_frequency:.6g} Hz",
-            ),
-        )
-        for one, scale, file, played in zip(recordings, scales, files, excitations, strict=True)
-    ]
-    found = [scale for scale in scales if scale is not None]
-    alike = len(found) == len(scales) and max(found) - min(found) < _ALIKE
-    frequency = found[0] * excitations[0].base_frequency if alike else None
-    return slowed, replace(processing, base_frequency=frequency, periodic=True)
-
-
-def _path(played: Excitation) -> Callable[[Array], Array]:
-    """Return the positions of an excitation as a function of time."""
-    return lambda t: played.series.motion(t).q
-
-
-def _excitations(files: Sequence[str], robot: Robot | None = None) -> list[Excitation]:
-    """Return the excitations of some files; InputError where one is not of the robot."""
-    from robot_ident.trajectories.excitation import Excitation
-
-    found = [Excitation.read(file) for file in files]
-    for one in found:
-        if robot is not None:
-            one.check_robot(robot)
-    return found
 
 
 def _filter(text: str | None) -> tuple[float, float] | None:
@@ -260,40 +250,32 @@ def _filter(text: str | None) -> tuple[float, float] | None:
     return found
 
 
+def numbers_of(text: str, refusal: str) -> list[float]:
+    """Return the numbers of `X,Y,...`; InputError(refusal) where one of the words is none."""
+    try:
+        return [float(word) for word in text.split(",")]
+    except ValueError as error:
+        raise InputError(refusal) from error
+
+
 def _speeds(text: str | None, robot: Robot) -> tuple[float, ...] | None:
     if text is None:
         return None
-    try:
-        values = [float(word) for word in text.split(",")]
-    except ValueError as error:
-        raise InputError(f"--minimum-speed {text!r}: numbers separated by commas were expected") from error
+    values = numbers_of(text, f"--minimum-speed {text!r}: numbers separated by commas were expected")
     if len(values) not in (1, robot.n) or any(not value >= 0 for value in values):
         raise InputError(f"--minimum-speed {text!r}: give one value or {robot.n}, none negative")
     return tuple(values * robot.n if len(values) == 1 else values)
 
 
-def add_common(parser: Options) -> None:
-    """Add the options that the commands with recordings share."""
-    add_recordings(parser)
-    add_json(parser)
-
-
 def add_recordings(parser: Options) -> None:
     """Add `--validation` and `--topic`."""
     add_validation(parser)
-    parser.add_argument("--topic", metavar="T", help="topic of the joint states")
+    option(parser, "--topic", "T", "topic of the joint states")
 
 
 def add_validation(parser: Options) -> None:
     """Add the recordings of the validation: several after one option, or one after each."""
-    parser.add_argument(
-        "--validation",
-        action="extend",
-        nargs="+",
-        default=[],
-        metavar="BAG2",
-        help="validation recordings, never used in a fit",
-    )
+    several(parser, "--validation", "BAG2", "validation recordings, never used in a fit", action="extend")
 
 
 def add_joints(parser: Options, does: str, *, angle: str) -> None:
@@ -301,14 +283,9 @@ def add_joints(parser: Options, does: str, *, angle: str) -> None:
 
     does: what the command does with the joints. angle: where a held joint stands that --hold doesn't name.
     """
-    parser.add_argument("--joints", metavar="A,B", help=f"{does} these joints only; the others stand still")
-    parser.add_argument(
-        "--hold",
-        action="append",
-        default=[],
-        metavar="JOINT=ANGLE",
-        help=f"with --joints: position of a joint that stands still, rad or m (default: {angle})",
-    )
+    option(parser, "--joints", "A,B", f"{does} these joints only; the others stand still")
+    text = f"with --joints: position of a joint that stands still, rad or m (default: {angle})"
+    each(parser, "--hold", "JOINT=ANGLE", text)
 
 
 def given_angles(args: argparse.Namespace, robot: Robot) -> dict[str, float]:
@@ -329,62 +306,3 @@ def given_angles(args: argparse.Namespace, robot: Robot) -> dict[str, float]:
     if both:
         raise InputError(f"--hold {both[0]}: --joints moves it")
     return out
-
-
-def held_for_design(args: argparse.Namespace, robot: Robot) -> tuple[Robot, dict[str, float]]:
-    """Return the robot of --joints and the angles of the others: as --hold says, else 0, or the middle of their range
-    where 0 lies outside.
-    """
-    given = given_angles(args, robot)
-    if args.joints is None:
-        return robot, {}
-    from robot_ident.planning.validation_motion import check_angles
-    from robot_ident.robot.locked_joints import hold, moving_joints
-
-    moving = moving_joints(robot, args.joints)
-    angles = {}
-    for joint, name in enumerate(robot.joints):
-        if name not in moving:
-            lower, upper = float(robot.limits.lower[joint]), float(robot.limits.upper[joint])
-            angles[name] = given.get(name, 0.0 if lower < 0.0 < upper else 0.5 * (lower + upper))
-    check_angles(robot, angles)
-    return hold(robot, moving, angles), angles
-
-
-def held_in_recordings(
-    args: argparse.Namespace, robot: Robot, recordings: Sequence[Recording]
-) -> tuple[Robot, list[Recording], dict[str, float]]:
-    """Return the robot of --joints, the parts of the recordings in which the others stand still, and where they stand.
-
-    Raises InputError where they stand elsewhere from one recording to the next: the base parameters depend on it.
-    """
-    given = given_angles(args, robot)
-    if args.joints is None:
-        return robot, list(recordings), {}
-    from robot_ident.recording.checks import STILL, held_angles, still_part
-    from robot_ident.robot.locked_joints import hold, moving_joints
-
-    moving = moving_joints(robot, args.joints)
-    held = [name for name in robot.joints if name not in moving]
-    found = [held_angles(recording, held, given) for recording in recordings]
-    for recording, other in zip(recordings[1:], found[1:], strict=True):
-        for name in held:
-            if abs(other[name] - found[0][name]) > 2.0 * STILL:
-                raise InputError(
-                    f"{recording.source}: {name} stands at {other[name]:.4g}, in {recordings[0].source} at"
-                    f" {found[0][name]:.4g}; the parameters depend on the pose: identify them apart"
-                )
-    angles = {name: sum(one[name] for one in found) / len(found) for name in held}
-    return hold(robot, moving, angles), [still_part(recording, angles) for recording in recordings], angles
-
-
-def held_note(robot: Robot, angles: dict[str, float]) -> list[str]:
-    """Return a line that says which joints are held, and where."""
-    if not angles:
-        return []
-    words = ", ".join(f"{name} at {angle:.4g} {_unit(robot, name)}" for name, angle in angles.items())
-    return [f"held: {words}; parameters hold for this pose, links are numbered along the joints that move"]
-
-
-def _unit(robot: Robot, name: str) -> str:
-    return "m" if robot.prismatic[robot.joint_index(name)] else "rad"

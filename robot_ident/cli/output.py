@@ -11,16 +11,15 @@ import re
 import shutil
 import sys
 import textwrap
-from collections.abc import Callable, Iterable, Iterator, Sequence
+from collections.abc import Iterable, Iterator, Sequence
 from contextlib import contextmanager
-from typing import TYPE_CHECKING, Any, NoReturn, TextIO, TypeAlias
+from typing import TYPE_CHECKING, Any, NoReturn, TextIO
 
 from robot_ident.errors import CheckFailed, InputError
 from robot_ident.files import is_special
 
 if TYPE_CHECKING:
     from robot_ident.limits.certifier import Margins
-    from robot_ident.recording.recording import Recording
 
 
 _RULE = re.compile(r"-+(  -+)*")  # the line below a table's header
@@ -59,66 +58,6 @@ def _words(value: Any) -> Iterator[str]:
             yield word
 
 
-def within(lower: float, upper: float, kind: type[float] | type[int] = float) -> Callable[[str], float]:
-    """Return a type for an option: a number between bounds, inclusive."""
-
-    def number(text: str) -> float:
-        what = "a whole number" if kind is int else "a number"
-        try:
-            value = kind(text)
-        except ValueError:
-            raise argparse.ArgumentTypeError(f"{text}: {what} is expected") from None
-        if not lower <= value <= upper:
-            raise argparse.ArgumentTypeError(f"{text}: {what} from {lower:g} to {upper:g} is expected")
-        return value
-
-    return number
-
-
-Options: TypeAlias = argparse._ActionsContainer
-"""What takes options: a parser, or one of its groups, which the help shows under a heading."""
-
-
-def add_json(parser: Options) -> None:
-    """Add `--json`."""
-    parser.add_argument("--json", action="store_true", help="print one JSON object on standard output, nothing else")
-
-
-def add_cluster(parser: Options) -> None:
-    """Add `--cluster`."""
-    text = "run on a Dask scheduler (tcp://HOST:PORT) instead of local processes"
-    parser.add_argument("--cluster", metavar="ADDRESS", help=text)
-
-
-DEFAULT_ROBOT = "kuka_ir361"
-
-
-def refuse_default_robot(name: str, joints: Sequence[str], recordings: Iterable[Recording]) -> None:
-    """Raise InputError where the default robot would be taken for recordings with other joints than its own."""
-    for recording in recordings:
-        others = [joint for joint in recording.names if joint not in joints]
-        if name == DEFAULT_ROBOT and others and {*joints} <= {*recording.names}:
-            raise InputError(
-                f"{recording.source} holds {', '.join(others)}, which {name}, the default robot, lacks; give --robot"
-            )
-
-
-def add_robot(parser: Options, default: str | None = DEFAULT_ROBOT) -> None:
-    """Add `--robot`."""
-    parser.add_argument(
-        "--robot",
-        default=default,
-        metavar="R",
-        help=f"kuka_ir361, kuka_ir361_spring, a robot YAML or a URDF (default: {default or 'none'})",
-    )
-
-
-def add_output(parser: Options, metavar: str, text: str, *, required: bool = False) -> None:
-    """Add `-o` and `--force`."""
-    parser.add_argument("-o", "--output", metavar=metavar, required=required, help=text)
-    parser.add_argument("--force", action="store_true", help="overwrite existing files")
-
-
 def refuse_own_input(args: argparse.Namespace) -> None:
     """Raise InputError where two outputs have one name, or an output that of what is read: --force replaces what was
     computed, and no measurement, robot or trajectory. A longer model may take the place of the one that it came from.
@@ -131,13 +70,21 @@ def refuse_own_input(args: argparse.Namespace) -> None:
     if isinstance(output, str) and os.path.isdir(output) and args.verb not in _WRITE_FOLDERS:
         raise InputError(f"-o {output}: is a folder; the name of a file was expected")
     for name, value in given.items():
-        for word in value if isinstance(value, list) else [value]:
-            if name in outputs or not isinstance(word, str) or os.path.realpath(word) not in outputs.values():
+        for word in _words(value):
+            if name in outputs or os.path.realpath(word) not in outputs.values():
                 continue
             if os.path.isdir(word) or word.endswith(_RECORDINGS):
                 raise InputError(f"{word}: is read as a recording and can't be the output too; give another name")
             if os.path.isfile(word) and os.path.splitext(word)[1] and args.verb not in _LENGTHEN:
                 raise InputError(f"{word}: is read by this command and can't be its output too; give another name")
+
+
+def refuse_output(args: argparse.Namespace) -> None:
+    """Raise InputError where the file of -o is there already and --force isn't given."""
+    from robot_ident.files import refuse_existing
+
+    if args.output:
+        refuse_existing(args.output, force=args.force)
 
 
 def say(text: str = "") -> None:
@@ -157,12 +104,20 @@ def _dressed(text: str) -> str:
     return re.sub("(█+)", "\x1b[36m\\1\x1b[0m", "\n".join(lines))
 
 
-def tell(text: str) -> None:
-    """Print a log line on standard error; where that takes no more, nobody is told, and the work goes on."""
+def tell(*lines: str) -> None:
+    """Print log lines on standard error; where that takes no more, nobody is told, and the work goes on."""
     try:
-        print(text, file=sys.stderr, flush=True)
+        for line in lines:
+            print(line, file=sys.stderr, flush=True)
     except OSError:
         _discard(sys.stderr)
+
+
+def say_written(*files: str | os.PathLike[str] | None) -> None:
+    """Print which files were written, None where one was not asked for."""
+    for file in files:
+        if file:
+            say(f"written: {file}")
 
 
 def print_json(data: dict[str, Any]) -> None:
@@ -266,11 +221,6 @@ def _cell(value: Any) -> str:
     return str(value)
 
 
-def number(value: float, digits: int = 4) -> str:
-    """Return a number of fixed decimals, right for columns of like size."""
-    return f"{value:.{digits}f}"
-
-
 class Progress:
     """A progress bar on standard error where that is a terminal, shown for what takes over two seconds."""
 
@@ -306,18 +256,6 @@ def margin_table(margins: Margins) -> str:
     return "\n".join([table(_HEAD, rows), *margins.notes])
 
 
-_OPTION = "--accept-unchecked"
-
-
-def add_accept_unchecked(parser: Options) -> None:
-    """Add `--accept-unchecked`."""
-    parser.add_argument(
-        _OPTION,
-        action="store_true",
-        help="exit with 0 although limits or collisions were not checked; the output still lists them",
-    )
-
-
 def say_unchecked(margins: Margins) -> None:
     """Print what was not checked, if anything: the first line of a verb's output."""
     if margins.not_checked:
@@ -331,7 +269,7 @@ def refuse_unchecked(args: argparse.Namespace, margins: Margins, written: Sequen
     """
     from robot_ident.limits.certifier import unchecked_refusal
 
-    kept = " and ".join(f"robot_ident check {file} --robot {args.robot} {_OPTION}" for file in written)
-    refusal = unchecked_refusal(margins.unknown, f"accept it: {kept}" if kept else f"give {_OPTION}")
+    kept = " and ".join(f"robot_ident check {file} --robot {args.robot} --accept-unchecked" for file in written)
+    refusal = unchecked_refusal(margins.unknown, f"accept it: {kept}" if kept else "give --accept-unchecked")
     if refusal and not args.accept_unchecked:
         raise CheckFailed(refusal)

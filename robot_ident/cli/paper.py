@@ -6,56 +6,35 @@ import argparse
 import time
 from pathlib import Path
 
-from robot_ident.cli.output import add_json, print_json, say, tell, within
+from robot_ident.cli.options import add_json, count, flag, several, within
+from robot_ident.cli.output import print_json, refuse_output, say, tell
 from robot_ident.errors import InputError
 
 
 def add_arguments(parser: argparse.ArgumentParser) -> None:
     """Add the command's options."""
-    parser.add_argument(
-        "-o",
-        "--output",
-        metavar="PAGE",
-        default="paper.html",
-        help="page to write, .html, or .md for text and tables alone (default: %(default)s)",
-    )
-    parser.add_argument("--force", action="store_true", help="overwrite existing files")
-    parser.add_argument(
-        "--section",
-        type=within(1, 6, int),
-        nargs="+",
-        default=[1, 2, 3, 4, 5, 6],
-        metavar="N",
-        help="only these sections of the page, 1 to 6",
-    )
-    parser.add_argument(
-        "--quick", action="store_true", help="shorter searches: minutes instead of a quarter of an hour"
-    )
-    parser.add_argument(
-        "--redesign",
-        action="store_true",
-        help="design all trajectories anew instead of those that ship with the package",
-    )
-    parser.add_argument(
-        "--printed-table",
-        action="store_true",
-        help="simulate Table I exactly as printed, although no mass distribution has these moments",
-    )
-    parser.add_argument(
-        "--seed", type=within(0, 2**31, int), default=0, help="of noise, draws and searches (default: %(default)s)"
-    )
+    text = "page to write, .html, or .md for text and tables alone (default: %(default)s)"
+    parser.add_argument("-o", "--output", metavar="PAGE", default="paper.html", help=text)
+    flag(parser, "--force", "overwrite existing files")
+    text, sections = "only these sections of the page, 1 to 6", [1, 2, 3, 4, 5, 6]
+    several(parser, "--section", "N", text, type=within(1, 6, int), default=sections)
+    flag(parser, "--quick", "shorter searches: minutes instead of a quarter of an hour")
+    flag(parser, "--redesign", "design all trajectories anew instead of those that ship with the package")
+    text = "simulate Table I exactly as printed, although no mass distribution has these moments"
+    flag(parser, "--printed-table", text)
+    count(parser, "--seed", None, (0, 2**31), "of noise, draws and searches", 0)
     add_json(parser)
 
 
 def run(args: argparse.Namespace) -> int:
     """Compute the sections and write the page."""
-    from robot_ident.files import refuse_existing, write_text
+    from robot_ident.files import write_text
     from robot_ident.paper.study import Study
     from robot_ident.report.page import write_page
     from robot_ident.report.paper_experiment import paper_sections
     from robot_ident.report.paper_section import as_markdown
 
-    refuse_existing(args.output, force=args.force)
+    refuse_output(args)
     if len(set(args.section)) < len(args.section):
         raise InputError(f"--section {' '.join(map(str, args.section))}: each once")
     started = time.monotonic()
@@ -78,15 +57,8 @@ def run(args: argparse.Namespace) -> int:
         write_page(args.output, title, sections, subtitle=subtitle, force=args.force)
     seconds = time.monotonic() - started
     if args.json:
-        print_json(
-            {
-                "schema": "robot_ident/paper/1",
-                "path": str(args.output),
-                "seconds": seconds,
-                "seed": args.seed,
-                **study.to_dict(sorted(args.section)),
-            }
-        )
+        data = {"schema": "robot_ident/paper/1", "path": str(args.output), "seconds": seconds, "seed": args.seed}
+        print_json({**data, **study.to_dict(sorted(args.section))})
         return 0
     say(f"written: {args.output} ({seconds:.0f} s); open it in a browser")
     return 0

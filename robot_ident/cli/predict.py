@@ -6,7 +6,8 @@ import argparse
 from pathlib import Path
 from typing import TYPE_CHECKING
 
-from robot_ident.cli.output import add_json, add_output, print_json, say, table, tell
+from robot_ident.cli.options import add_json, add_output, option
+from robot_ident.cli.output import print_json, refuse_output, say, say_written, table, tell
 from robot_ident.errors import InputError
 
 if TYPE_CHECKING:
@@ -21,7 +22,7 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
     """Add the command's options."""
     parser.add_argument("model", metavar="model.yaml", help="identified model")
     parser.add_argument("bag", metavar="BAG", help="recording, or planned motion (excitation.yaml or moves.yaml)")
-    parser.add_argument("--topic", metavar="T", help="topic of the joint states")
+    option(parser, "--topic", "T", "topic of the joint states")
     add_output(parser, "OUT", "prediction to write: .npz, .csv, .mcap or rosbag2 folder", required=True)
     add_json(parser)
 
@@ -30,10 +31,9 @@ def run(args: argparse.Namespace) -> int:
     """Write the model's torque along a recording."""
     from robot_ident.bags import read_for, write_prediction
     from robot_ident.estimation.prediction import predict
-    from robot_ident.files import refuse_existing
     from robot_ident.model.model_file import read_model
 
-    refuse_existing(args.output, force=args.force)
+    refuse_output(args)
     model = read_model(args.model)
     planned = _planned(args.bag, model)
     found = planned or predict(model, read_for(args.bag, model.robot, topic=args.topic))
@@ -43,15 +43,14 @@ def run(args: argparse.Namespace) -> int:
         data = {"schema": "robot_ident/predict/1", "path": str(args.output), "samples": len(found.t)}
         print_json({**data, "joints": joints, "notes": list(found.notes)})
         return 0
-    for note in found.notes:
-        tell(note)
+    tell(*found.notes)
     units = [model.robot.torque_unit(k) for k in range(model.robot.n)]
     rows = [(name, *values.values(), unit) for (name, values), unit in zip(joints.items(), units, strict=True)]
     say(table(("joint", "torque rms", "largest", "sigma rms", "unexplained rms", "95 % band rms +-", "unit"), rows))
     say(
         "sigma: from the parameters' uncertainty; unexplained: residual over the noise in the identification recordings"
     )
-    say(f"written: {args.output}")
+    say_written(args.output)
     return 0
 
 

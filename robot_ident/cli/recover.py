@@ -4,7 +4,8 @@ from __future__ import annotations
 
 import argparse
 
-from robot_ident.cli.output import add_json, add_output, print_json, say
+from robot_ident.cli.options import add_json, add_output
+from robot_ident.cli.output import print_json, say
 
 
 def add_arguments(parser: argparse.ArgumentParser) -> None:

@@ -4,27 +4,17 @@ from __future__ import annotations
 
 import argparse
 
-from robot_ident.cli.output import Progress, add_json, print_json, say, within
+from robot_ident.cli.options import add_json, number, option
+from robot_ident.cli.output import Progress, print_json, say
 from robot_ident.errors import InputError
 
 
 def add_arguments(parser: argparse.ArgumentParser) -> None:
     """Add the command's options."""
     parser.add_argument("bag", metavar="BAG", help="bag, .npz or .csv")
-    parser.add_argument(
-        "--rate",
-        type=within(1e-3, 1e4),
-        default=1.0,
-        help="playback speed relative to real time (default: %(default)s)",
-    )
-    parser.add_argument("--topic", default="joint_states", help="topic to publish on (default: %(default)s)")
-    parser.add_argument(
-        "--wait",
-        type=float,
-        default=30.0,
-        metavar="S",
-        help="wait at most S seconds for a subscriber; 0 starts at once (default: %(default)s)",
-    )
+    number(parser, "--rate", None, (1e-3, 1e4), "playback speed relative to real time", 1.0)
+    option(parser, "--topic", None, "topic to publish on", "joint_states")
+    option(parser, "--wait", "S", "wait at most S seconds for a subscriber; 0 starts at once", 30.0, type=float)
     add_json(parser)
 
 

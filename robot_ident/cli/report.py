@@ -7,8 +7,8 @@ import shlex
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
-from robot_ident.cli.options import add_validation
-from robot_ident.cli.output import Progress, add_json, add_output, print_json, say
+from robot_ident.cli.options import add_json, add_output, add_validation, each, option, several
+from robot_ident.cli.output import Progress, print_json, refuse_output, say, say_written
 from robot_ident.errors import InputError
 
 if TYPE_CHECKING:
@@ -20,29 +20,23 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
     parser.add_argument(
         "models", nargs="+", metavar="model.yaml", help="models, oldest first; the verdict is about the last"
     )
-    parser.add_argument("--bag", nargs="+", required=True, metavar="BAG", help="recordings to compare the models with")
+    several(parser, "--bag", "BAG", "recordings to compare the models with", required=True)
     add_validation(parser)
-    parser.add_argument(
-        "--trajectory",
-        action="append",
-        default=[],
-        metavar="EXCITATION",
-        help="excitation.yaml that was played, for its limit margins (default: from the models)",
-    )
-    parser.add_argument("--topic", metavar="T", help="topic of the joint states")
+    text = "excitation.yaml that was played, for its limit margins (default: from the models)"
+    each(parser, "--trajectory", "EXCITATION", text)
+    option(parser, "--topic", "T", "topic of the joint states")
     add_output(parser, "PAGE", "HTML page to write", required=True)
     add_json(parser)
 
 
 def run(args: argparse.Namespace) -> int:
     """Write one self-contained page on models beside recordings."""
-    from robot_ident.files import refuse_existing
     from robot_ident.model.model_file import is_model, read_model
     from robot_ident.report.sections import write_report
     from robot_ident.workflow.findings import gather
     from robot_ident.workflow.inputs import read_excitations, read_sources, refuse_repeated
 
-    refuse_existing(args.output, force=args.force)
+    refuse_output(args)
     for path in args.models:
         if not is_model(path):
             raise InputError(f"{path}: not a model; make one by robot_ident identify ... -o model.yaml")
@@ -68,16 +62,16 @@ def run(args: argparse.Namespace) -> int:
     from robot_ident.report.wording import verdict
 
     say(verdict(found))
-    say(f"written: {args.output}")
+    say_written(args.output)
     return 0
 
 
 def _command(args: argparse.Namespace) -> str:
     """Return what was asked for, as a command that can be run again."""
     words = ["robot_ident", "report", *args.models, "--bag", *args.bag]
-    for option in ("validation", "trajectory", "effects_from"):
-        for value in getattr(args, option, None) or []:
-            words += [f"--{option.replace('_', '-')}", value]
+    for name in ("validation", "trajectory", "effects_from"):
+        for value in getattr(args, name, None) or []:
+            words += [f"--{name.replace('_', '-')}", value]
     words += ["--topic", args.topic] if args.topic else []
     return shlex.join([*words, "-o", args.output])
 

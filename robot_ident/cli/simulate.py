@@ -7,7 +7,8 @@ import time
 from collections.abc import Sequence
 from typing import TYPE_CHECKING, Any
 
-from robot_ident.cli.output import add_json, add_output, add_robot, print_json, say, tell, within
+from robot_ident.cli.options import add_json, add_output, add_robot, count, each, flag, number, numbers_of, option
+from robot_ident.cli.output import print_json, refuse_output, say, say_written, tell
 
 if TYPE_CHECKING:
     from robot_ident.recording.conditions import KnownPayload
@@ -21,44 +22,18 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
     parser.add_argument("excitation", metavar="excitation.yaml", help="excitation or validation motion to play")
     plant = parser.add_argument_group("simulated robot")
     add_robot(plant)
-    plant.add_argument(
-        "--effect",
-        action="append",
-        default=[],
-        metavar="NAME@JOINT[:k=v,...]",
-        help="additional effect of the plant (robot_ident effects NAME lists its values)",
-    )
-    plant.add_argument(
-        "--hidden",
-        type=int,
-        metavar="SEED",
-        help="add effects drawn at random and write them to BAG.sealed only (robot_ident trial --open shows them)",
-    )
-    plant.add_argument(
-        "--payload",
-        metavar="KG[,X,Y,Z]",
-        help="point mass at the end effector and its centre in m in that frame; written to BAG.conditions.yaml",
-    )
-    plant.add_argument("--servo", default="feedforward", help="feedforward or pd (default: %(default)s)")
+    text = "additional effect of the plant (robot_ident effects NAME lists its values)"
+    each(plant, "--effect", "NAME@JOINT[:k=v,...]", text)
+    text = "add effects drawn at random and write them to BAG.sealed only (robot_ident trial --open shows them)"
+    option(plant, "--hidden", "SEED", text, type=int)
+    text = "point mass at the end effector and its centre in m in that frame; written to BAG.conditions.yaml"
+    option(plant, "--payload", "KG[,X,Y,Z]", text)
+    option(plant, "--servo", None, "feedforward or pd", "feedforward")
     measured = parser.add_argument_group("recording")
-    measured.add_argument(
-        "--periods",
-        type=within(1, 100_000, int),
-        default=16,
-        help="steady periods of an excitation, after one transient period (default: %(default)s)",
-    )
-    measured.add_argument(
-        "--sample-rate",
-        type=within(1.0, 1e5),
-        metavar="HZ",
-        help="sample rate (default: the excitation's, else 150 Hz)",
-    )
-    measured.add_argument(
-        "--anti-alias", action="store_true", help="filter the effort as the current sensor's analogue filter does"
-    )
-    measured.add_argument(
-        "--seed", type=within(0, 2**31, int), default=0, help="seed of the noise (default: %(default)s)"
-    )
+    count(measured, "--periods", None, (1, 100_000), "steady periods of an excitation, after one transient period", 16)
+    number(measured, "--sample-rate", "HZ", (1.0, 1e5), "sample rate (default: the excitation's, else 150 Hz)")
+    flag(measured, "--anti-alias", "filter the effort as the current sensor's analogue filter does")
+    count(measured, "--seed", None, (0, 2**31), "seed of the noise", 0)
     output = parser.add_argument_group("output")
     add_output(output, "BAG", "rosbag2 folder, .mcap, .npz or .csv file to write", required=True)
     add_json(output)
@@ -79,17 +54,13 @@ def run(args: argparse.Namespace) -> int:
     from robot_ident.trajectories.excitation import Excitation
     from robot_ident.trajectories.point_to_point import load_motion
 
-    refuse_existing(args.output, force=args.force)
+    refuse_output(args)
     answer = None if args.hidden is None else sealed_path(args.output)
     if answer is not None:
         refuse_existing(answer, force=args.force)
         if args.effect:
             raise InputError("--hidden and --effect exclude each other, because they might add the same effect")
     _none_of_ones_own(args.effect)
-    if args.periods < 1:
-        raise InputError(f"--periods {args.periods}: at least 1")
-    if args.seed < 0:
-        raise InputError(f"--seed {args.seed}: must not be negative")
     carried = _payload(args.payload)
     refuse_existing(sidecar(args.output), force=args.force)
     robot = load_robot(args.robot)
@@ -97,7 +68,9 @@ def run(args: argparse.Namespace) -> int:
     motion.check_robot(robot)
     scenario = None if args.hidden is None else draw_scenario(args.hidden, robot)
     effects = args.effect if scenario is None else scenario.all_effects
-    effects = [*effects, *_carrying(carried)]
+    if carried is not None:
+        x, y, z = carried.centre
+        effects = [*effects, f"payload:payload={carried.mass!r},x={x!r},y={y!r},z={z!r}"]
     started = time.perf_counter()
     options: dict[str, Any] = {"servo": args.servo, "seed": args.seed, "effects": effects}
     options["anti_alias"] = args.anti_alias
@@ -122,12 +95,11 @@ def run(args: argparse.Namespace) -> int:
         more = {"duration": result.recording.duration, "seconds": seconds, "effects": list(shown)}
         print_json({**data, **more, "sealed": None if answer is None else str(answer), "notes": notes})
         return 0
-    for note in notes:
-        tell(note)
+    tell(*notes)
     for effect in plant_physics(robot, effects)[-len(effects) :] if scenario is None and effects else ():
         say(f"with {values_in_words(effect.text, robot)}")
     say(f"{result.recording.samples} samples, {result.recording.duration:.1f} s of robot time in {seconds:.2f} s")
-    say(f"written: {args.output}")
+    say_written(args.output)
     if answer is not None:
         say(f"hidden effects written: {answer} (robot_ident trial --open {answer} shows them)")
     return 0
@@ -151,22 +123,11 @@ def _payload(text: str | None) -> KnownPayload | None:
 
     if text is None:
         return None
-    try:
-        values = [float(word) for word in text.split(",")]
-    except ValueError as error:
-        raise InputError(f"--payload {text}: KG or KG,X,Y,Z was expected") from error
+    values = numbers_of(text, f"--payload {text}: KG or KG,X,Y,Z was expected")
     if len(values) not in (1, 4) or not all(abs(v) < 1e6 for v in values) or not values[0] > 0:
         raise InputError(f"--payload {text}: KG or KG,X,Y,Z was expected, the mass above 0")
     x, y, z = values[1:] or (0.0, 0.0, 0.0)
     return KnownPayload(values[0], (x, y, z))
-
-
-def _carrying(payload: KnownPayload | None) -> list[str]:
-    """Return a payload as an effect of the plant."""
-    if payload is None:
-        return []
-    x, y, z = payload.centre
-    return [f"payload:payload={payload.mass!r},x={x!r},y={y!r},z={z!r}"]
 
 
 def _without_noise(robot: Robot) -> list[str]:

@@ -8,13 +8,14 @@ import argparse
 import hashlib
 import json
 import tempfile
-from collections.abc import Callable, Sequence
+from collections.abc import Callable, Mapping, Sequence
 from functools import partial
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 from robot_ident.cli.journal import SCHEMA, Journal, Kept
-from robot_ident.cli.output import Progress, add_cluster, add_json, add_robot, print_json, say, table, tell
+from robot_ident.cli.options import add_cluster, add_json, add_robot, option, several
+from robot_ident.cli.output import Progress, print_json, say, table, tell
 from robot_ident.errors import InputError, did_you_mean
 
 if TYPE_CHECKING:
@@ -53,13 +54,8 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
     """Add the command's options."""
     hidden = parser.add_argument_group("what to hide")
     add_robot(hidden)
-    hidden.add_argument(
-        "--family",
-        choices=("effects", "measurement", "real"),
-        default="effects",
-        help="effects: of the arm; measurement: faults of the recording; real: recordings with the faults of real"
-        " ones (default: %(default)s)",
-    )
+    text = "effects: of the arm; measurement: faults of the recording; real: recordings with the faults of real ones"
+    option(hidden, "--family", None, text, "effects", choices=("effects", "measurement", "real"))
     hidden.add_argument(
         "--kind",
         action="append",
@@ -68,32 +64,18 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
         " each with all seeds (default: drawn); of --family real: base, fixed filters compete with the base model, or"
         " effects, several on every joint but one (default: base)",
     )
-    hidden.add_argument(
-        "--seeds", default="0:20", metavar="A:B", help="seeds A to B - 1, one case each (default: %(default)s)"
-    )
+    option(hidden, "--seeds", "A:B", "seeds A to B - 1, one case each", "0:20")
     motion = parser.add_argument_group("recordings")
-    motion.add_argument(
-        "--excitation",
-        nargs="+",
-        default=[],
-        metavar="FILE",
-        help="motions to play, the last one for validation (default: design four)",
-    )
-    motion.add_argument("--folder", metavar="DIR", help="folder that caches the designed motions")
-    motion.add_argument(
-        "--periods", type=int, default=PERIODS, help="steady periods of each motion (default: %(default)s)"
-    )
-    motion.add_argument(
-        "--noise", type=float, default=1.0, help="factor on the robot's noise variances (default: %(default)s)"
-    )
+    several(motion, "--excitation", "FILE", "motions to play, the last one for validation (default: design four)")
+    option(motion, "--folder", "DIR", "folder that caches the designed motions")
+    option(motion, "--periods", None, "steady periods of each motion", PERIODS, type=int)
+    option(motion, "--noise", None, "factor on the robot's noise variances", 1.0, type=float)
     work = parser.add_argument_group("execution")
-    work.add_argument(
-        "--cases-file", metavar="F", help="file of the finished cases, from which an interrupted trial resumes"
-    )
-    work.add_argument("--workers", type=int, metavar="N", help="number of processes (default: one per processor)")
+    option(work, "--cases-file", "F", "file of the finished cases, from which an interrupted trial resumes")
+    option(work, "--workers", "N", "number of processes (default: one per processor)", type=int)
     add_cluster(work)
     output = parser.add_argument_group("output")
-    output.add_argument("--open", metavar="BAG.sealed", help="show what simulate --hidden hid, and exit")
+    option(output, "--open", "BAG.sealed", "show what simulate --hidden hid, and exit")
     add_json(output)
 
 
@@ -114,14 +96,15 @@ def run(args: argparse.Namespace) -> int:
         raise InputError(f"--workers {args.workers}: at least 1")
     robot = load_robot(args.robot)
     if args.family == "real":
+        _refuse_settings(args)
         return (run_causes if cases[0].kind == "effects" else run_base)(args, cases, robot)
     motions = _motions(args, robot)
     series = tuple(motion.series for motion in motions)
     setting = Setting(robot, series[:-1], series[-1], args.periods, args.noise)
-    done = Journal.open(args.cases_file, _settings(args, motions), Outcome.of_dict)
-    if not run_cases(partial(run_case, setting=setting), cases, done, args):
+    outcomes = run_cases(args, cases, partial(run_case, setting=setting), _settings(args, motions), Outcome.of_dict)
+    if outcomes is None:
         return STOPPED
-    _report(args, [done.outcomes[case] for case in cases], usual_sizes(robot)[0])
+    _report(args, outcomes, usual_sizes(robot)[0])
     return 0
 
 
@@ -202,23 +185,25 @@ def _settings(args: argparse.Namespace, motions: Sequence[Excitation]) -> dict[s
     """Return what has to agree for two cases to belong to one trial."""
     content = json.dumps([motion.to_dict() for motion in motions], sort_keys=True)
     digest = hashlib.sha256(content.encode()).hexdigest()[:16]
-    return {
-        "schema": SCHEMA,
-        "robot": motions[0].robot,
-        "noise": args.noise,
-        "periods": args.periods,
-        "motions": digest,
-    }
+    return {"robot": motions[0].robot, "noise": args.noise, "periods": args.periods, "motions": digest}
 
 
 def run_cases(
-    work: Callable[[Case], Kept], cases: Sequence[Case], done: Journal[Kept], args: argparse.Namespace
-) -> bool:
-    """Run what isn't done yet and keep each outcome; say so and return False where Ctrl-C ends it."""
+    args: argparse.Namespace,
+    cases: Sequence[Case],
+    work: Callable[[Case], Kept],
+    settings: dict[str, Any],
+    of_dict: Callable[[Mapping[str, Any]], Kept],
+) -> list[Kept] | None:
+    """Run what isn't done yet, keep each outcome and return all; say so and return None where Ctrl-C ends it.
+
+    settings: what has to agree with the file of finished cases, whose outcomes `of_dict` reads.
+    """
     from contextlib import closing
 
     from robot_ident.parallel import completed
 
+    done = Journal.open(args.cases_file, {"schema": SCHEMA, **settings}, of_dict)
     left = [case for case in cases if case not in done.outcomes]
     try:
         with Progress("trial", len(cases)) as bar, closing(completed(work, left, args.workers)) as results:
@@ -228,8 +213,8 @@ def run_cases(
     except KeyboardInterrupt:
         kept = f"are kept in {args.cases_file}; the same command resumes" if args.cases_file else "are lost"
         tell(f"robot_ident trial: stopped; {len(done.outcomes)} finished cases {kept}")
-        return False
-    return True
+        return None
+    return [done.outcomes[case] for case in cases]
 
 
 def _report(args: argparse.Namespace, outcomes: Sequence[Outcome], least: float) -> None:
@@ -238,16 +223,10 @@ def _report(args: argparse.Namespace, outcomes: Sequence[Outcome], least: float)
     result = summary(outcomes, least)
     if args.json:
         more = {"robot": args.robot, "noise": args.noise, "periods": args.periods, "least_visible_rms": least}
-        cases = [outcome.to_dict() for outcome in outcomes]
-        print_json({"schema": "robot_ident/trial/1", **more, **result, "cases": cases})
+        _print_json(outcomes, "trial", {**more, **result})
         return
     rows = [
-        (
-            _ROWS[r["name"]],
-            f"{100 * r['share']:.1f} %",
-            f"{100 * r['lower']:.1f} - {100 * r['upper']:.1f} %",
-            r["cases"],
-        )
+        (_ROWS[r["name"]], _percent(r["share"]), f"{100 * r['lower']:.1f} - {_percent(r['upper'])}", r["cases"])
         for r in result["rates"]
     ]
     say(table(("", "rate", "95 % interval", "cases"), rows))
@@ -261,43 +240,44 @@ def _report(args: argparse.Namespace, outcomes: Sequence[Outcome], least: float)
         say(f"{result['not_added']} times the named effects could not be added")
     say(f"one diagnosis: median {result['diagnosis_seconds']['median']:.1f} s of processor time")
     say()
-    say(table(("hidden", "cases", "named"), list(_confusion_rows(result["confusion"]))))
+    hidden = [
+        (name, sum(row.values()), ", ".join(f"{said} {count}" for said, count in row.items()))
+        for name, row in result["confusion"].items()
+    ]
+    say(table(("hidden", "cases", "named"), hidden))
     failures = sorted({seed for r in result["rates"] for seed in r["exceptions"]})
     if failures:
         say(f"\nseeds with a failure: {', '.join(map(str, failures))}")
+
+
+def _print_json(outcomes: Sequence[Kept], name: str, result: dict[str, Any]) -> None:
+    print_json({"schema": f"robot_ident/{name}/1", **result, "cases": [outcome.to_dict() for outcome in outcomes]})
 
 
 def _percent(share: float) -> str:
     return f"{100 * share:.1f} %"
 
 
-def _confusion_rows(confusion: dict[str, dict[str, int]]) -> list[tuple[str, int, str]]:
-    return [
-        (name, sum(row.values()), ", ".join(f"{said} {count}" for said, count in row.items()))
-        for name, row in confusion.items()
-    ]
-
-
 def run_base(args: argparse.Namespace, cases: Sequence[Case], robot: Robot) -> int:
     """Run the cases, print how the chosen base models do beside fixed filters."""
     from robot_ident.testbed.base_trial import CLOSE, FILTERS, BaseOutcome, base_summary
 
-    _refuse_settings(args)
-    settings = {"schema": SCHEMA, "robot": robot.name, "family": "real"}
-    done = Journal.open(args.cases_file, settings, BaseOutcome.of_dict)
-    if not run_cases(partial(_one, robot=robot), cases, done, args):
+    settings = {"robot": robot.name, "family": "real"}
+    outcomes = run_cases(args, cases, partial(_with_base, robot=robot), settings, BaseOutcome.of_dict)
+    if outcomes is None:
         return STOPPED
-    outcomes = [done.outcomes[case] for case in cases]
     result = base_summary(outcomes)
     if args.json:
-        each = [one.to_dict() for one in outcomes]
-        print_json({"schema": "robot_ident/trial_real/1", "robot": args.robot, **result, "cases": each})
+        _print_json(outcomes, "trial_real", {"robot": args.robot, **result})
         return 0
     say(f"validation error relative to the best of {len(FILTERS)} fixed filters with the true offsets and scales:")
     rows = [
         (
             kind["kind"],
-            *(_ratio(kind[name]) for name in ("median", "ninetieth_percentile", "worst")),
+            *(
+                "no model" if kind[name] is None else f"{kind[name]:.2f}"
+                for name in ("median", "ninetieth_percentile", "worst")
+            ),
             f"{kind['as_good']} of {kind['cases']}",
             ", ".join(map(str, kind["exceptions"])) or "-",
         )
@@ -319,40 +299,32 @@ def run_base(args: argparse.Namespace, cases: Sequence[Case], robot: Robot) -> i
 
 def _refuse_settings(args: argparse.Namespace) -> None:
     """Refuse what `--family real` draws itself."""
-    for option, changed in (
+    for name, changed in (
         ("--excitation", args.excitation),
         ("--folder", args.folder),
         ("--noise", args.noise != 1.0),
         ("--periods", args.periods != PERIODS),
     ):
         if changed:
-            raise InputError(f"{option}: has no effect with --family real, which draws motions and noise itself")
+            raise InputError(f"{name}: has no effect with --family real, which draws motions and noise itself")
 
 
 def run_causes(args: argparse.Namespace, cases: Sequence[Case], robot: Robot) -> int:
     """Run the cases, print how many names were right and how many causes were found, joint by joint."""
     from robot_ident.testbed.causes_trial import CausesOutcome, causes_summary
 
-    _refuse_settings(args)
-    settings = {"schema": SCHEMA, "robot": robot.name, "family": "real", "kind": "effects"}
-    done = Journal.open(args.cases_file, settings, CausesOutcome.of_dict)
-    if not run_cases(partial(_with_causes, robot=robot), cases, done, args):
+    settings = {"robot": robot.name, "family": "real", "kind": "effects"}
+    outcomes = run_cases(args, cases, partial(_with_causes, robot=robot), settings, CausesOutcome.of_dict)
+    if outcomes is None:
         return STOPPED
-    outcomes = [done.outcomes[case] for case in cases]
     result = causes_summary(outcomes)
     if args.json:
-        each = [one.to_dict() for one in outcomes]
-        print_json({"schema": "robot_ident/trial_real_effects/1", "robot": args.robot, **result, "cases": each})
+        _print_json(outcomes, "trial_real_effects", {"robot": args.robot, **result})
         return 0
-    rows = [
-        (
-            rate["kind"],
-            rate["name"],
-            f"{rate['successes']} of {rate['cases']}",
-            f"{100 * rate['lower']:.0f} - {100 * rate['upper']:.0f} %",
-        )
-        for rate in result["rates"]
-    ]
+    rows = []
+    for rate in result["rates"]:
+        interval = f"{100 * rate['lower']:.0f} - {100 * rate['upper']:.0f} %"
+        rows.append((rate["kind"], rate["name"], f"{rate['successes']} of {rate['cases']}", interval))
     say(table(("path", "", "counted", "95 % interval"), rows))
     say()
     for one in result["reliability"]:
@@ -378,11 +350,7 @@ def _with_causes(case: Case, robot: Robot) -> CausesOutcome:
     return run_causes_case(case.seed, robot)
 
 
-def _one(case: Case, robot: Robot) -> BaseOutcome:
+def _with_base(case: Case, robot: Robot) -> BaseOutcome:
     from robot_ident.testbed.base_trial import run_base_case
 
     return run_base_case(case.seed, robot)
-
-
-def _ratio(value: float | None) -> str:
-    return "no model" if value is None else f"{value:.2f}"

@@ -5,7 +5,8 @@ from __future__ import annotations
 import argparse
 from dataclasses import replace
 
-from robot_ident.cli.output import add_json, print_json, say, tell, within
+from robot_ident.cli.options import add_json, number, option
+from robot_ident.cli.output import print_json, say, tell
 from robot_ident.errors import CheckFailed
 
 
@@ -13,20 +14,9 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
     """Add the command's options."""
     parser.add_argument("model", metavar="model.yaml", help="identified model")
     parser.add_argument("bag", metavar="BAG", help="validation recording, not used in the fit")
-    parser.add_argument("--topic", metavar="T", help="topic of the joint states")
-    parser.add_argument(
-        "--low-pass",
-        type=within(0.01, 1e5),
-        default=10.0,
-        metavar="HZ",
-        help="cut-off of the zero-phase low-pass filter (default: %(default)s)",
-    )
-    parser.add_argument(
-        "--max-rms",
-        type=within(0.0, 1e9),
-        metavar="NM",
-        help="exit with 3 if a joint's residual rms exceeds this value",
-    )
+    option(parser, "--topic", "T", "topic of the joint states")
+    number(parser, "--low-pass", "HZ", (0.01, 1e5), "cut-off of the zero-phase low-pass filter", 10.0)
+    number(parser, "--max-rms", "NM", (0.0, 1e9), "exit with 3 if a joint's residual rms exceeds this value")
     add_json(parser)
 
 
@@ -47,8 +37,7 @@ def run(args: argparse.Namespace) -> int:
     if args.json:
         print_json(result.to_dict())
     else:
-        for note in result.notes:
-            tell(note)
+        tell(*result.notes)
         say(f"residual while moving, low-pass filter at {result.low_pass_hz:g} Hz")
         say(fit_table(model.robot, result.residual))
         if result.standstill:

@@ -8,31 +8,21 @@ import sys
 from contextlib import ExitStack
 from pathlib import Path
 
-from robot_ident.cli.options import add_validation
-from robot_ident.cli.output import say, within
+from robot_ident.cli.options import add_validation, count, flag, option, several
+from robot_ident.cli.output import say
 
 
 def add_arguments(parser: argparse.ArgumentParser) -> None:
     """Add the command's options."""
     parser.add_argument("model", nargs="?", metavar="model.yaml", help="model to start from (default: identify one)")
-    parser.add_argument(
-        "--bag", nargs="+", default=[], metavar="BAG", help="recordings to fit (default: choose them in the browser)"
-    )
+    several(parser, "--bag", "BAG", "recordings to fit (default: choose them in the browser)")
     add_validation(parser)
-    parser.add_argument("--robot", metavar="R", help="robot of the model to identify (default: kuka_ir361)")
-    parser.add_argument("--topic", metavar="T", help="topic of the joint states")
-    parser.add_argument(
-        "--port", type=within(0, 65535, int), metavar="P", help="TCP port (default: the first free one from 8050)"
-    )
-    parser.add_argument(
-        "--folder",
-        default="robot_ident_workbench",
-        metavar="DIR",
-        help="folder of the session, which a later start resumes (default: %(default)s)",
-    )
-    parser.add_argument(
-        "--no-browser", action="store_true", help="print the address with its token and open no browser"
-    )
+    option(parser, "--robot", "R", "robot of the model to identify (default: kuka_ir361)")
+    option(parser, "--topic", "T", "topic of the joint states")
+    count(parser, "--port", "P", (0, 65535), "TCP port (default: the first free one from 8050)")
+    text = "folder of the session, which a later start resumes"
+    option(parser, "--folder", "DIR", text, "robot_ident_workbench")
+    flag(parser, "--no-browser", "print the address with its token and open no browser")
 
 
 def run(args: argparse.Namespace) -> int:
