@@ -51,8 +51,8 @@ class Hypothesis:
 
     @property
     def causes(self) -> int:
-        """Number of causes that it stands for: a cable that has its own offset is two, friction behind a play, too."""
-        return 1 + len(type(self.effect).contains) + bool(type(self.effect).more_than)
+        """Number of causes that it stands for: a cable that has its own offset is two."""
+        return 1 + len(type(self.effect).contains)
 
     @property
     def formula_error(self) -> float:

@@ -18,8 +18,9 @@ class Election:
     that each set wins, by its labels.
 
     shares: what a set of several effects on a joint wins counts for one of fewer that predicts as well but for what its
-    formulas may err; alternatives: every set's own share. alike: sets with another effect in the place of one of the
-    winner's, where both predict as well but for what their formulas may err: real causes are no nearer to a formula.
+    formulas may err, and what sets alike win for the winner; alternatives: every set's own share. alike: sets with
+    another effect in the place of one of the winner's, where both predict as well but for what their formulas may err:
+    real causes are no nearer to a formula.
     """
 
     winner: Selected
@@ -62,14 +63,32 @@ def elect(search: Search, selected: Selected, seed: int = 0) -> Election:
     ahead = [key for key in shares if shares[key] > shares.get(names(selected), 0.0)]
     best = next((key for key in sorted(ahead, key=lambda key: -shares[key]) if _tenable(search, sets[key])), None)
     winner = selected if best is None else sets[best]
-    return Election(winner, shares, own, tuple(key for key in labels if _alike(search, winner, sets[key])))
+    alike = [key for key in labels if _alike(search, winner, sets[key])]
+    usual = next((key for key in alike if _but_for_one_cause(winner, sets[key]) and _tenable(search, sets[key])), None)
+    if usual is not None:
+        winner = sets[usual]
+        alike = [key for key in labels if _alike(search, winner, sets[key])]
+    shares[names(winner)] = sum(shares.get(key, 0.0) for key in (names(winner), *alike))
+    return Election(winner, {key: share for key, share in shares.items() if key not in alike}, own, tuple(alike))
+
+
+def _exchanged(winner: Selected, other: Selected) -> tuple[list[Hypothesis], list[Hypothesis]]:
+    """Return what each of two sets has that the other has not."""
+    mine, instead = names(winner), names(other)
+    return [h for h in winner if h.label not in instead], [h for h in other if h.label not in mine]
+
+
+def _but_for_one_cause(winner: Selected, other: Selected) -> bool:
+    """Return whether an effect of the winner is what another set has in its place, and one cause more."""
+    (mine,), (instead,) = _exchanged(winner, other)
+    return type(mine.effect).more_than == instead.effect.name
 
 
 def _alike(search: Search, winner: Selected, other: Selected) -> bool:
     """Return whether a set has another effect in the place of one of the winner's, none of which contains the other,
     and both predict every joint that the two touch as well but for what their formulas may err.
     """
-    (mine, instead) = ([h for h in one if h.label not in names(two)] for one, two in ((winner, other), (other, winner)))
+    mine, instead = _exchanged(winner, other)
     if len(mine) != 1 or len(instead) != 1 or not {*mine[0].joints} & {*instead[0].joints}:
         return False
     a, b = mine[0].effect, instead[0].effect
@@ -88,25 +107,19 @@ def _tenable(search: Search, some: Selected) -> bool:
 
 
 def _simplest(search: Search, sets: Mapping[tuple[str, ...], Selected], key: tuple[str, ...]) -> tuple[str, ...]:
-    """Return the best set with fewer effects on one joint, all others alike, that predicts it as well as a set does; an
-    effect that is another one and more counts for two.
-    """
+    """Return the best set with fewer effects on one joint, all others alike, that predicts it as well as a set does."""
     of_set = search.simpler(sets[key])
     if of_set != sets[key] and names(of_set) in sets:
         return names(of_set)
     out = {}
     for other, fewer in sets.items():
         places = {h.joints for h in (*of_set, *fewer) if h.label not in other or h.label not in key}
-        if _count(fewer) >= _count(of_set) or len(places) != 1:
+        if len(fewer) >= len(of_set) or len(places) != 1:
             continue
         joint, *more = places.pop()
         if not more and any(joint in h.at for h in fewer) and search.as_good(fewer, of_set, joint):
             out[other] = search.objective(fewer)
     return min(out, key=lambda other: out[other], default=key)
-
-
-def _count(some: Selected) -> int:
-    return len(some) + sum(bool(type(h.effect).more_than) for h in some)
 
 
 def _neighbours(search: Search, selected: Selected) -> dict[tuple[str, ...], Selected]:
