@@ -211,7 +211,7 @@ def _finding(
     else:
         seen_before, seen_after = (errors(x, validation) if validation else None for x in (before, after))
     given = found.search.given(others)
-    instead = sorted({label for labels in _instead_of(found, h) for label in labels})
+    instead = sorted(found.election.instead_of(h.label)) if found.election and h in found.selected else []
     effects = [settings[0].effect for label in instead if (settings := found.data.hypotheses.get(label))]
     finding = Finding(
         effect=h.effect,
@@ -229,14 +229,6 @@ def _finding(
     )
     finding = with_line(finding)
     return with_low_pass(finding, before, after) if found.data.floor and finding.probability is not None else finding
-
-
-def _instead_of(found: Selection, h: Hypothesis) -> list[list[str]]:
-    """Return what other sets hold in the place of a selected effect."""
-    if found.election is None or h not in found.selected:
-        return []
-    mine = {x.label for x in found.selected}
-    return [[other for other in labels if other not in mine] for labels in found.election.tied if h.label not in labels]
 
 
 def _alternatives(found: Selection) -> tuple[tuple[str, ...], ...]:

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 
 import numpy as np
 
@@ -18,15 +18,15 @@ class Election:
     that each set wins, by its labels.
 
     shares: what a set of several effects on a joint wins counts for one of fewer that predicts as well but for what its
-    formulas may err, and what sets alike win for the winner; alternatives: every set's own share. alike: sets with
-    another effect in the place of one of the winner's, where both predict as well but for what their formulas may err:
-    real causes are no nearer to a formula.
+    formulas may err; alternatives: every set's own share. alike: sets with other effects in the place of some of the
+    winner's, which predict as well as these but for what their formulas may err, since real causes are no nearer to a
+    formula; by the winner's labels, those in their place.
     """
 
     winner: Selected
     shares: Mapping[tuple[str, ...], float]
     alternatives: Mapping[tuple[str, ...], float]
-    alike: tuple[tuple[str, ...], ...] = ()
+    alike: Mapping[tuple[str, ...], Mapping[str, str]] = field(default_factory=dict)
 
     @property
     def tied(self) -> tuple[tuple[str, ...], ...]:
@@ -34,9 +34,21 @@ class Election:
         often = tuple(key for key, share in self.alternatives.items() if share >= ALTERNATIVE)
         return (*often, *(key for key in self.alike if key not in often))
 
+    def instead_of(self, label: str) -> set[str]:
+        """Return the labels of what other sets hold in the place of an effect of the winner."""
+        mine = names(self.winner)
+        out: set[str] = set()
+        for key in self.tied:
+            if key in self.alike:
+                out |= {other for own, other in self.alike[key].items() if own == label}
+            elif label not in key:
+                out |= {other for other in key if other not in mine}
+        return out
+
     def probability(self, label: str) -> float:
-        """Return the share of the resamples won by sets that hold a label."""
-        return sum(share for labels, share in self.shares.items() if label in labels)
+        """Return the share of the resamples won by sets that hold a label, or one that is alike in its place."""
+        any_of = {label, *(pairs[label] for pairs in self.alike.values() if label in pairs)}
+        return sum(share for labels, share in self.shares.items() if any_of & {*labels})
 
 
 def elect(search: Search, selected: Selected, seed: int = 0) -> Election:
@@ -63,42 +75,51 @@ def elect(search: Search, selected: Selected, seed: int = 0) -> Election:
     ahead = [key for key in shares if shares[key] > shares.get(names(selected), 0.0)]
     best = next((key for key in sorted(ahead, key=lambda key: -shares[key]) if _tenable(search, sets[key])), None)
     winner = selected if best is None else sets[best]
-    alike = [key for key in labels if _alike(search, winner, sets[key])]
-    usual = next((key for key in alike if _but_for_one_cause(winner, sets[key]) and _tenable(search, sets[key])), None)
+    alike = _all_alike(search, winner, sets)
+    usual = next((sets[key] for key in alike if _more(winner, sets[key]) and _tenable(search, sets[key])), None)
     if usual is not None:
-        winner = sets[usual]
-        alike = [key for key in labels if _alike(search, winner, sets[key])]
-    shares[names(winner)] = sum(shares.get(key, 0.0) for key in (names(winner), *alike))
-    return Election(winner, {key: share for key, share in shares.items() if key not in alike}, own, tuple(alike))
+        winner, alike = usual, _all_alike(search, usual, sets)
+    return Election(winner, shares, own, alike)
 
 
-def _exchanged(winner: Selected, other: Selected) -> tuple[list[Hypothesis], list[Hypothesis]]:
-    """Return what each of two sets has that the other has not."""
+def _all_alike(
+    search: Search, winner: Selected, sets: Mapping[tuple[str, ...], Selected]
+) -> dict[tuple[str, ...], dict[str, str]]:
+    """Return the sets that are alike with the winner, and what they hold in the place of its effects."""
+    alike = {key: other for key, other in sets.items() if _alike(search, winner, other)}
+    return {key: {a.label: b.label for a, b in _exchanged(winner, other)} for key, other in alike.items()}
+
+
+def _exchanged(winner: Selected, other: Selected) -> list[tuple[Hypothesis, Hypothesis]]:
+    """Return what another set has in the place of some of the winner's effects, joint by joint; nothing where it is not
+    so.
+    """
     mine, instead = names(winner), names(other)
-    return [h for h in winner if h.label not in instead], [h for h in other if h.label not in mine]
-
-
-def _but_for_one_cause(winner: Selected, other: Selected) -> bool:
-    """Return whether an effect of the winner is what another set has in its place, and one cause more."""
-    (mine,), (instead,) = _exchanged(winner, other)
-    return type(mine.effect).more_than == instead.effect.name
+    here = sorted((h for h in winner if h.label not in instead), key=lambda h: h.joints)
+    there = sorted((h for h in other if h.label not in mine), key=lambda h: h.joints)
+    if len(here) != len(there) or not all({*a.joints} & {*b.joints} for a, b in zip(here, there, strict=True)):
+        return []
+    return list(zip(here, there, strict=True))
 
 
 def _alike(search: Search, winner: Selected, other: Selected) -> bool:
-    """Return whether a set has another effect in the place of one of the winner's, none of which contains the other,
-    and both predict every joint that the two touch as well but for what their formulas may err.
+    """Return whether a set has other effects in the place of some of the winner's, none of which contains the other,
+    and both predict every joint that these touch as well but for what their formulas may err.
     """
-    mine, instead = _exchanged(winner, other)
-    if len(mine) != 1 or len(instead) != 1 or not {*mine[0].joints} & {*instead[0].joints}:
+    pairs = _exchanged(winner, other)
+    if not pairs or any(b.effect.name in type(a.effect).contains for pair in pairs for a, b in (pair, pair[::-1])):
         return False
-    a, b = mine[0].effect, instead[0].effect
-    if a.name in type(b).contains or b.name in type(a).contains:
-        return False
+    mine, instead = zip(*pairs, strict=True)
     return all(
-        search.as_good(one, two, joint)
-        for joint in {*mine[0].joints, *instead[0].joints}
-        for one, two in ((winner, other), (other, winner))
+        search.as_good(one, two, joint, own)
+        for joint in {joint for pair in pairs for h in pair for joint in h.joints}
+        for one, two, own in ((winner, other, mine), (other, winner, instead))
     )
+
+
+def _more(winner: Selected, other: Selected) -> bool:
+    """Return whether an effect of the winner is what another set has in its place, and one cause more."""
+    return any(type(mine.effect).more_than == instead.effect.name for mine, instead in _exchanged(winner, other))
 
 
 def _tenable(search: Search, some: Selected) -> bool:

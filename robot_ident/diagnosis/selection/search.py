@@ -100,17 +100,27 @@ class Search:
         """Return the squared error [n] of all folds that the formulas of a set and of what the model has already, and
         unseen reactions, may make.
         """
-        given, data = self.given(selected), self.data
-        scale = len(data.folds) / data.training
-        out = data.unseen.sum(axis=0) + scale * sum(data.known_errors.values())
-        for h in given.selected:
-            out += scale * h.formula_error**2 * given.contribution(h)
-        return np.asarray(out)
+        data = self.data
+        known = len(data.folds) / data.training * sum(data.known_errors.values())
+        return np.asarray(data.unseen.sum(axis=0) + known + self._error_of(selected, selected))
 
-    def as_good(self, fewer: Sequence[Hypothesis], more: Sequence[Hypothesis], joint: int) -> bool:
-        """Return whether fewer effects on a joint predict it as well as more do, but for what their formulas err."""
-        falls = self.given(fewer).loss[:, joint].sum() - self.given(more).loss[:, joint].sum()
-        return float(falls) <= float(self.formula_error(fewer)[joint])
+    def _error_of(self, some: Sequence[Hypothesis], selected: Sequence[Hypothesis]) -> Array:
+        """Return the squared error [n] of all folds that the formulas of some effects of a set may make."""
+        given, out = self.given(selected), np.zeros(self.data.n)
+        for h in given.selected:
+            if h in some:
+                out += len(self.data.folds) / self.data.training * h.formula_error**2 * given.contribution(h)
+        return out
+
+    def as_good(
+        self, one: Sequence[Hypothesis], other: Sequence[Hypothesis], joint: int, some: Sequence[Hypothesis] = ()
+    ) -> bool:
+        """Return whether a set predicts a joint as well as another does, but for what its formulas (some: those of some
+        of its effects) may err.
+        """
+        falls = self.given(one).loss[:, joint].sum() - self.given(other).loss[:, joint].sum()
+        allowed = self._error_of(some, one) if some else self.formula_error(one)
+        return float(falls) <= float(allowed[joint])
 
     def worthwhile(self, h: Hypothesis, beside: Sequence[Hypothesis]) -> bool:
         """Return whether a hypothesis predicts more than it costs, its size is known and makes sense."""
