@@ -200,8 +200,8 @@ class Effect(ABC):
     its formula leaves is another effect. scales_links: it multiplies its joint's rows of
     the links' columns and has none of its own. seen_from: where effort may be measured for it to show; before_sensor:
     why it can't elsewhere. contains: effects whose column it holds too -> coefficient. after: the effect without which
-    it has no meaning at its place. more_than: the effect that is named where data can't tell the two
-    more.
+    it has no meaning at its place. more_than: the effect that it is but for one cause
+    more, which is named where data can't tell the two.
     candidate: it may be what a model lacks. measuring: a fault of what is measured, to be put right in the robot YAML
     rather than added to the model. regression: a column shows it; else `evidence` says what does.
     """
