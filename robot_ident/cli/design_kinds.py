@@ -189,11 +189,11 @@ def run_waypoints(args: argparse.Namespace, target: Target, files: Sequence[str]
     if tour.refused:
         words = ", ".join(f"{a} to {b}" for a, b in tour.refused)
         notes.append(f"left out, for they break a limit at every speed: {words}")
-    if tour.untold:
+    if tour.unidentifiable:
         still = f" ({', '.join(tour.resting)} never moves)" if tour.resting else ""
         notes.append(
-            f"the approved moves{still} leave undetermined: {', '.join(tour.untold)}; approve poses that differ in more"
-            " joints, or more of them"
+            f"the approved moves{still} leave undetermined: {', '.join(tour.unidentifiable)}; approve poses that differ"
+            " in more joints, or more of them"
         )
     values, seconds, duration = tour.evaluation, time.monotonic() - started, tour.motion.duration
     planned = {"poses": list(tour.names), "paces": list(tour.paces), "repeats": args.repeats, "duration": duration}

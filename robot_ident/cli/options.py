@@ -1,5 +1,5 @@
-"""Options that several commands share: how recordings are read and processed, some joints only, effects by name or
-from a file.
+"""How options are declared (a flag, a word, several, a number between bounds), and those that several commands share:
+how recordings are read and processed, some joints only, effects by name or from a file.
 """
 
 from __future__ import annotations
@@ -57,8 +57,9 @@ def option(
     parser: Options, name: str, metavar: str | tuple[str, ...] | None, text: str, default: Any = None, **more: Any
 ) -> None:
     """Add an option with a value, a word unless `more` says otherwise; its help says its default, if any."""
-    told = text if default is None or "%(default)s" in text else f"{text} (default: %(default)s)"
-    parser.add_argument(name, metavar=metavar, default=default, help=told, **more)
+    says_default = default is None or "%(default)s" in text
+    words = text if says_default else f"{text} (default: %(default)s)"
+    parser.add_argument(name, metavar=metavar, default=default, help=words, **more)
 
 
 def several(parser: Options, name: str, metavar: str, text: str, **more: Any) -> None:

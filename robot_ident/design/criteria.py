@@ -83,7 +83,7 @@ def standard_deviations(columns: Array, variances: Array) -> Array:
     return np.asarray(np.linalg.norm(vt / values[:, None], axis=0) / length)
 
 
-def untold(columns: Array, variances: Array) -> Array:
+def unidentifiable(columns: Array, variances: Array) -> Array:
     """Return which parameters [p] a motion leaves open: those that some direction v with F v = 0 moves.
 
     columns F [N, n, p], variances [n] (Nm)^2.

@@ -10,7 +10,7 @@ import numpy as np
 from pydantic import Field
 
 from robot_ident.configuration import Closed, read, schema
-from robot_ident.design.criteria import Evaluation, evaluate_rows, untold
+from robot_ident.design.criteria import Evaluation, evaluate_rows, unidentifiable
 from robot_ident.design.target import Target
 from robot_ident.errors import InputError, did_you_mean
 from robot_ident.limits.certifier import Certifier, Margins
@@ -83,8 +83,8 @@ class Tour:
     """A closed tour of moves, repeated as often as asked.
 
     names [K + 1]: its poses, the first one last again; paces [K]. cycle: one tour; motion: all of them. evaluation: of
-    the mean of the repetitions. untold: parameters that no sequence of these moves tells apart. resting: joints that
-    never move.
+    the mean of the repetitions. unidentifiable: parameters that no sequence of these moves tells apart. resting: joints
+    that never move.
     """
 
     names: tuple[str, ...]
@@ -94,7 +94,7 @@ class Tour:
     evaluation: Evaluation
     margins: Margins
     refused: tuple[tuple[str, str], ...]
-    untold: tuple[str, ...] = ()
+    unidentifiable: tuple[str, ...] = ()
     resting: tuple[str, ...] = ()
 
 
@@ -142,7 +142,7 @@ def plan_tour(
     motion = replace(cycle, points=again, pace=np.tile(paces, repeats), seed=seed)
     rows = np.concatenate([leg.rows for leg in best]) * np.sqrt(repeats)
     names = (*(leg.start for leg in best), best[0].start)
-    open_ = untold(rows[:, None, :], np.ones(1))
+    open_ = unidentifiable(rows[:, None, :], np.ones(1))
     return Tour(
         names,
         tuple(paces.tolist()),

@@ -5,6 +5,7 @@ from __future__ import annotations
 from dataclasses import dataclass, replace
 
 from robot_ident.model.structure import Structure
+from robot_ident.recording.averaging import FINE
 from robot_ident.recording.clock import read_clock
 from robot_ident.recording.measurement import Measurement, Processing
 from robot_ident.recording.process import process
@@ -13,7 +14,6 @@ from robot_ident.robot.robot import Robot
 from robot_ident.signals.filters import ZeroPhaseLowPass
 from robot_ident.signals.motion import Array, Mask, Motion
 
-_FINE = 20.0  # rows in a period of the band's edge: what the jumps of friction alias into it stays below a percent
 _SLOWEST = 100.0  # Hz
 
 
@@ -69,4 +69,4 @@ def thin_rows(recording: Recording, robot: Robot, processing: Processing, band: 
     low_pass, wide = min(band, 0.8 * nyquist), min(wider * band, 0.8 * nyquist)
     asked = replace(processing, periodic=False, base_frequency=None, decimate=1)
     measured = process(recording, robot, replace(asked, low_pass=low_pass, derivative_bandwidth=wide))
-    return ThinRows(measured, max(1, int(1.0 / (measured.dt * max(_SLOWEST, _FINE * low_pass)))), wide)
+    return ThinRows(measured, max(1, int(1.0 / (measured.dt * max(_SLOWEST, FINE * low_pass)))), wide)

@@ -50,7 +50,7 @@ def outlying_periods(periods: Array, what: str = "torque") -> list[int]:
 
 _LARGEST_FIT = 400  # lines of the least-squares fit where the samples don't fall on a grid
 _FINER = 4  # points per sample at most, of a grid that holds few lines: on a coarser one jumps of friction would alias
-_PER_LINE = 20.0  # points in a period of the last line: with as many, what aliases into the lines stays below a percent
+FINE = 20.0  # rows in a period of a band's edge: what the jumps of friction alias into the band stays below a percent
 
 
 @dataclass(frozen=True)
@@ -150,7 +150,7 @@ def grid_of_lines(samples: int, lines: int) -> int:
     """
     from scipy.fft import next_fast_len
 
-    return min(_FINER * samples, next_fast_len(int(max(samples, _PER_LINE * lines)), real=True))
+    return min(_FINER * samples, next_fast_len(int(max(samples, FINE * lines)), real=True))
 
 
 def _fit(recording: Recording, clock: Clock, steady: Steady) -> Average:

@@ -19,6 +19,7 @@ from robot_ident.recording.conditions import Conditions, in_metres, sidecar
 from robot_ident.recording.measurement import Measurement
 from robot_ident.recording.period import AT_REST
 from robot_ident.recording.recording import Recording
+from robot_ident.recording.resolution import position_step
 from robot_ident.robot.robot import Robot
 from robot_ident.signals.motion import Array, Mask
 
@@ -27,7 +28,6 @@ _STEPS = 20  # of an encoder; within fewer a joint at rest may flicker
 _STRAIGHT = 1e-6  # of a signal's range: no sensor measures three samples so exactly on one line
 _MOSTLY = 0.5  # of the samples
 _ROUNDED = 1.5  # steps by which a straight line bends that is rounded to them
-_ON_STEPS = 0.01  # of a step, by which what is rounded to steps may lie beside them
 _REGULAR = 0.9  # of the distances between the samples that were measured: alike, but for one sample
 _LEAP = 0.01  # of the range of motion: a leap that no sample rate worth having leaves between two samples
 _BACK = 0.1  # of a leap: what the sample after it is away from the one before it
@@ -133,12 +133,12 @@ def _bends(t: Array, signal: Array) -> Mask | None:
     shorter = np.minimum(steps[1:], steps[:-1])
     straight, moving = np.ones((2, len(t) - 2), dtype=bool)
     rounded = np.ones(len(t) - 2, dtype=bool)
-    for column in columns:
+    for column, step in zip(columns, position_step(np.stack(columns, axis=1)), strict=True):
         change = np.diff(column) / np.ptp(column)
         bend = np.abs(np.diff(change / steps)) * shorter
         straight &= bend < _STRAIGHT
         moving &= np.abs(change[1:]) > 10.0 * _STRAIGHT
-        rounded &= _by_one_step(bend, change)
+        rounded &= bend < max(_STRAIGHT, _ROUNDED * step / np.ptp(column))
     bent = ~straight
     if straight[moving].sum() <= _MOSTLY * len(straight) or rounded[bent].sum() > _MOSTLY * bent.sum():
         return None
@@ -147,15 +147,6 @@ def _bends(t: Array, signal: Array) -> Mask | None:
     if len(apart) < 10 or np.mean(np.abs(apart - np.median(apart)) <= 1.0) < _REGULAR:
         return None
     return np.concatenate([[False], bent & np.concatenate([[True], straight[:-1]]), [False]])
-
-
-def _by_one_step(bend: Array, change: Array) -> Mask:
-    """Return which bends [N] are of no more than the step of which all changes from sample to sample are multiples."""
-    step = float(bend[bend >= _STRAIGHT].min(initial=np.inf))
-    counts = change / step
-    if np.abs(counts - np.rint(counts)).max() > _ON_STEPS:
-        return np.asarray(bend < _STRAIGHT)
-    return np.asarray(bend < _ROUNDED * step)
 
 
 _BEYOND = 3.0  # positions this many times beyond the limits can't be this robot in SI units

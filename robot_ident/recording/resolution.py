@@ -19,11 +19,10 @@ def position_step(q: Array) -> Array:
     """Return the step [n] of positions q [N, n] of which all differences are multiples, 0 where there is none.
 
     The smallest difference between neighbours is taken for a step, and believed where nearly all other small
-    differences are whole multiples of it. Steps so coarse that no sample moves by two of them show in the values, of
-    which there are few, at equal distances.
+    differences are whole multiples of it; of a joint that is never slow, the smallest change of such a difference.
+    Steps so coarse that no sample moves by two of them show in the values, of which there are few, at equal distances.
     """
-    columns = np.asarray(q, dtype=float).T
-    return np.array([_step(np.abs(np.diff(column))) or _spacing(column) for column in columns])
+    return np.array([_between_neighbours(x) or _spacing(x) for x in np.asarray(q, dtype=float).T])
 
 
 def coarse_notes(q: Array, declared: Array, joints: tuple[str, ...]) -> list[str]:
@@ -58,12 +57,14 @@ def _spacing(column: Array) -> float:
     return step if np.mean(np.abs(near - np.round(near)) < _OFF) > _SHARE and np.all(near > 0.5) else 0.0
 
 
-def _step(differences: Array) -> float:
-    moved = differences[differences > 0]
-    if len(moved) < _LEAST:
-        return 0.0
-    rounding = 8 * np.finfo(float).eps * max(1.0, float(moved.max()))
-    moved = moved[moved > rounding]
+def _between_neighbours(column: Array) -> float:
+    """Return the step that differences between neighbours show, or changes of these."""
+    rounding = 8 * np.finfo(float).eps * max(1.0, float(np.abs(column).max(initial=0.0)))
+    return _step(np.abs(np.diff(column)), rounding) or _step(np.abs(np.diff(column, n=2)), rounding)
+
+
+def _step(differences: Array, rounding: float) -> float:
+    moved = differences[differences > rounding]
     if len(moved) < _LEAST:
         return 0.0
     step = float(moved.min())

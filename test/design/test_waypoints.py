@@ -101,9 +101,9 @@ def test_what_the_moves_leave_open_is_named(arm: Any, listed: Any) -> None:
     target = Target.of_robot(arm.robot)
     tour = plan_tour(target, listed(text=text), length=6)
     assert tour.resting == ("joint_1",)
-    assert {"p1", "viscous@joint_1", "coulomb@joint_1"} <= set(tour.untold) < set(target.structure.names)
-    assert "p9" not in tour.untold
-    assert plan_tour(target, listed(), length=8).untold == ()
+    assert {"p1", "viscous@joint_1", "coulomb@joint_1"} <= set(tour.unidentifiable) < set(target.structure.names)
+    assert "p9" not in tour.unidentifiable
+    assert plan_tour(target, listed(), length=8).unidentifiable == ()
 
 
 @pytest.mark.parametrize("step", [0.0, 1e-9, 3e-5])
