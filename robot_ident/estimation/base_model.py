@@ -16,6 +16,7 @@ import numpy as np
 from robot_ident.errors import InputError
 from robot_ident.estimation.base_choice import OFFSET, PIECES, ROTOR, SCALE, Candidate, Choice, best_of, note_of
 from robot_ident.estimation.coherent_band import coherent_band
+from robot_ident.estimation.differentiation import prediction_bandwidth
 from robot_ident.estimation.held_out import Grams, held_out, total
 from robot_ident.estimation.thin_rows import ThinRows, thin_rows
 from robot_ident.model.structure import Structure
@@ -74,8 +75,14 @@ def choose_base(
         own = [one for one in shown if one.wide == used.derivative_bandwidth]
         # another differentiation than that of the fit, where no joint pays for it
         free = [one for one in shown if not own or np.all(one.error <= own[0].error)]
-        near = min(free, key=lambda one: one.score)
-        used = replace(used, band=near.low_pass, band_derivative=near.wide)
+        widest = min(free, key=lambda one: one.score).wide
+        if asked.derivative_bandwidth is None:
+            used = replace(used, band_derivative=widest)
+        values = np.zeros(len(full.names))
+        values[taken.kept] = taken.fitted.theta
+        wide = [prediction_bandwidth(part, full, values, used) or widest for part in parts]
+        predicted = [thin_rows(part, robot, asked, band, wider=x / band) for part, x in zip(parts, wide, strict=True)]
+        used = replace(used, band=_shown(predicted, full, taken, band).low_pass)
     notes = [note_of(taken, candidates, band)]
     if open_:
         notes.append(f"left out of the base model, since these data can't tell them: {', '.join(open_)}")

@@ -13,6 +13,7 @@ from pathlib import Path
 import numpy as np
 
 from robot_ident.errors import InputError
+from robot_ident.estimation.differentiation import prediction_bandwidth
 from robot_ident.estimation.payload import bare, identify_payload
 from robot_ident.model.model import Model
 from robot_ident.recording.checks import STILL, held_angles, still_notes, still_part
@@ -63,6 +64,15 @@ def measured_for(model: Model, recording: Recording) -> Measurement:
 def processing_of(model: Model) -> Processing:
     """Return how a model's recordings were processed."""
     return Processing(**dict(model.processing)) if model.processing else Processing()
+
+
+def as_predicted(model: Model, recording: Recording) -> Processing:
+    """Return how a recording is processed for a model's torque along it: as one pass, differentiated to where motion
+    lost and noise let through cost least.
+    """
+    own = processing_of(model)
+    wide = prediction_bandwidth(recording, model.structure, model.linear, own)
+    return replace(own, periodic=False, base_frequency=None, decimate=1, derivative_bandwidth=wide)
 
 
 def within_rate(low_pass: float, recording: Recording) -> float:
@@ -137,7 +147,7 @@ def predict(model: Model, recording: Recording) -> Prediction:
     or of another pose than it holds.
     """
     recording = at_pose(model, recording)
-    used = processing_of(model).for_prediction
+    used = as_predicted(model, recording)
     if used.band is not None:
         used = replace(used, low_pass=within_rate(used.band, recording))
     measured = process(recording, model.robot, used, motion_only=True)

@@ -12,7 +12,7 @@ import numpy as np
 from robot_ident.errors import InputError
 from robot_ident.estimation.effort_checks import EffortChecks, contradictions, taken_as_declared
 from robot_ident.estimation.identify import fit
-from robot_ident.estimation.prediction import processing_of, with_payload_found, within_rate
+from robot_ident.estimation.prediction import as_predicted, processing_of, with_payload_found, within_rate
 from robot_ident.model.model import Fit, Model
 from robot_ident.recording.checks import still_notes
 from robot_ident.recording.measurement import Measurement
@@ -189,7 +189,7 @@ def _measured(model: Model, recording: Recording, cutoff: float) -> Measurement:
         found = process(recording, model.robot, cycles)
         if found.cycles is not None:
             return found
-    return process(recording, model.robot, replace(own.for_prediction, low_pass=cutoff))
+    return process(recording, model.robot, replace(as_predicted(model, recording), low_pass=cutoff))
 
 
 def _noise_of_cycles(model: Model, measured: Measurement) -> Array:

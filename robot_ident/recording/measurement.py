@@ -5,7 +5,7 @@ beside its stamps tells how fast its time runs.
 from __future__ import annotations
 
 from collections.abc import Sequence
-from dataclasses import dataclass, replace
+from dataclasses import dataclass
 from typing import Any, Literal
 
 import numpy as np
@@ -32,9 +32,9 @@ class Processing:
     every column; None = none on periodic recordings, 10 Hz on others. derivative_bandwidth: Hz of the differentiation
     of non-periodic positions; None = 4 low_pass. decimate: every how many rows one is kept after the low pass.
     minimum_speed: rad/s below which samples are left out; None = the robot's own. anti_alias: (order, Hz) of the filter
-    in the torque channel, order 0: there is none; None = what the robot declares. band, band_derivative: Hz
-    of the low pass and of the differentiation that bring the model's torque nearest to the record, where these were
-    found; predictions and validations take them, validations up to 10 Hz at least.
+    in the torque channel, order 0: there is none; None = what the robot declares. band: Hz
+    of the low pass that brings the model's torque nearest to the record, where it was found; predictions take it, and
+    validations, up to 10 Hz at least. band_derivative: Hz of differentiation that predictions take at most.
     """
 
     base_frequency: float | None = None
@@ -46,12 +46,6 @@ class Processing:
     anti_alias: tuple[float, float] | None = None
     band: float | None = None
     band_derivative: float | None = None
-
-    @property
-    def for_prediction(self) -> Processing:
-        """As one pass, differentiated as brings the model's torque nearest to the record."""
-        wide = self.band_derivative or self.derivative_bandwidth
-        return replace(self, periodic=False, base_frequency=None, decimate=1, derivative_bandwidth=wide)
 
 
 @dataclass(frozen=True)

@@ -277,6 +277,23 @@ def test_predictions_are_differentiated_as_comes_nearest_to_the_record() -> None
     assert nearest < 0.8 * plain
 
 
+@pytest.mark.parametrize("encoder", [1e-3, 1e-4])
+def test_predictions_are_differentiated_as_the_noise_of_the_recording_asks(robot: Robot, encoder: float) -> None:
+    model = identify([recorded(robot, 1, offset=OFFSET)], robot)
+    other = recorded(robot, 3, encoder=encoder, path=7)
+    motion = motion_at(other.t, 7)
+    exact = robot.rigid.inverse_dynamics(motion) + VISCOUS * motion.dq + COULOMB * np.sign(motion.dq) + OFFSET
+
+    def error(**processing: float | None) -> float:
+        found = predict(replace(model, processing={**model.processing, **processing}), other)
+        return float(np.sqrt(np.mean(((found.torque - exact)[50:-50] / exact.std(axis=0)) ** 2)))
+
+    chosen = error(band_derivative=20.0)
+    fixed = [error(band_derivative=None, derivative_bandwidth=wide) for wide in (0.5, 0.7, 1, 1.4, 2, 2.8, 4, 8, 20)]
+    assert chosen <= 1.3 * min(fixed)
+    assert chosen <= 0.7 * fixed[-1]
+
+
 def test_averages_are_not_given_up_for_what_the_model_lacks() -> None:
     """Without them the noise is unknown, and nothing tells that friction grows with the load."""
     robot = replace(load_robot(), base="prediction")
