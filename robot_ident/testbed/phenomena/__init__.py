@@ -6,77 +6,41 @@ from collections.abc import Sequence
 
 from robot_ident.errors import InputError, did_you_mean
 from robot_ident.robot.robot import Robot
-from robot_ident.testbed.phenomena.actuation import (
-    EncoderEccentricity,
-    TimeDelay,
-    TorqueOffset,
-    TorqueRipple,
-    TorqueSaturation,
-)
-from robot_ident.testbed.phenomena.friction import (
-    Coulomb,
-    FrictionBehindPlay,
-    LoadFriction,
-    PositionFriction,
-    Presliding,
-    Stribeck,
-    TemperatureDrift,
-    Viscous,
-    ViscousAsymmetric,
-    ViscousNonlinear,
-)
-from robot_ident.testbed.phenomena.mechanics import (
-    Backlash,
-    BaseTilt,
-    Cable,
-    EndStop,
-    GravitySpring,
-    JointCoupling,
-    JointElasticity,
-    Payload,
-    RotorInertia,
-)
+from robot_ident.testbed.phenomena import actuation, friction, mechanics, unlisted
 from robot_ident.testbed.phenomena.phenomenon import Contribution, Instant, Physics, Value, home_inertia, home_pose
-from robot_ident.testbed.phenomena.unlisted import (
-    UnknownBump,
-    UnknownField,
-    UnknownGearError,
-    UnknownOscillation,
-    UnknownProduct,
-)
 
 PHYSICS: dict[str, type[Physics]] = {
     physics.name: physics
     for physics in (
-        Viscous,
-        Coulomb,
-        TorqueOffset,
-        ViscousAsymmetric,
-        Stribeck,
-        ViscousNonlinear,
-        Presliding,
-        FrictionBehindPlay,
-        LoadFriction,
-        PositionFriction,
-        TorqueRipple,
-        Backlash,
-        JointElasticity,
-        Cable,
-        GravitySpring,
-        BaseTilt,
-        TorqueSaturation,
-        TimeDelay,
-        EncoderEccentricity,
-        RotorInertia,
-        Payload,
-        JointCoupling,
-        TemperatureDrift,
-        EndStop,
-        UnknownBump,
-        UnknownProduct,
-        UnknownOscillation,
-        UnknownGearError,
-        UnknownField,
+        friction.Viscous,
+        friction.Coulomb,
+        actuation.TorqueOffset,
+        friction.ViscousAsymmetric,
+        friction.Stribeck,
+        friction.ViscousNonlinear,
+        friction.Presliding,
+        friction.FrictionBehindPlay,
+        friction.LoadFriction,
+        friction.PositionFriction,
+        actuation.TorqueRipple,
+        mechanics.Backlash,
+        mechanics.JointElasticity,
+        mechanics.Cable,
+        mechanics.GravitySpring,
+        mechanics.BaseTilt,
+        actuation.TorqueSaturation,
+        actuation.TimeDelay,
+        actuation.EncoderEccentricity,
+        mechanics.RotorInertia,
+        mechanics.Payload,
+        mechanics.JointCoupling,
+        friction.TemperatureDrift,
+        mechanics.EndStop,
+        unlisted.UnknownBump,
+        unlisted.UnknownProduct,
+        unlisted.UnknownOscillation,
+        unlisted.UnknownGearError,
+        unlisted.UnknownField,
     )
 }
 
