@@ -6,8 +6,8 @@ The state is a vector with names for its parts; the step is compiled once for al
 from __future__ import annotations
 
 from collections import OrderedDict
-from collections.abc import Sequence
-from dataclasses import dataclass
+from collections.abc import Callable, Sequence
+from dataclasses import dataclass, field
 from functools import cached_property
 from itertools import pairwise
 from typing import Any, NamedTuple
@@ -16,7 +16,7 @@ import casadi as ca
 import numpy as np
 
 from robot_ident.robot.robot import Robot
-from robot_ident.signals.motion import Array
+from robot_ident.signals.motion import Array, Mask
 from robot_ident.testbed.dry_friction import StepProblem, solve
 from robot_ident.testbed.links import links_function
 from robot_ident.testbed.phenomena import Instant, Physics
@@ -59,23 +59,16 @@ class Layout:
         """Length of a state."""
         return 3 * self.moving + self.own + self.values
 
-    def _slices(self) -> list[slice]:
+    def split(self, states: Any) -> Parts:
+        """Return the parts of a state [size], of numbers or expressions, or of states [N, size]."""
         m = self.moving
-        edges = [0, m, 2 * m, 3 * m, 3 * m + self.own, self.size]
-        return [slice(a, b) for a, b in pairwise(edges)]
-
-    def split(self, states: Array) -> Parts:
-        """Return the parts of a state [size] or of states [N, size]."""
-        return Parts(*(states[..., part] for part in self._slices()))
+        slices = [slice(a, b) for a, b in pairwise([0, m, 2 * m, 3 * m, 3 * m + self.own, self.size])]
+        return Parts(*(states[..., part] if isinstance(states, np.ndarray) else states[part] for part in slices))
 
     def joints(self, states: Array) -> Parts:
         """Return the parts with q, v, a of the joints alone."""
         parts = self.split(states)
         return parts._replace(q=parts.q[..., : self.n], v=parts.v[..., : self.n], a=parts.a[..., : self.n])
-
-    def split_symbolic(self, state: Any) -> Parts:
-        """Return the parts of a CasADi state."""
-        return Parts(*(state[part] for part in self._slices()))
 
     def rest(self, q: Array, own: list[float], values: list[float]) -> Array:
         """Return the state at rest in a pose [moving]."""
@@ -115,13 +108,16 @@ class Equations:
 
     M and n at the middle of the step, which the last acceleration predicts; servo gains, damping, stiff springs and
     shafts by the trapezoidal rule, so that a step is stable whatever they are. Parameters of phenomena are part of the
-    state: the same functions serve all their values.
+    state: the same functions, each made when it is first needed, serve all their values.
     """
 
     robot: Robot
     physics: tuple[Physics, ...]
     servo: Servo
     step: float
+    _folded: dict[tuple[str, int], Callable[[Array, Array, Array], None]] = field(
+        default_factory=dict, repr=False, compare=False
+    )
 
     @cached_property
     def layout(self) -> Layout:
@@ -138,21 +134,24 @@ class Equations:
     def _links(self) -> Any:
         return links_function(self.robot)
 
-    def dry_joints(self) -> list[bool]:
-        """Return which joints have dry friction."""
+    @cached_property
+    def dry(self) -> Mask:
+        """Which coordinates have dry friction [moving]."""
         _, _, parts = self._symbols()
         level = self._terms(self._given(parts), parts, parts.q, parts.v, ca.SX.zeros(self.robot.n), 0.0).level
-        return [not level[j].is_zero() for j in range(self.layout.moving)]
+        return np.array([not level[j].is_zero() for j in range(self.layout.moving)])
 
+    @cached_property
     def full(self) -> Any:
-        """Return the function (state, command) -> state after a step, stick and slip and turning in it."""
+        """The function (state, command) -> state after a step, stick and slip and turning in it."""
         state, command, parts = self._symbols()
         step = self._step(parts, command)
         _, _, v = solve(step.problem)
         return ca.Function("full", [state, command], [self._after(parts, step, v)])
 
+    @cached_property
     def slipping(self) -> Any:
-        """Return the same function for a step in which no joint with dry friction stops or turns: a third of the work.
+        """The same function for a step in which no joint with dry friction stops or turns: a third of the work.
 
         Wherever the signs of the velocities come out as they went in, it is the one solution of the full problem.
         """
@@ -163,24 +162,45 @@ class Equations:
         v = parts.v + self.step * ca.ldl_solve(step.problem.force - friction, d, lt, p)
         return ca.Function("slipping", [state, command], [self._after(parts, step, v)])
 
-    def acceleration(self) -> Any:
-        """Return the function (state, torque) -> ddq at that instant, zero for joints that stick."""
+    def fold(self, kind: str, size: int) -> Callable[[Array, Array, Array], None]:
+        """Return what runs the step `full` or `slipping` `size` times on numpy's memory, without Python in between.
+
+        It takes a state, commands [size, 5 n] and an array for the states after each step, the latter two contiguous.
+        """
+        if (kind, size) not in self._folded:
+            buffer, evaluate = getattr(self, kind).mapaccum(f"{kind}_{size}", size).buffer()
+
+            def run(state: Array, commands: Array, out: Array) -> None:
+                start = np.array(state)  # CasADi keeps the address alone: this array must live until the call is over
+                buffer.set_arg(0, memoryview(start))
+                buffer.set_arg(1, memoryview(commands))
+                buffer.set_res(0, memoryview(out))
+                evaluate()
+
+            self._folded[kind, size] = run
+        return self._folded[kind, size]
+
+    @cached_property
+    def acceleration(self) -> Vectorised:
+        """The function (state, torque) -> ddq at that instant, zero for joints that stick."""
         state, tau, parts, terms, force = self._at_once()
         nothing = ca.SX.zeros(self.layout.moving)
         problem = StepProblem(terms.inertia, force, parts.v, terms.level, AT_ONCE, nothing, nothing)
         _, w, after = solve(problem)
         sticks = ca.logic_and(parts.v == 0, after == 0)
-        return ca.Function("acceleration", [state, tau], [ca.densify(ca.if_else(sticks, 0, w))])
+        return Vectorised(ca.Function("acceleration", [state, tau], [ca.densify(ca.if_else(sticks, 0, w))]))
 
-    def moving_acceleration(self) -> Any:
-        """Return the same function where no joint with dry friction is at rest."""
+    @cached_property
+    def moving_acceleration(self) -> Vectorised:
+        """The same function where no joint with dry friction is at rest."""
         state, tau, parts, terms, force = self._at_once()
         d, lt, p = ca.ldl(terms.inertia)
         w = ca.ldl_solve(force - terms.level * ca.sign(parts.v), d, lt, p)
-        return ca.Function("moving_acceleration", [state, tau], [ca.densify(w)])
+        return Vectorised(ca.Function("moving_acceleration", [state, tau], [ca.densify(w)]))
 
-    def shown(self) -> Any:
-        """Return the function (state, ddq) -> position, velocity and acceleration [n] that the encoders show."""
+    @cached_property
+    def shown(self) -> Vectorised:
+        """The function (state, ddq) -> position, velocity and acceleration [n] that the encoders show."""
         state, _, parts = self._symbols()
         n = self.robot.n
         ddq = ca.SX.sym("ddq", n)
@@ -189,11 +209,11 @@ class Equations:
         rate = ca.jtimes(seen, q, v)
         curve = ca.jtimes(rate, q, v) + ca.jtimes(seen, q, ddq)
         out = ca.substitute([seen, rate, curve], [q, v], [parts.q[:n], parts.v[:n]])
-        return ca.Function("shown", [state, ddq], [ca.densify(x) for x in out])
+        return Vectorised(ca.Function("shown", [state, ddq], [ca.densify(x) for x in out]))
 
     def _symbols(self) -> tuple[Any, Any, Parts]:
         state = ca.SX.sym("x", self.layout.size)
-        return state, ca.SX.sym("u", 5 * self.robot.n), self.layout.split_symbolic(state)
+        return state, ca.SX.sym("u", 5 * self.robot.n), self.layout.split(state)
 
     def _at_once(self) -> tuple[Any, Any, Parts, Terms, Any]:
         state, _, parts = self._symbols()
@@ -211,9 +231,9 @@ class Equations:
             at += count
         return tuple(out)
 
-    def _own(self, state: Sequence[Any]) -> list[Sequence[Any]]:
+    def _own(self, x: Parts) -> list[Sequence[Any]]:
         """Return the states of each phenomenon."""
-        out, at = [], 0
+        state, out, at = ca.vertsplit(x.own) if self.layout.own else [], [], 0
         for physics in self.physics:
             out.append(state[at : at + physics.states])
             at += physics.states
@@ -254,13 +274,11 @@ class Equations:
             "link": tuple(gear.of_links(part) for part in (q, v, x.a, x.v)),
         }
         split = {side: [ca.vertsplit(part) for part in parts] for side, parts in sides.items()}
-        own = self._own(ca.vertsplit(x.own) if self.layout.own else [])
-        command = ca.vertsplit(tau)
         # What the gear carries comes first: friction that depends on the load needs the sum.
-        for physics, z in sorted(zip(given, own, strict=True), key=lambda pair: not pair[0].loads_gear):
+        for physics, z in sorted(zip(given, self._own(x), strict=True), key=lambda pair: not pair[0].loads_gear):
             sq, sv, sa, start = split[physics.side]
             moved = [h / 2 * value for value in start]
-            part = physics.contribution(Instant(sq, sv, sa, ca.vertsplit(load), z, command, moved, h))
+            part = physics.contribution(Instant(sq, sv, sa, ca.vertsplit(load), z, ca.vertsplit(tau), moved, h))
             at = gear.rows[physics.side]
             for j, value in part.torque.items():
                 torque[at[j]] += value
@@ -272,10 +290,11 @@ class Equations:
                 inertia[at[i], at[j]] += value
                 load[i] += value * sa[j] if physics.loads_gear else 0
         full = ca.SX.zeros(size)
-        for j in range(n):
-            full[gear.rows["link"][j]] += bias[j]
+        full[gear.rows["link"]] += bias
         torque += gear.torque(given, x.q, x.v, h)
-        return Terms(inertia, full, torque, damping, stiff, _not_negative(level), ca.vertsplit(load))
+        # Phenomena lower a level no further than to zero; structural zeros stay.
+        level = ca.vertcat(*(c if c.is_zero() else ca.fmax(c, 0) for c in ca.vertsplit(level)))
+        return Terms(inertia, full, torque, damping, stiff, level, ca.vertsplit(load))
 
     def _step(self, x: Parts, command: Any) -> Step:
         h, servo, n = self.step, self.servo, self.robot.n
@@ -309,18 +328,13 @@ class Equations:
         q = x.q + h / 2 * (x.v + v)
         a = ca.if_else(v == 0, 0, (v - x.v) / h)  # a joint that has just stopped isn't predicted to turn
         own: list[Any] = []
-        for physics, z in zip(step.physics, self._own(ca.vertsplit(x.own) if self.layout.own else []), strict=True):
+        for physics, z in zip(step.physics, self._own(x), strict=True):
             if physics.states:
                 load, rows = step.terms.load, gear.rows[physics.side]
                 before = Instant(_picked(x.q, rows), _picked(x.v, rows), _picked(x.a, rows), load, z)
                 after = Instant(_picked(q, rows), _picked(v, rows), _picked(a, rows), load, z)
                 own += physics.advance(before, after, h)
         return ca.vertcat(q, v, a, *own, x.values)
-
-
-def _not_negative(level: Any) -> Any:
-    """Return levels of dry friction, those that phenomena lower no further than to zero; structural zeros stay."""
-    return ca.vertcat(*(x if x.is_zero() else ca.fmax(x, 0) for x in ca.vertsplit(level)))
 
 
 def _picked(part: Any, rows: Sequence[int]) -> list[Any]:
@@ -333,87 +347,19 @@ def start_values(physics: Sequence[Physics]) -> list[float]:
 
 
 KEPT = 48
-"""Programs that stay in memory: a study varies values more often than equations."""
+"""Equations that stay in memory: a study varies values more often than these."""
 
 
-class Folded:
-    """A step function folded into one that runs several steps on numpy's memory, without Python between them."""
-
-    def __init__(self, buffer: Any, evaluate: Any) -> None:
-        """Hold what CasADi's `Function.buffer` returns."""
-        self._buffer = buffer
-        self._evaluate = evaluate
-
-    @classmethod
-    def of(cls, step: Any, size: int) -> Folded:
-        """Fold (state, command) -> state over `size` steps."""
-        return cls(*step.mapaccum(f"{step.name()}_{size}", size).buffer())
-
-    def run(self, state: Array, commands: Array, out: Array) -> None:
-        """Fill `out` [N, size] with the states after each of N steps; commands and out contiguous."""
-        start = np.array(state)  # CasADi keeps the address alone: this array must live until the call is over
-        self._buffer.set_arg(0, memoryview(start))
-        self._buffer.set_arg(1, memoryview(commands))
-        self._buffer.set_res(0, memoryview(out))
-        self._evaluate()
+_PROGRAMS: OrderedDict[tuple[object, ...], Equations] = OrderedDict()
 
 
-class Program:
-    """The functions of `Equations`, each made when it is first needed."""
-
-    def __init__(self, equations: Equations) -> None:
-        """Hold the equations."""
-        self.equations = equations
-        self.layout = equations.layout
-        self._folded: dict[tuple[str, int], Folded] = {}
-
-    @cached_property
-    def dry(self) -> Any:
-        """Which coordinates have dry friction [moving]."""
-        return np.array(self.equations.dry_joints())
-
-    @cached_property
-    def full(self) -> Any:
-        """The step with stick, slip and turning in it."""
-        return self.equations.full()
-
-    @cached_property
-    def slipping(self) -> Any:
-        """The step in which nothing with dry friction stops or turns."""
-        return self.equations.slipping()
-
-    def fold(self, kind: str, size: int) -> Folded:
-        """Return the step `full` or `slipping`, folded over `size` steps."""
-        if (kind, size) not in self._folded:
-            self._folded[kind, size] = Folded.of(getattr(self, kind), size)
-        return self._folded[kind, size]
-
-    @cached_property
-    def acceleration(self) -> Vectorised:
-        """(state, torque) -> ddq at instants at which joints may be at rest."""
-        return Vectorised(self.equations.acceleration())
-
-    @cached_property
-    def moving_acceleration(self) -> Vectorised:
-        """(state, torque) -> ddq at instants at which no joint with dry friction is at rest."""
-        return Vectorised(self.equations.moving_acceleration())
-
-    @cached_property
-    def shown(self) -> Vectorised:
-        """(state, ddq) -> q, dq, ddq that the encoders show."""
-        return Vectorised(self.equations.shown())
-
-
-_PROGRAMS: OrderedDict[tuple[object, ...], Program] = OrderedDict()
-
-
-def program_of(robot: Robot, physics: Sequence[Physics], servo: Servo, step: float) -> Program:
-    """Return the program of a robot with such phenomena, whatever their values; the latest ones are kept."""
+def equations_of(robot: Robot, physics: Sequence[Physics], servo: Servo, step: float) -> Equations:
+    """Return the equations of a robot with such phenomena, whatever their values; the latest ones are kept."""
     gains = tuple(values.tobytes() for values in (servo.kp, servo.kd, servo.limit))
-    # The robot is held by its program, so that its identity stays its own.
+    # The robot is held by its equations, so that its identity stays its own.
     key = (id(robot), gains, step, tuple(p.structure for p in physics))
     if key not in _PROGRAMS:
-        _PROGRAMS[key] = Program(Equations(robot, tuple(physics), servo, step))
+        _PROGRAMS[key] = Equations(robot, tuple(physics), servo, step)
         if len(_PROGRAMS) > KEPT:
             _PROGRAMS.popitem(last=False)
     _PROGRAMS.move_to_end(key)

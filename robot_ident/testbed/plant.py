@@ -15,7 +15,7 @@ import numpy as np
 from robot_ident.errors import InputError
 from robot_ident.robot.robot import Robot
 from robot_ident.signals.motion import Array, Mask, Motion
-from robot_ident.testbed.equations import Layout, Program, program_of, start_values
+from robot_ident.testbed.equations import Equations, Layout, equations_of, start_values
 from robot_ident.testbed.phenomena import Physics
 from robot_ident.testbed.servo import Servo
 from robot_ident.trajectories.excitation import Reference
@@ -87,7 +87,7 @@ class Plant:
     @cached_property
     def layout(self) -> Layout:
         """Where things stand in a state."""
-        return self._program.layout
+        return self._equations.layout
 
     def rest(self, q: Array) -> Array:
         """Return the state at rest in a pose q [n] that the encoders show."""
@@ -105,7 +105,7 @@ class Plant:
 
     def run(self, state: Array, commands: Commands) -> Array:
         """Return the states [N, size] after each of N steps."""
-        dry = self._program.dry[: self.robot.n]
+        dry = self._equations.dry[: self.robot.n]
         turns = np.any(commands.jump[:, dry] != 0, axis=1)
         out = np.empty((commands.steps, self.layout.size))
         self._blocks(state, commands.rows(), turns, out, BLOCKS)
@@ -113,14 +113,12 @@ class Plant:
 
     def accelerations(self, states: Array, torque: Array) -> Array:
         """Return ddq [N, n] rad/s^2 at states [N, size] under torques [N, n] Nm: zero where a joint sticks."""
-        rests = np.any(self.layout.split(states).v[:, self._program.dry] == 0, axis=1)
+        rests = np.any(self.layout.split(states).v[:, self._equations.dry] == 0, axis=1)
         out = np.empty((len(states), self.layout.moving))
-        for rows, function in (
-            (rests, self._program.acceleration if rests.any() else None),
-            (~rests, self._program.moving_acceleration if not rests.all() else None),
-        ):
-            if function is not None:
-                (out[rows],) = function(states[rows], torque[rows])
+        if rests.any():
+            (out[rests],) = self._equations.acceleration(states[rests], torque[rests])
+        if not rests.all():
+            (out[~rests],) = self._equations.moving_acceleration(states[~rests], torque[~rests])
         return out[:, : self.robot.n]
 
     def shown(self, states: Array, ddq: Array) -> Motion:
@@ -128,12 +126,12 @@ class Plant:
         if not self._misread:
             parts = self.layout.joints(states)
             return Motion(parts.q, parts.v, ddq)
-        q, dq, ddq = self._program.shown(states, ddq)
+        q, dq, ddq = self._equations.shown(states, ddq)
         return Motion(q, dq, ddq)
 
     @cached_property
-    def _program(self) -> Program:
-        return program_of(self.robot, self.physics, self.servo, self.step)
+    def _equations(self) -> Equations:
+        return equations_of(self.robot, self.physics, self.servo, self.step)
 
     @cached_property
     def _misread(self) -> Sequence[Physics]:
@@ -165,16 +163,16 @@ class Plant:
         Where no joint with dry friction stops or turns the short way is exact, and its result shows whether that is so.
         Elsewhere smaller blocks tell where in it that happens; those of the last size but one go the long way.
         """
-        size, moving, dry = len(commands), self.layout.moving, self._program.dry
+        size, moving, dry = len(commands), self.layout.moving, self._equations.dry
         signs = np.sign(state[moving : 2 * moving])[dry]
         if not turns.any() and signs.all():
-            self._program.fold("slipping", size).run(state, commands, out)
+            self._equations.fold("slipping", size)(state, commands, out)
             if np.all(np.sign(out[:, moving : 2 * moving])[:, dry] == signs):
                 return
         if len(smaller) > 1:
             self._blocks(state, commands, turns, out, smaller)
         else:
-            self._program.fold("full", size).run(state, commands, out)
+            self._equations.fold("full", size)(state, commands, out)
 
 
 AT_A_TIME = 16384
