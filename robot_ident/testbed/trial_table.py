@@ -40,6 +40,12 @@ class Rate:
     cases: int
     exceptions: tuple[int, ...]
 
+    @classmethod
+    def of(cls, name: str, happened: Sequence[tuple[int, bool]], *, hoped: bool) -> Rate:
+        """Return it from what happened in the cases of some seeds, and whether that was hoped for."""
+        otherwise = sorted({seed for seed, one in happened if one is not hoped})
+        return cls(name, sum(one for _, one in happened), len(happened), tuple(otherwise))
+
     @property
     def share(self) -> float:
         """Part of the cases."""

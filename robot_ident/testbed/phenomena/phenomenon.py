@@ -67,6 +67,17 @@ class Contribution:
     friction: Mapping[int, Any] = field(default_factory=dict)
     inertia: Mapping[tuple[int, int], Any] = field(default_factory=dict)
 
+    def add_to(self, torque: Any, level: Any, v: Any, a: Any) -> None:
+        """Add it to a torque and a level of dry friction [n], at an instant with velocities and accelerations [n]."""
+        for j, value in self.torque.items():
+            torque[j] += value
+        for j, value in self.damping.items():
+            torque[j] += value * v[j]
+        for (i, j), value in self.inertia.items():
+            torque[i] += value * a[j]
+        for j, value in self.friction.items():
+            level[j] += value
+
 
 class Physics:
     """A phenomenon of the simulated robot, at one joint or (scope `robot`) on all of it.
