@@ -9,7 +9,7 @@ from collections import OrderedDict
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass, field
 from functools import cached_property
-from itertools import pairwise
+from itertools import islice, pairwise
 from typing import Any, NamedTuple
 
 import casadi as ca
@@ -70,10 +70,6 @@ class Layout:
         parts = self.split(states)
         return parts._replace(q=parts.q[..., : self.n], v=parts.v[..., : self.n], a=parts.a[..., : self.n])
 
-    def rest(self, q: Array, own: list[float], values: list[float]) -> Array:
-        """Return the state at rest in a pose [moving]."""
-        return np.concatenate([np.asarray(q, dtype=float), np.zeros(2 * self.moving), own, values])
-
 
 AT_ONCE = 1e-9
 """A step [s] so short that the law of friction over it is the law at an instant."""
@@ -92,14 +88,6 @@ class Terms(NamedTuple):
     stiff: Any
     level: Any
     load: Sequence[Any]
-
-
-class Step(NamedTuple):
-    """What is known before friction is: the problem to solve and what follows from its solution."""
-
-    problem: StepProblem
-    terms: Terms
-    physics: tuple[Physics, ...]
 
 
 @dataclass(frozen=True)
@@ -145,9 +133,9 @@ class Equations:
     def full(self) -> Any:
         """The function (state, command) -> state after a step, stick and slip and turning in it."""
         state, command, parts = self._symbols()
-        step = self._step(parts, command)
-        _, _, v = solve(step.problem)
-        return ca.Function("full", [state, command], [self._after(parts, step, v)])
+        problem, load = self._step(parts, command)
+        _, _, v = solve(problem)
+        return ca.Function("full", [state, command], [self._after(parts, v, load)])
 
     @cached_property
     def slipping(self) -> Any:
@@ -156,11 +144,10 @@ class Equations:
         Wherever the signs of the velocities come out as they went in, it is the one solution of the full problem.
         """
         state, command, parts = self._symbols()
-        step = self._step(parts, command)
-        friction = step.problem.level * ca.sign(parts.v)
-        d, lt, p = ca.ldl(step.problem.inertia)
-        v = parts.v + self.step * ca.ldl_solve(step.problem.force - friction, d, lt, p)
-        return ca.Function("slipping", [state, command], [self._after(parts, step, v)])
+        problem, load = self._step(parts, command)
+        d, lt, p = ca.ldl(problem.inertia)
+        v = parts.v + self.step * ca.ldl_solve(problem.force - problem.level * ca.sign(parts.v), d, lt, p)
+        return ca.Function("slipping", [state, command], [self._after(parts, v, load)])
 
     def fold(self, kind: str, size: int) -> Callable[[Array, Array, Array], None]:
         """Return what runs the step `full` or `slipping` `size` times on numpy's memory, without Python in between.
@@ -222,22 +209,15 @@ class Equations:
         force = self._driven(tau) - terms.bias - terms.torque - terms.damping * parts.v
         return state, tau, parts, terms, force
 
-    def _given(self, parts: Parts) -> tuple[Physics, ...]:
+    def _given(self, x: Parts) -> tuple[Physics, ...]:
         """Return the phenomena with their parameters as the state holds them."""
-        out, at = [], 0
-        for physics in self.physics:
-            count = len(physics.free)
-            out.append(physics.with_symbols(ca.vertsplit(parts.values[at : at + count]) if count else []))
-            at += count
-        return tuple(out)
+        values = iter(ca.vertsplit(x.values) if self.layout.values else [])
+        return tuple(p.with_symbols(list(islice(values, len(p.free)))) for p in self.physics)
 
     def _own(self, x: Parts) -> list[Sequence[Any]]:
         """Return the states of each phenomenon."""
-        state, out, at = ca.vertsplit(x.own) if self.layout.own else [], [], 0
-        for physics in self.physics:
-            out.append(state[at : at + physics.states])
-            at += physics.states
-        return out
+        own = iter(ca.vertsplit(x.own) if self.layout.own else [])
+        return [list(islice(own, p.states)) for p in self.physics]
 
     def _driven(self, tau: Any) -> Any:
         """Return a torque of the motors [n] with zeros for the links behind them."""
@@ -296,7 +276,8 @@ class Equations:
         level = ca.vertcat(*(c if c.is_zero() else ca.fmax(c, 0) for c in ca.vertsplit(level)))
         return Terms(inertia, full, torque, damping, stiff, level, ca.vertsplit(load))
 
-    def _step(self, x: Parts, command: Any) -> Step:
+    def _step(self, x: Parts, command: Any) -> tuple[StepProblem, Sequence[Any]]:
+        """Return what is to be solved for friction over a step, and the load of the gears."""
         h, servo, n = self.step, self.servo, self.robot.n
         given = self._given(x)
         q_ref, v_ref, ahead, jump, fraction = ca.vertsplit(command, n)
@@ -320,17 +301,17 @@ class Equations:
             fraction=self._driven(fraction),
             jump=self._driven(ca.if_else(free, jump, 0)),
         )
-        return Step(problem, terms, given)
+        return problem, terms.load
 
-    def _after(self, x: Parts, step: Step, v: Any) -> Any:
+    def _after(self, x: Parts, v: Any, load: Sequence[Any]) -> Any:
         """Return the state after a step from the velocity after it."""
         h, gear = self.step, self.transmissions
         q = x.q + h / 2 * (x.v + v)
         a = ca.if_else(v == 0, 0, (v - x.v) / h)  # a joint that has just stopped isn't predicted to turn
         own: list[Any] = []
-        for physics, z in zip(step.physics, self._own(x), strict=True):
+        for physics, z in zip(self._given(x), self._own(x), strict=True):
             if physics.states:
-                load, rows = step.terms.load, gear.rows[physics.side]
+                rows = gear.rows[physics.side]
                 before = Instant(_picked(x.q, rows), _picked(x.v, rows), _picked(x.a, rows), load, z)
                 after = Instant(_picked(q, rows), _picked(v, rows), _picked(a, rows), load, z)
                 own += physics.advance(before, after, h)
@@ -339,11 +320,6 @@ class Equations:
 
 def _picked(part: Any, rows: Sequence[int]) -> list[Any]:
     return [part[k] for k in rows]
-
-
-def start_values(physics: Sequence[Physics]) -> list[float]:
-    """Return the parameters of phenomena in the order of the state."""
-    return [float(p.values[name]) for p in physics for name in p.free]
 
 
 KEPT = 48

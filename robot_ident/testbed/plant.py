@@ -15,7 +15,7 @@ import numpy as np
 from robot_ident.errors import InputError
 from robot_ident.robot.robot import Robot
 from robot_ident.signals.motion import Array, Mask, Motion
-from robot_ident.testbed.equations import Equations, Layout, equations_of, start_values
+from robot_ident.testbed.equations import Equations, Layout, equations_of
 from robot_ident.testbed.phenomena import Physics
 from robot_ident.testbed.servo import Servo
 from robot_ident.trajectories.excitation import Reference
@@ -95,13 +95,11 @@ class Plant:
 
     def moving(self, motion: Motion) -> Array:
         """Return the state with one instant's motion, which the encoders show; phenomena are at rest."""
-        q, v, a = self._true(motion)
+        q, v, a = self._true(motion.q[0]), motion.dq[0], motion.ddq[0]
         joints = list(range(self.robot.n)) + [p.joint for p in self.physics if p.shaft]
         own = [value for p in self.physics for value in p.rest()]
-        state = self.layout.rest(q[joints], own, start_values(self.physics))
-        size = len(joints)
-        state[size : 2 * size], state[2 * size : 3 * size] = v[joints], a[joints]
-        return state
+        values = [float(p.values[name]) for p in self.physics for name in p.free]
+        return np.concatenate([q[joints], v[joints], a[joints], own, values])
 
     def run(self, state: Array, commands: Commands) -> Array:
         """Return the states [N, size] after each of N steps."""
@@ -137,16 +135,13 @@ class Plant:
     def _misread(self) -> Sequence[Physics]:
         return [p for p in self.physics if p.reads]
 
-    def _true(self, motion: Motion) -> tuple[Array, Array, Array]:
-        """Return the true position, velocity and acceleration [n] where encoders show those of an instant."""
-        shown, v, a = motion.q[0], motion.dq[0], motion.ddq[0]
+    def _true(self, shown: Array) -> Array:
+        """Return the true position [n] where encoders show q [n]."""
         q = np.array(shown)
-        if not self._misread:
-            return q, v, a
-        for _ in range(20):  # an encoder's error is small and smooth: a contraction
+        for _ in range(20 if self._misread else 0):  # an encoder's error is small and smooth: a contraction
             for physics in self._misread:
                 q[physics.joint] = shown[physics.joint] - float(physics.misread(q[physics.joint]))
-        return q, v, a
+        return q
 
     def _blocks(self, state: Array, commands: Array, turns: Mask, out: Array, sizes: tuple[int, ...]) -> None:
         """Fill `out` [N, size] with the states after N steps, in blocks of the largest sizes that fit."""

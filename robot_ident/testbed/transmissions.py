@@ -58,9 +58,7 @@ class Transmissions:
         """Return the inertia of all coordinates: the arm's, of which the motors keep their own."""
         size, links = self.n + len(self.joints), self.rows["link"]
         out = ca.SX(size, size)
-        for i in range(self.n):
-            for j in range(self.n):
-                out[links[i], links[j]] = mass[i, j]
+        out[links, links] = mass
         for joint in self.joints:
             rotor = float(self.rotors[joint])
             out[links[joint], links[joint]] -= rotor
