@@ -47,8 +47,7 @@ def run(args: argparse.Namespace) -> int:
     from robot_ident.planning.blends import Playback
     from robot_ident.recording.conditions import Conditions, sidecar
     from robot_ident.robot import load_robot
-    from robot_ident.testbed.phenomena import plant_physics
-    from robot_ident.testbed.phenomena.words import values_in_words
+    from robot_ident.testbed.phenomena import plant_physics, values_in_words
     from robot_ident.testbed.scenario import draw_scenario, seal, sealed_path
     from robot_ident.testbed.simulation import simulate, simulated_effects
     from robot_ident.trajectories.excitation import Excitation

@@ -109,7 +109,7 @@ def run(args: argparse.Namespace) -> int:
 
 
 def _open(args: argparse.Namespace) -> int:
-    from robot_ident.testbed.phenomena.words import values_in_words
+    from robot_ident.testbed.phenomena import values_in_words
     from robot_ident.testbed.scenario import Scenario, open_sealed
 
     scenario = Scenario.of_answer(open_sealed(args.open))

@@ -78,7 +78,8 @@ AT_ONCE = 1e-9
 class Terms(NamedTuple):
     """The terms of inertia ddq + bias + torque + damping dq + friction = tau at an instant, of friction its level.
 
-    stiff: what the torque rises with position, per joint; load: torque on the gears.
+    stiff: what the torque rises with position, per joint; shafts: how that of shafts rises with the step's
+    acceleration; load: torque on the gears.
     """
 
     inertia: Any
@@ -86,6 +87,7 @@ class Terms(NamedTuple):
     torque: Any
     damping: Any
     stiff: Any
+    shafts: Any
     level: Any
     load: Sequence[Any]
 
@@ -271,10 +273,10 @@ class Equations:
                 load[i] += value * sa[j] if physics.loads_gear else 0
         full = ca.SX.zeros(size)
         full[gear.rows["link"]] += bias
-        torque += gear.torque(given, x.q, x.v, h)
+        taken, shafts = gear.shafts(given, x.q, x.v, h)
         # Phenomena lower a level no further than to zero; structural zeros stay.
         level = ca.vertcat(*(c if c.is_zero() else ca.fmax(c, 0) for c in ca.vertsplit(level)))
-        return Terms(inertia, full, torque, damping, stiff, level, ca.vertsplit(load))
+        return Terms(inertia, full, torque + taken, damping, stiff, shafts, level, ca.vertsplit(load))
 
     def _step(self, x: Parts, command: Any) -> tuple[StepProblem, Sequence[Any]]:
         """Return what is to be solved for friction over a step, and the load of the gears."""
@@ -293,7 +295,7 @@ class Equations:
         held = self._driven(ca.if_else(free, h / 2 * kd + h**2 / 4 * kp, 0))
         implicit = h / 2 * terms.damping + h**2 / 4 * terms.stiff + held
         problem = StepProblem(
-            inertia=terms.inertia + ca.diag(implicit) + self.transmissions.implicit(given, x.q, x.v, h),
+            inertia=terms.inertia + ca.diag(implicit) + terms.shafts,
             force=self._driven(drive) - terms.bias - terms.torque - terms.damping * x.v,
             velocity=x.v,
             level=terms.level,

@@ -24,7 +24,6 @@ from robot_ident.testbed.phenomena import PHYSICS, Physics, nominal_physics, pla
 from robot_ident.testbed.phenomena.phenomenon import between, strength
 from robot_ident.testbed.servo import Servo
 from robot_ident.testbed.simulation import Play
-from robot_ident.trajectories.excitation import Excitation
 from robot_ident.trajectories.fourier_series import FourierSeries
 
 KINDS = {
@@ -109,15 +108,10 @@ class Scenario:
                 raise InputError(f"sealed answer: {key} = {answer[key]!r}: a list of {kind.__name__} was expected")
         return cls(*(answer[key] for key in fields), *(tuple(answer[key]) for key in lists))
 
-    def plays(self, robot: Robot, references: Sequence[Excitation | FourierSeries]) -> list[Play]:
+    def plays(self, robot: Robot, references: Sequence[FourierSeries]) -> list[Play]:
         """Return the robot's steady answers to periodic motions, from which any number of recordings is made."""
         physics, servo = plant_physics(robot, self.all_effects), Servo.make(robot)
-        return [Play.of(robot, physics, series, servo=servo) for series in series_of(references)]
-
-
-def series_of(references: Sequence[Excitation | FourierSeries]) -> list[FourierSeries]:
-    """Return the Fourier series of periodic motions."""
-    return [r.series if isinstance(r, Excitation) else r for r in references]
+        return [Play.of(robot, physics, series, servo=servo) for series in references]
 
 
 def draw_scenario(
@@ -126,7 +120,7 @@ def draw_scenario(
     *,
     kinds: Sequence[str] = (),
     names: Sequence[str] = (),
-    references: Sequence[Excitation | FourierSeries] = (),
+    references: Sequence[FourierSeries] = (),
     sizes: tuple[float, float] | None = None,
 ) -> Scenario:
     """Draw what is hidden in a robot; the same seed and arguments give the same.
@@ -145,7 +139,7 @@ def draw_scenario(
         if name not in PHYSICS or name in NOT_HIDDEN:
             raise InputError(f"effect {name!r} can't be hidden{did_you_mean(name, set(PHYSICS) - set(NOT_HIDDEN))}")
     rng = np.random.default_rng([seed, 1997])
-    motions = series_of(references) or standard_motions(robot)
+    motions = references or standard_motions(robot)
     kind = str(rng.choice(kinds)) if kinds else str(rng.choice(list(KINDS), p=list(KINDS.values())))
     return _Drawer(robot, motions, rng, sizes or usual_sizes(robot), tuple(names)).scenario(kind, seed)
 

@@ -5,7 +5,7 @@ from __future__ import annotations
 from collections import Counter
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass
-from typing import Any
+from typing import Any, NamedTuple
 
 import numpy as np
 
@@ -100,8 +100,7 @@ def friction_named(o: Outcome) -> bool:
     return any(label.partition("@")[0] in FRICTION for label in o.named)
 
 
-@dataclass(frozen=True)
-class _Row:
+class _Row(NamedTuple):
     """A row of the table: which cases count, what is counted, and whether it is wanted."""
 
     name: str
