@@ -55,10 +55,6 @@ class Collector:
         while stamp_ns - self._messages[0][0] > self.memory_ns:
             self._messages.popleft()
 
-    def clear(self) -> None:
-        """Forget everything."""
-        self._messages.clear()
-
     def snapshot(self) -> tuple[Message, ...]:
         """Return what is kept now."""
         return tuple(self._messages)

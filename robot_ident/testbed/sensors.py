@@ -171,19 +171,6 @@ def blend(start: Readings, ends: Sequence[tuple[Readings, Array]]) -> Readings:
     return Readings(**values, fine=fine)
 
 
-def extra_steps(physics: Sequence[Physics], step: float) -> int:
-    """Return how many steps after the last sample its torque is from, where it is recorded early."""
-    return int(np.ceil(max([0.0, *(-p.lateness() for p in physics)]) / step)) + 1
-
-
-def lateness(physics: Sequence[Physics], joints: int) -> Array:
-    """Return by how much each joint's torque is late [n] s."""
-    late = np.zeros(joints)
-    for p in physics:
-        late[slice(None) if p.place is None else p.joint] += p.lateness()
-    return late
-
-
 def read(
     plant: Plant,
     reference: Reference,
@@ -205,7 +192,9 @@ def read(
     shown = plant.shown(states, ddq)
     parts = plant.layout.joints(states)
     recorded = torque[which]
-    late, every = lateness(plant.physics, plant.robot.n), None
+    late, every = np.zeros(plant.robot.n), None  # s, by joint
+    for one in plant.physics:
+        late[slice(None) if one.place is None else one.joint] += one.lateness()
     if fine or late.any():
         whole = _drives(plant, reference, course.states, np.arange(len(course.states)))
         every = _shifted(whole, course.rows, late / plant.step, periodic)[: samples * per_sample]

@@ -17,7 +17,7 @@ from robot_ident.robot.robot import Robot
 from robot_ident.signals.motion import Array, Motion
 from robot_ident.testbed.phenomena import Physics, plant_physics
 from robot_ident.testbed.plant import Plant, Steady, Trace, follow, repeats, trace
-from robot_ident.testbed.sensors import FIELDS, Readings, Sensors, blend, extra_steps, filtered, read
+from robot_ident.testbed.sensors import FIELDS, Readings, Sensors, blend, filtered, read
 from robot_ident.testbed.servo import BANDWIDTH, Servo
 from robot_ident.trajectories.excitation import Reference
 from robot_ident.trajectories.fourier_series import FourierSeries
@@ -76,8 +76,10 @@ def simulate(
     drives, step = Servo.make(robot, servo, bandwidth), 1.0 / (sample_rate * per_sample)
     plant, t = Plant(robot, physics, drives, step), np.arange(samples) / sample_rate
 
+    early = max([0.0, *(-p.lateness() for p in physics)])  # torque that is recorded early is that of later steps
+
     def readings_of(plant: Plant) -> tuple[Readings, float | None]:
-        course = trace(plant, reference, samples * per_sample, steady, extra_steps(physics, step))
+        course = trace(plant, reference, samples * per_sample, steady, int(np.ceil(early / step)) + 1)
         return read(plant, reference, course, per_sample, samples, fine=anti_alias), course.settled
 
     slow = [] if steady is None else [p for p in physics if p.slow]
