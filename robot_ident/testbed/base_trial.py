@@ -20,7 +20,7 @@ from robot_ident.model.model import Model
 from robot_ident.recording.measurement import Processing
 from robot_ident.robot.robot import Robot
 from robot_ident.testbed.like_real import KINDS, LikeReal, like_real
-from robot_ident.testbed.trial import AsData
+from robot_ident.testbed.trial import AsData, Case
 from robot_ident.testbed.trial_table import Rate
 
 FILTERS = tuple((low, wide) for low in (2.0, 5.0, 10.0) for wide in (1.0, 4.0))
@@ -59,27 +59,27 @@ class BaseOutcome(AsData):
         return float("inf") if self.error is None else self.error / self.fixed
 
 
-def run_base_case(seed: int, robot: Robot) -> BaseOutcome:
+def run_base_case(case: Case, robot: Robot) -> BaseOutcome:
     """Draw what one seed gives, identify without an option and with every fixed filter."""
-    case = like_real(robot, seed)
-    scaled = bool(case.scale.std() > 0)
-    fixed = {(low, low * wide): _fixed(case, robot, low, low * wide) for low, wide in FILTERS}
+    drawn = like_real(robot, case.seed)
+    scaled = bool(drawn.scale.std() > 0)
+    fixed = {(low, low * wide): _fixed(drawn, robot, low, low * wide) for low, wide in FILTERS}
     best, least = min(((key, value) for key, value in fixed.items() if value is not None), key=lambda one: one[1])
-    drawn = BaseOutcome(seed, case.kind, case.rate, None, least, best, scaled, {}, {}, 0.0)
+    outcome = BaseOutcome(case.seed, drawn.kind, drawn.rate, None, least, best, scaled, {}, {}, 0.0)
     started = time.process_time()
     try:
-        model = identify([case.train], replace(robot, base="prediction"), as_declared=True)
+        model = identify([drawn.train], replace(robot, base="prediction"), as_declared=True)
     except InputError as error:
-        return replace(drawn, refused=str(error))
+        return replace(outcome, refused=str(error))
     seconds = time.process_time() - started
-    truth = dict(zip(robot.joints, case.scale, strict=True))
+    truth = dict(zip(robot.joints, drawn.scale, strict=True))
     scales = {
         p.joint: (float(value), float(std), float(truth[p.joint]))
         for p, value, std in zip(model.parameters, model.values, model.std, strict=True)
         if p.effect == TorqueScale.name and p.joint
     }
     chosen = {key: value for key, value in (model.base or {}).items() if key != "compared"}
-    return replace(drawn, error=_error(model, case), scales=scales, chosen=chosen, seconds=seconds)
+    return replace(outcome, error=_error(model, drawn), scales=scales, chosen=chosen, seconds=seconds)
 
 
 def _fixed(case: LikeReal, robot: Robot, low: float, wide: float) -> float | None:

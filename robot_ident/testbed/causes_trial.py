@@ -24,7 +24,7 @@ from robot_ident.model.model import Model
 from robot_ident.robot.robot import Robot
 from robot_ident.signals.motion import Array
 from robot_ident.testbed.like_real import KINDS, LikeReal, like_real
-from robot_ident.testbed.trial import AsData
+from robot_ident.testbed.trial import AsData, Case
 from robot_ident.testbed.trial_table import Rate, wilson
 
 ASKED = 0.15
@@ -91,31 +91,31 @@ def _plain(label: str) -> str:
     return f"{'torque_ripple' if name.startswith('torque_ripple') else name}{at}{place}"
 
 
-def run_causes_case(seed: int, robot: Robot) -> CausesOutcome:
+def run_causes_case(case: Case, robot: Robot) -> CausesOutcome:
     """Draw what one seed gives, identify without an option, diagnose, add what is named."""
-    case = like_real(robot, seed, causes=True)
-    model = identify([case.train], replace(robot, base="prediction"), as_declared=True)
-    measured = measured_for(model, case.train)
+    drawn = like_real(robot, case.seed, causes=True)
+    model = identify([drawn.train], replace(robot, base="prediction"), as_declared=True)
+    measured = measured_for(model, drawn.train)
     started = time.process_time()
     found = diagnose([measured], model.structure, as_declared=taken_as_declared(model.notes))
     seconds = time.process_time() - started
-    shares, over = _visible(model, case)
-    before = _errors(model, case)
+    shares, over = _visible(model, drawn)
+    before = _errors(model, drawn)
     after, trouble = before, ""
     effects = [one.effect for one in found.missing if not one.effect.measuring]
     if effects:
         try:
-            after = _errors(extend(model, [measured], effects)[-1], case)
+            after = _errors(extend(model, [measured], effects)[-1], drawn)
         except InputError as error:
             trouble = str(error)
     return CausesOutcome(
-        seed,
-        case.kind,
-        case.rate,
+        case.seed,
+        drawn.kind,
+        drawn.rate,
         measured.motion.periodic,
         shares,
         over,
-        tuple(joint for joint, scale in zip(robot.joints, case.scale, strict=True) if scale != 1.0),
+        tuple(joint for joint, scale in zip(robot.joints, drawn.scale, strict=True) if scale != 1.0),
         found.verdict,
         {one.label: 1.0 if one.probability is None else float(one.probability) for one in found.missing},
         {one.label: float(one.explained) for one in found.others},

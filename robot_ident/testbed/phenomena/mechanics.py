@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping
 from dataclasses import replace
 from functools import cached_property
 from typing import Any, Self
@@ -169,10 +168,6 @@ class GravitySpring(Physics):
     )
     side = "link"
     loads_gear = True
-
-    def __init__(self, robot: Robot, joint: int | None, values: Mapping[str, float]) -> None:
-        """Place the spring, with the robot's geometry unless another one is given."""
-        super().__init__(robot, joint, self.known(robot, joint or 0) | dict(values))
 
     @classmethod
     def known(cls, robot: Robot, joint: int) -> dict[str, float]:

@@ -113,9 +113,13 @@ class Physics:
     step_rate: ClassVar[float] = 0.0
 
     def __init__(self, robot: Robot, joint: int | None, values: Mapping[str, float]) -> None:
-        """Place it at a joint; a value that is left out is typical. InputError on an unknown or impossible one."""
+        """Place it at a joint; a value that is left out is the robot's, or typical.
+
+        InputError on an unknown or impossible one.
+        """
         self.robot = robot
         self.place = joint
+        values = {**self.known(robot, joint or 0), **values}
         for key, value in values.items():
             self._check(key, value)
         missing = any(p.name not in values for p in self.parameters)
