@@ -194,7 +194,10 @@ class Equations:
         n = self.robot.n
         ddq = ca.SX.sym("ddq", n)
         q, v = ca.SX.sym("q", n), ca.SX.sym("v", n)
-        seen = self._seen(self._given(parts), q)
+        seen = ca.SX(q)
+        for physics in self._given(parts):
+            if physics.reads:
+                seen[physics.joint] += physics.misread(q[physics.joint])
         rate = ca.jtimes(seen, q, v)
         curve = ca.jtimes(rate, q, v) + ca.jtimes(seen, q, ddq)
         out = ca.substitute([seen, rate, curve], [q, v], [parts.q[:n], parts.v[:n]])
@@ -224,14 +227,6 @@ class Equations:
     def _driven(self, tau: Any) -> Any:
         """Return a torque of the motors [n] with zeros for the links behind them."""
         return ca.vertcat(tau, ca.SX.zeros(self.layout.links))
-
-    def _seen(self, given: Sequence[Physics], q: Any) -> Any:
-        """Return what the encoders show [n] of positions q [n]."""
-        shown = ca.SX(q)
-        for physics in given:
-            if physics.reads:
-                shown[physics.joint] += physics.misread(q[physics.joint])
-        return shown
 
     def _misread(self, given: Sequence[Physics], q: Any, v: Any) -> tuple[Any, Any]:
         """Return what the encoders show too much of positions and velocities [n]: the servo knows both from them."""

@@ -91,11 +91,6 @@ def simulate(
     return SimulationResult(recording, exact, readings.torque, labels, settled, _notes(robot, readings.torque))
 
 
-def simulated_effects(robot: Robot) -> tuple[str, ...]:
-    """Return the phenomena of the robot's own description as `name@joint`."""
-    return tuple(p.label for p in plant_physics(robot))
-
-
 def steps_per_sample(sample_rate: float, step_rate: float | None = None, physics: Sequence[Physics] = ()) -> int:
     """Return how many steps a sample takes, enough for the phenomena unless a step rate is given.
 
