@@ -92,8 +92,7 @@ def page(effect: type[Effect]) -> str:
 
 def _simulated(name: str) -> list[tuple[str, str]]:
     """Return how the simulated robot makes an effect and what `simulate --effect` may say of it."""
-    from robot_ident.testbed.phenomena import PHYSICS
-    from robot_ident.testbed.phenomena.words import formula
+    from robot_ident.testbed.phenomena import PHYSICS, formula
 
     if name not in PHYSICS:
         return []

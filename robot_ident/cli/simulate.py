@@ -47,10 +47,9 @@ def run(args: argparse.Namespace) -> int:
     from robot_ident.planning.blends import Playback
     from robot_ident.recording.conditions import Conditions, sidecar
     from robot_ident.robot import load_robot
-    from robot_ident.testbed.phenomena import plant_physics
-    from robot_ident.testbed.phenomena.words import values_in_words
+    from robot_ident.testbed.phenomena import plant_physics, values_in_words
     from robot_ident.testbed.scenario import draw_scenario, seal, sealed_path
-    from robot_ident.testbed.simulation import simulate, simulated_effects
+    from robot_ident.testbed.simulation import simulate
     from robot_ident.trajectories.excitation import Excitation
     from robot_ident.trajectories.point_to_point import load_motion
 
@@ -91,7 +90,7 @@ def run(args: argparse.Namespace) -> int:
         write_text(answer, seal(scenario.answer()), force=args.force)
     if args.json:
         data = {"schema": "robot_ident/simulate/1", "path": str(args.output), "samples": result.recording.samples}
-        shown = result.effects if scenario is None else simulated_effects(robot)
+        shown = result.effects if scenario is None else [physics.label for physics in plant_physics(robot)]
         more = {"duration": result.recording.duration, "seconds": seconds, "effects": list(shown)}
         print_json({**data, **more, "sealed": None if answer is None else str(answer), "notes": notes})
         return 0

@@ -20,8 +20,6 @@ from robot_ident.errors import InputError, did_you_mean
 
 if TYPE_CHECKING:
     from robot_ident.robot.robot import Robot
-    from robot_ident.testbed.base_trial import BaseOutcome
-    from robot_ident.testbed.causes_trial import CausesOutcome
     from robot_ident.testbed.trial import Case, Outcome
     from robot_ident.trajectories.excitation import Excitation
 
@@ -109,7 +107,7 @@ def run(args: argparse.Namespace) -> int:
 
 
 def _open(args: argparse.Namespace) -> int:
-    from robot_ident.testbed.phenomena.words import values_in_words
+    from robot_ident.testbed.phenomena import values_in_words
     from robot_ident.testbed.scenario import Scenario, open_sealed
 
     scenario = Scenario.of_answer(open_sealed(args.open))
@@ -260,10 +258,10 @@ def _percent(share: float) -> str:
 
 def run_base(args: argparse.Namespace, cases: Sequence[Case], robot: Robot) -> int:
     """Run the cases, print how the chosen base models do beside fixed filters."""
-    from robot_ident.testbed.base_trial import CLOSE, FILTERS, BaseOutcome, base_summary
+    from robot_ident.testbed.base_trial import CLOSE, FILTERS, BaseOutcome, base_summary, run_base_case
 
     settings = {"robot": robot.name, "family": "real"}
-    outcomes = run_cases(args, cases, partial(_with_base, robot=robot), settings, BaseOutcome.of_dict)
+    outcomes = run_cases(args, cases, partial(run_base_case, robot=robot), settings, BaseOutcome.of_dict)
     if outcomes is None:
         return STOPPED
     result = base_summary(outcomes)
@@ -311,10 +309,10 @@ def _refuse_settings(args: argparse.Namespace) -> None:
 
 def run_causes(args: argparse.Namespace, cases: Sequence[Case], robot: Robot) -> int:
     """Run the cases, print how many names were right and how many causes were found, joint by joint."""
-    from robot_ident.testbed.causes_trial import CausesOutcome, causes_summary
+    from robot_ident.testbed.causes_trial import CausesOutcome, causes_summary, run_causes_case
 
     settings = {"robot": robot.name, "family": "real", "kind": "effects"}
-    outcomes = run_cases(args, cases, partial(_with_causes, robot=robot), settings, CausesOutcome.of_dict)
+    outcomes = run_cases(args, cases, partial(run_causes_case, robot=robot), settings, CausesOutcome.of_dict)
     if outcomes is None:
         return STOPPED
     result = causes_summary(outcomes)
@@ -342,15 +340,3 @@ def run_causes(args: argparse.Namespace, cases: Sequence[Case], robot: Robot) ->
     for seed, why in result["troubles"].items():
         say(f"seed {seed}: can't be added ({why})")
     return 0
-
-
-def _with_causes(case: Case, robot: Robot) -> CausesOutcome:
-    from robot_ident.testbed.causes_trial import run_causes_case
-
-    return run_causes_case(case.seed, robot)
-
-
-def _with_base(case: Case, robot: Robot) -> BaseOutcome:
-    from robot_ident.testbed.base_trial import run_base_case
-
-    return run_base_case(case.seed, robot)

@@ -17,7 +17,7 @@ from robot_ident.bags import JOINT_STATE, NUMBERS
 from robot_ident.errors import InputError
 from robot_ident.nodes.messages import stamp_of
 from robot_ident.nodes.node import BaseNode, offered
-from robot_ident.nodes.subscriptions import Hearing, hear_raw
+from robot_ident.nodes.subscriptions import Hearing
 from robot_ident.robot import Robot
 from robot_ident.robot.drives import EffortSource
 
@@ -109,12 +109,9 @@ class EffortTopics:
         for topic in set(self._kinds) - set(self._hearings):
             offers = [one for one in self._offers(topic) if one.topic_type == self._kinds[topic]]
             if offers:
-                self._hearings[topic] = hear_raw(
-                    self._node,
-                    KINDS[self._kinds[topic]],
-                    topic,
-                    partial(self._receive, topic),
-                    offered(offers, self._depth),
+                take, profile = partial(self._receive, topic), offered(offers, self._depth)
+                self._hearings[topic] = Hearing(
+                    self._node, KINDS[self._kinds[topic]], topic, profile, take=take, raw=True
                 )
 
     def _offers(self, topic: str) -> list[Any]:

@@ -6,6 +6,7 @@ import time
 from collections.abc import Callable, Sequence
 from dataclasses import replace
 from datetime import datetime, timezone
+from functools import partial
 from pathlib import Path
 from typing import Any, ClassVar
 
@@ -52,12 +53,7 @@ TABLE: tuple[Parameter, ...] = (
         unit="Hz",
     ),
     Parameter(
-        "periods",
-        0,
-        "identify after so many steady periods; 0: when the periodic motion ends",
-        0,
-        100_000,
-        live=True,
+        "periods", 0, "identify after so many steady periods; 0: when the periodic motion ends", 0, 100_000, live=True
     ),
     Parameter(
         "each_period",
@@ -85,12 +81,7 @@ TABLE: tuple[Parameter, ...] = (
         "model", "", "model.yaml with which to predict, from the start or from when it is set ('' for none)", live=True
     ),
     Parameter(
-        "memory",
-        0.0,
-        "time for which joint states are kept; 0: enough for the periods, else 600 s",
-        0.0,
-        1e5,
-        unit="s",
+        "memory", 0.0, "time for which joint states are kept; 0: enough for the periods, else 600 s", 0.0, 1e5, unit="s"
     ),
     Parameter(
         "window",
@@ -420,10 +411,7 @@ class Estimator(BaseNode):
             self._worker.join(0.3)
 
 
-def main(argv: Sequence[str] | None = None) -> int:
-    """Run the estimator."""
-    return run(Estimator, argv)
-
+main = partial(run, Estimator)
 
 if __name__ == "__main__":
     raise SystemExit(main())

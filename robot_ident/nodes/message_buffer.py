@@ -22,7 +22,7 @@ from robot_ident.errors import InputError
 from robot_ident.nodes.effort_topics import EffortMessage, EffortTopics, sources_of, topics_of
 from robot_ident.nodes.messages import columns, stamp_of
 from robot_ident.nodes.node import BaseNode, reliable
-from robot_ident.nodes.subscriptions import hear_raw
+from robot_ident.nodes.subscriptions import Hearing
 from robot_ident.playback.stamps import Paired, Pairing
 from robot_ident.recording.recording import Recording
 from robot_ident.robot import Robot
@@ -54,10 +54,6 @@ class Collector:
         self.received += 1
         while stamp_ns - self._messages[0][0] > self.memory_ns:
             self._messages.popleft()
-
-    def clear(self) -> None:
-        """Forget everything."""
-        self._messages.clear()
 
     def snapshot(self) -> tuple[Message, ...]:
         """Return what is kept now."""
@@ -144,7 +140,7 @@ class Intake:
         self._others = {Topic(name, kind): Collector(self._memory) for name, kind in topics_of(self._sources).items()}
         self._paired = time.monotonic()
         self._efforts = EffortTopics(self._node, self._robot, self._sources, self._on_effort, self._depth)
-        self._hearing = hear_raw(self._node, JointState, states, self._on_state, reliable(self._depth))
+        self._hearing = Hearing(self._node, JointState, states, reliable(self._depth), take=self._on_state, raw=True)
 
     def _on_state(self, data: bytes, info: dict[str, Any]) -> None:
         message = deserialize_message(data, JointState)

@@ -33,12 +33,6 @@ def time_message(stamp_ns: int) -> Time:
     return Time(sec=seconds, nanosec=nanoseconds)
 
 
-def duration_message(duration_ns: int) -> Duration:
-    """Return a duration [ns] as a message."""
-    seconds, nanoseconds = divmod(duration_ns, 1_000_000_000)
-    return Duration(sec=seconds, nanosec=nanoseconds)
-
-
 def joint_state(
     joints: Sequence[str], stamp_ns: int, q: Array | None = None, dq: Array | None = None, tau: Array | None = None
 ) -> JointState:
@@ -55,13 +49,14 @@ def trajectory(joints: Sequence[str], window: Window, now_ns: int) -> JointTraje
     """Return a window about the instant `now_ns` [ns] as a message, stamped with its first point's instant."""
     message = JointTrajectory(joint_names=list(joints))
     message.header.stamp = time_message(now_ns + round(window.t[0] * 1e9))
-    rows = zip(window.motion.q, window.motion.dq, window.motion.ddq, window.t - window.t[0], strict=True)
+    since_ns = [round(1e9 * since) for since in window.t - window.t[0]]
+    rows = zip(window.motion.q, window.motion.dq, window.motion.ddq, since_ns, strict=True)
     message.points = [
         JointTrajectoryPoint(
             positions=q.tolist(),
             velocities=dq.tolist(),
             accelerations=ddq.tolist(),
-            time_from_start=duration_message(round(1e9 * since)),
+            time_from_start=Duration(sec=since // 1_000_000_000, nanosec=since % 1_000_000_000),
         )
         for q, dq, ddq, since in rows
     ]

@@ -38,11 +38,14 @@ _SWITCH = 0.001  # s for which one thread may keep another from running; Python'
 _WAKE = 0.1  # s between looks at whether the node is to end; a signal doesn't interrupt the wait for messages
 
 
-def reliable(depth: int) -> QoSProfile:
-    """Return the profile of the project's topics: nothing is lost while the reader keeps up within `depth` messages."""
+def reliable(depth: int, *, kept: bool = False) -> QoSProfile:
+    """Return the profile of the project's topics: nothing is lost while the reader keeps up within `depth` messages.
+
+    kept: who comes later hears the latest.
+    """
     return QoSProfile(
         reliability=ReliabilityPolicy.RELIABLE,
-        durability=DurabilityPolicy.VOLATILE,
+        durability=DurabilityPolicy.TRANSIENT_LOCAL if kept else DurabilityPolicy.VOLATILE,
         history=HistoryPolicy.KEEP_LAST,
         depth=depth,
     )
@@ -50,25 +53,16 @@ def reliable(depth: int) -> QoSProfile:
 
 def latched() -> QoSProfile:
     """Return the profile of what is told now and then: who comes later hears the latest."""
-    return QoSProfile(
-        reliability=ReliabilityPolicy.RELIABLE,
-        durability=DurabilityPolicy.TRANSIENT_LOCAL,
-        history=HistoryPolicy.KEEP_LAST,
-        depth=1,
-    )
+    return reliable(1, kept=True)
 
 
 def offered(offers: Sequence[TopicEndpointInfo], depth: int) -> QoSProfile:
     """Return the profile that hears all who publish on a topic: as reliable, and as early, as each of them can."""
     every = [offer.qos_profile for offer in offers]
-    best_effort = any(one.reliability == ReliabilityPolicy.BEST_EFFORT for one in every)
-    kept = all(one.durability == DurabilityPolicy.TRANSIENT_LOCAL for one in every)
-    return QoSProfile(
-        reliability=ReliabilityPolicy.BEST_EFFORT if best_effort else ReliabilityPolicy.RELIABLE,
-        durability=DurabilityPolicy.TRANSIENT_LOCAL if kept else DurabilityPolicy.VOLATILE,
-        history=HistoryPolicy.KEEP_LAST,
-        depth=depth,
-    )
+    profile = reliable(depth, kept=all(one.durability == DurabilityPolicy.TRANSIENT_LOCAL for one in every))
+    if any(one.reliability == ReliabilityPolicy.BEST_EFFORT for one in every):
+        profile.reliability = ReliabilityPolicy.BEST_EFFORT
+    return profile
 
 
 def qos_of(profile: QoSProfile) -> Qos:

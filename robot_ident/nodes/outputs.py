@@ -92,7 +92,18 @@ class Renewable:
             self._node.destroy_publisher(self.now)
 
 
-class SampleOutput:
+class _TopicOutput:
+    """What is published on a topic, to whoever listens there."""
+
+    def __init__(self, node: BaseNode, joints: Sequence[str], kind: Any, topic: str, depth: int) -> None:
+        self._joints = tuple(joints)
+        self._commands = Renewable(node, kind, topic, depth)
+        neighbours = Neighbours(node, lambda: self._commands.now)
+        self.not_heard, self.rival, self.simulated = neighbours.not_heard, neighbours.rival, neighbours.simulated
+        self.forget, self.close = self._commands.renew, self._commands.close
+
+
+class SampleOutput(_TopicOutput):
     """One JointState a tick: position and velocity."""
 
     lead = 0.0
@@ -101,11 +112,7 @@ class SampleOutput:
 
     def __init__(self, node: BaseNode, joints: Sequence[str], depth: int) -> None:
         """Publish on `joint_command`."""
-        self._joints = tuple(joints)
-        self._commands = Renewable(node, JointState, "joint_command", depth)
-        neighbours = Neighbours(node, lambda: self._commands.now)
-        self.not_heard, self.rival, self.simulated = neighbours.not_heard, neighbours.rival, neighbours.simulated
-        self.forget, self.close = self._commands.renew, self._commands.close
+        super().__init__(node, joints, JointState, "joint_command", depth)
 
     def send(self, player: Player, command: Command | None, t: float, stamp: Callable[[], int]) -> None:
         """Send one sample."""
@@ -113,7 +120,7 @@ class SampleOutput:
             self._commands.publish(joint_state(self._joints, stamp(), command.q, command.dq))
 
 
-class TrajectoryOutput:
+class TrajectoryOutput(_TopicOutput):
     """The plan of the next moments and a stop after it, twenty times a second and at every change of phase."""
 
     lead = 0.1
@@ -131,21 +138,17 @@ class TrajectoryOutput:
         plan_stop: Callable[[Motion], Reference],
     ) -> None:
         """Publish on `CONTROLLER/joint_trajectory`."""
-        self._joints = tuple(joints)
+        super().__init__(node, joints, JointTrajectory, f"{controller.rstrip('/')}/joint_trajectory", depth)
         self._schedule = WindowSchedule(
             plan_stop, node.now_ns, lead=self.lead, every=self.every, ahead=self.ahead, latest=self.longest_stall
         )
-        self._windows = Renewable(node, JointTrajectory, f"{controller.rstrip('/')}/joint_trajectory", depth)
-        neighbours = Neighbours(node, lambda: self._windows.now)
-        self.not_heard, self.rival, self.simulated = neighbours.not_heard, neighbours.rival, neighbours.simulated
-        self.forget, self.close = self._windows.renew, self._windows.close
 
     def send(self, player: Player, command: Command | None, t: float, stamp: Callable[[], int]) -> None:
         """Send a window where one is due."""
         meant = stamp()
         window = self._schedule.due(player, t, meant)
         if window is not None:
-            self._windows.publish(trajectory(self._joints, window, meant))
+            self._commands.publish(trajectory(self._joints, window, meant))
 
 
 def follow_joint_trajectory() -> Any:

@@ -6,8 +6,8 @@ import importlib
 import shutil
 import threading
 import time
-from collections.abc import Sequence
 from dataclasses import dataclass, field, replace
+from functools import partial
 from pathlib import Path
 from typing import ClassVar
 
@@ -369,10 +369,7 @@ class Recorder(BaseNode):
             self.get_logger().info(text)
 
 
-def main(argv: Sequence[str] | None = None) -> int:
-    """Run the recorder."""
-    return run(Recorder, argv)
-
+main = partial(run, Recorder)
 
 if __name__ == "__main__":
     raise SystemExit(main())

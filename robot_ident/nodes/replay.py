@@ -47,9 +47,8 @@ def replay(
     node: Node | None = None
     try:
         node = Node("replay", context=context, start_parameter_services=False, enable_rosout=False)
-        publisher = node.create_publisher(
-            JointState, topic, reliable(recording.samples)
-        )  # none dropped before it is read
+        keep_all = reliable(recording.samples)  # none dropped before it is read
+        publisher = node.create_publisher(JointState, topic, keep_all)
         _await_listener(publisher, topic, wait, stop)
         start = time.monotonic()
         sent = 0
@@ -64,7 +63,7 @@ def replay(
             sent += 1
             if progress is not None:
                 progress((k + 1) / recording.samples)
-        _drain(publisher)
+        publisher.wait_for_all_acked(Duration(seconds=_DRAIN))  # what isn't read yet dies with the publisher
         return sent
     finally:
         if node is not None:
@@ -80,8 +79,3 @@ def _await_listener(publisher: Publisher, topic: str, wait: float, stop: threadi
         if stop.wait(0.05):
             return
     stop.wait(0.2)  # for further listeners that are being found at the same moment
-
-
-def _drain(publisher: Publisher) -> None:
-    """Wait until every reliable reader has what was sent, which dies with the publisher."""
-    publisher.wait_for_all_acked(Duration(seconds=_DRAIN))

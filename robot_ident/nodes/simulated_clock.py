@@ -4,7 +4,6 @@ from __future__ import annotations
 
 import threading
 import time
-from collections.abc import Sequence
 from functools import partial
 from typing import ClassVar
 
@@ -98,10 +97,7 @@ class SimulatedClock(BaseNode):
         self._thread.join()
 
 
-def main(argv: Sequence[str] | None = None) -> int:
-    """Run the clock."""
-    return run(SimulatedClock, argv)
-
+main = partial(run, SimulatedClock)
 
 if __name__ == "__main__":
     raise SystemExit(main())

@@ -5,7 +5,7 @@ YAML declares them, on the topics that it names.
 from __future__ import annotations
 
 from collections import deque
-from collections.abc import Sequence
+from functools import partial
 from typing import ClassVar
 
 import numpy as np
@@ -250,10 +250,7 @@ class SimulatedKuka(BaseNode):
         )
 
 
-def main(argv: Sequence[str] | None = None) -> int:
-    """Run the simulated robot."""
-    return run(SimulatedKuka, argv)
-
+main = partial(run, SimulatedKuka)
 
 if __name__ == "__main__":
     raise SystemExit(main())

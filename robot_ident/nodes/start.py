@@ -6,6 +6,7 @@ import importlib
 import os
 import signal
 import sys
+from functools import partial
 from types import FrameType
 
 
@@ -31,26 +32,8 @@ def _nothing_begun(number: int, frame: FrameType | None) -> None:
     os._exit(0)
 
 
-def trajectory_publisher() -> int:
-    """Run the trajectory publisher."""
-    return _start("trajectory_publisher")
-
-
-def simulated_kuka() -> int:
-    """Run the simulated KUKA."""
-    return _start("simulated_kuka")
-
-
-def simulated_clock() -> int:
-    """Run the simulated clock."""
-    return _start("simulated_clock")
-
-
-def recorder() -> int:
-    """Run the recorder."""
-    return _start("recorder")
-
-
-def estimator() -> int:
-    """Run the estimator."""
-    return _start("estimator")
+trajectory_publisher = partial(_start, "trajectory_publisher")
+simulated_kuka = partial(_start, "simulated_kuka")
+simulated_clock = partial(_start, "simulated_clock")
+recorder = partial(_start, "recorder")
+estimator = partial(_start, "estimator")

@@ -119,15 +119,6 @@ def hear(node: BaseNode, kind: type, topic: str, take: Callable[[Any], None], pr
     return Hearing(node, kind, topic, profile, take=lambda message, _: take(message))
 
 
-def hear_raw(
-    node: BaseNode, kind: type, topic: str, take: Callable[[bytes, dict[str, Any]], None], profile: QoSProfile
-) -> Hearing:
-    """Hand every serialized message of a topic, and what the middleware tells of it, to `take`, all that wait at
-    once.
-    """
-    return Hearing(node, kind, topic, profile, take=take, raw=True)
-
-
 def poll(
     node: BaseNode, kind: type, topic: str, take: Callable[[Any], None], profile: QoSProfile
 ) -> Callable[[], None]:

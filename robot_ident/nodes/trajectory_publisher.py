@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import time
-from collections.abc import Sequence
+from functools import partial
 from typing import ClassVar
 
 from rcl_interfaces.msg import SetParametersResult
@@ -86,13 +86,7 @@ TABLE: tuple[Parameter, ...] = (
         unit="s",
     ),
     Parameter(
-        "state_wait",
-        30.0,
-        "how long the robot's state is waited for at the start",
-        0.1,
-        3600.0,
-        unit="s",
-        live=True,
+        "state_wait", 30.0, "how long the robot's state is waited for at the start", 0.1, 3600.0, unit="s", live=True
     ),
     Parameter("state_timeout", 0.25, "stop when no new joint state comes for so long", 0.01, 10.0, unit="s", live=True),
     Parameter(
@@ -114,12 +108,7 @@ TABLE: tuple[Parameter, ...] = (
     ),
     Parameter("exclusive", True, "stop when another node publishes on joint_command as well", live=True),
     Parameter(
-        "stall",
-        0.2,
-        "command nothing more when this process stood still for so long in a motion",
-        0.01,
-        10.0,
-        unit="s",
+        "stall", 0.2, "command nothing more when this process stood still for so long in a motion", 0.01, 10.0, unit="s"
     ),
     Parameter("depth", 100, "commands that a slow reader may leave waiting", 1, 10_000),
     THREAD_PRIORITY,
@@ -167,11 +156,7 @@ class TrajectoryPublisher(ManagedNode):
         if not path:
             raise InputError("parameter trajectory = '': name an excitation.yaml or a validation motion to play")
         plan = load_plan(
-            path,
-            robot,
-            periods=self.value("periods"),
-            speed=self.value("speed"),
-            rehearsals=self.value("rehearsal"),
+            path, robot, periods=self.value("periods"), speed=self.value("speed"), rehearsals=self.value("rehearsal")
         )
         if plan.unchecked and not self.value("accept_unchecked"):
             raise CheckFailed(f"{path}: {unchecked_refusal(plan.unchecked, 'set accept_unchecked:=true')}")
@@ -340,10 +325,7 @@ class TrajectoryPublisher(ManagedNode):
                 time.sleep(_POLL)
 
 
-def main(argv: Sequence[str] | None = None) -> int:
-    """Run the trajectory publisher."""
-    return run(TrajectoryPublisher, argv)
-
+main = partial(run, TrajectoryPublisher)
 
 if __name__ == "__main__":
     raise SystemExit(main())

@@ -8,21 +8,19 @@ from __future__ import annotations
 
 import time
 from collections.abc import Mapping, Sequence
-from dataclasses import asdict, dataclass, replace
+from dataclasses import dataclass, replace
 from typing import Any
 
 import numpy as np
-from pydantic import TypeAdapter
 
 from robot_ident.effects.torque_scale import TorqueScale
 from robot_ident.errors import InputError
 from robot_ident.estimation.identify import identify
-from robot_ident.estimation.prediction import predict
 from robot_ident.model.model import Model
 from robot_ident.recording.measurement import Processing
 from robot_ident.robot.robot import Robot
-from robot_ident.signals.motion import Array
 from robot_ident.testbed.like_real import KINDS, LikeReal, like_real
+from robot_ident.testbed.trial import AsData, Case
 from robot_ident.testbed.trial_table import Rate
 
 FILTERS = tuple((low, wide) for low in (2.0, 5.0, 10.0) for wide in (1.0, 4.0))
@@ -31,12 +29,11 @@ CLOSE = 1.05
 """How much more error than the best fixed filter counts as being as good."""
 
 _NYQUIST_SHARE = 0.4  # of the rate: what a filter has to lie below
-_ENDS = 0.5  # s at either end of the path, which filters spoil
 _SIGMAS = 2.0
 
 
 @dataclass(frozen=True)
-class BaseOutcome:
+class BaseOutcome(AsData):
     """What one seed gave.
 
     error, fixed: rms over all joints of the error over the exact torque's standard deviation, of the chosen base model
@@ -61,37 +58,28 @@ class BaseOutcome:
         """Error over that of the best fixed filter; infinite where there is no model."""
         return float("inf") if self.error is None else self.error / self.fixed
 
-    def to_dict(self) -> dict[str, Any]:
-        """Return it as data."""
-        return asdict(self)
 
-    @classmethod
-    def of_dict(cls, data: Mapping[str, Any]) -> BaseOutcome:
-        """Return an outcome from its data; pydantic's ValidationError where these are none."""
-        return TypeAdapter(cls).validate_python(dict(data))
-
-
-def run_base_case(seed: int, robot: Robot) -> BaseOutcome:
+def run_base_case(case: Case, robot: Robot) -> BaseOutcome:
     """Draw what one seed gives, identify without an option and with every fixed filter."""
-    case = like_real(robot, seed)
-    scaled = bool(case.scale.std() > 0)
-    fixed = {(low, low * wide): _fixed(case, robot, low, low * wide) for low, wide in FILTERS}
+    drawn = like_real(robot, case.seed)
+    scaled = bool(drawn.scale.std() > 0)
+    fixed = {(low, low * wide): _fixed(drawn, robot, low, low * wide) for low, wide in FILTERS}
     best, least = min(((key, value) for key, value in fixed.items() if value is not None), key=lambda one: one[1])
-    drawn = BaseOutcome(seed, case.kind, case.rate, None, least, best, scaled, {}, {}, 0.0)
+    outcome = BaseOutcome(case.seed, drawn.kind, drawn.rate, None, least, best, scaled, {}, {}, 0.0)
     started = time.process_time()
     try:
-        model = identify([case.train], replace(robot, base="prediction"), as_declared=True)
+        model = identify([drawn.train], replace(robot, base="prediction"), as_declared=True)
     except InputError as error:
-        return replace(drawn, refused=str(error))
+        return replace(outcome, refused=str(error))
     seconds = time.process_time() - started
-    truth = dict(zip(robot.joints, case.scale, strict=True))
+    truth = dict(zip(robot.joints, drawn.scale, strict=True))
     scales = {
         p.joint: (float(value), float(std), float(truth[p.joint]))
         for p, value, std in zip(model.parameters, model.values, model.std, strict=True)
         if p.effect == TorqueScale.name and p.joint
     }
     chosen = {key: value for key, value in (model.base or {}).items() if key != "compared"}
-    return replace(drawn, error=_error(model, case), scales=scales, chosen=chosen, seconds=seconds)
+    return replace(outcome, error=_error(model, drawn), scales=scales, chosen=chosen, seconds=seconds)
 
 
 def _fixed(case: LikeReal, robot: Robot, low: float, wide: float) -> float | None:
@@ -110,21 +98,11 @@ def _fixed(case: LikeReal, robot: Robot, low: float, wide: float) -> float | Non
 
 def _error(model: Model, case: LikeReal) -> float:
     """Return the rms error along the unseen path, over each joint's standard deviation of the exact torque."""
-    predicted = predict(model, case.test)
-    exact: Array = np.column_stack([np.interp(predicted.t, case.test.t, x) for x in case.exact.T])
-    ends = round(_ENDS / float(np.mean(np.diff(predicted.t))))
-    error = ((predicted.torque - exact) / exact.std(axis=0))[ends:-ends]
-    return float(np.sqrt(np.mean(error**2)))
+    return float(np.sqrt(np.mean(case.errors(model) ** 2)))
 
 
 def _finite(value: float) -> float | None:
     return float(value) if np.isfinite(value) else None
-
-
-def _rate(name: str, happened: Mapping[tuple[int, str], bool], *, hoped: bool) -> Rate:
-    """Return how often something happened, by seed and joint, and the seeds where it didn't go as hoped."""
-    otherwise = sorted({seed for (seed, _), one in happened.items() if one is not hoped})
-    return Rate(name, sum(happened.values()), len(happened), tuple(otherwise))
 
 
 def base_summary(outcomes: Sequence[BaseOutcome]) -> dict[str, Any]:
@@ -150,15 +128,14 @@ def base_summary(outcomes: Sequence[BaseOutcome]) -> dict[str, Any]:
             )
     scaled = [one for one in outcomes if one.scaled]
     plain = [one for one in outcomes if not one.scaled]
-    within = {
-        (one.seed, joint): abs(value - true) < _SIGMAS * std
-        for one in scaled
-        for joint, (value, std, true) in one.scales.items()
-    }
+    found, invented = ([(one.seed, bool(one.scales)) for one in some] for some in (scaled, plain))
+    within = [
+        (one.seed, abs(value - true) < _SIGMAS * std) for one in scaled for value, std, true in one.scales.values()
+    ]
     rates = [
-        _rate("scales found where there are some", {(one.seed, ""): bool(one.scales) for one in scaled}, hoped=True),
-        _rate("scales invented where there are none", {(one.seed, ""): bool(one.scales) for one in plain}, hoped=False),
-        _rate("scales within two sigma", within, hoped=True),
+        Rate.of("scales found where there are some", found, hoped=True),
+        Rate.of("scales invented where there are none", invented, hoped=False),
+        Rate.of("scales within two sigma", within, hoped=True),
     ]
     seconds = [one.seconds for one in outcomes if not one.refused]
     return {

@@ -12,7 +12,7 @@ from robot_ident.recording.measurement import Processing
 from robot_ident.recording.periodic import direction_known, trusted, velocity_noise
 from robot_ident.robot.robot import Robot
 from robot_ident.signals.fourier import above_noise, evaluate, lines_of_grid
-from robot_ident.signals.motion import Array, Mask, Motion
+from robot_ident.signals.motion import Array, Mask, Motion, joined
 from robot_ident.testbed.phenomena import Physics, home_pose
 from robot_ident.testbed.phenomena.phenomenon import strength
 from robot_ident.testbed.sensors import Readings, Sensors
@@ -62,9 +62,7 @@ def standard_motions(robot: Robot, count: int = 2, seed: int = 361) -> list[Four
 
 def pooled(motions: Sequence[FourierSeries], samples: int = 500) -> Motion:
     """Return periods of several motions one after the other."""
-    parts = [m.motion(np.linspace(0, m.period, samples, endpoint=False)) for m in motions]
-    q, dq, ddq = (np.concatenate([getattr(p, name) for p in parts]) for name in ("q", "dq", "ddq"))
-    return Motion(q, dq, ddq)
+    return joined([m.motion(np.linspace(0, m.period, samples, endpoint=False)) for m in motions])
 
 
 def torque_scale(robot: Robot) -> Array:
@@ -83,11 +81,10 @@ def visible(structure: Structure, plays: Sequence[Play]) -> Array:
     """
     made = [(play, readings) for play in plays for readings in (play.period, *(end for _, end in play.ends))]
     measured = [_measured(readings, play) for play, readings in made]
-    q, dq, ddq = (np.concatenate([getattr(m, name) for m, _ in measured]) for name in ("q", "dq", "ddq"))
     counts = np.concatenate([known for _, known in measured])
     torque = np.concatenate([readings.recorded for _, readings in made])
     weight = counts / torque_scale(structure.robot)
-    columns = structure.columns(Motion(q, dq, ddq))
+    columns = structure.columns(joined([motion for motion, _ in measured]))
     phi = (columns * weight[:, :, None]).reshape(-1, columns.shape[2])
     theta, *_ = np.linalg.lstsq(phi, (torque * weight).ravel(), rcond=None)
     left = np.where(counts, torque - columns @ theta, 0.0)
@@ -138,11 +135,7 @@ def calibrate(
         power = 1.0
         if attempt and now[0] != past[0]:
             power = float(np.clip((now[1] - past[1]) / (now[0] - past[0]), 1 / STEEPEST, STEEPEST))
-        past, size = now, _rounded(np.exp(now[0] - now[1] / power))
+        # Four digits: the same size on machines whose last digits differ.
+        past, size = now, float(f"{np.exp(now[0] - now[1] / power):.4g}")
         size = min(max(size, physics.smallest), physics.largest)
     return Calibrated(scaled, left)
-
-
-def _rounded(size: float) -> float:
-    """Return a size of four digits: the same on machines whose last digits differ."""
-    return float(f"{size:.4g}")

@@ -8,24 +8,23 @@ from __future__ import annotations
 
 import time
 from collections.abc import Mapping, Sequence
-from dataclasses import asdict, dataclass, field, replace
+from dataclasses import dataclass, field, replace
 from typing import Any
 
 import numpy as np
-from pydantic import TypeAdapter
 
 from robot_ident.diagnosis.diagnose import diagnose
-from robot_ident.diagnosis.diagnosis import Diagnosis
 from robot_ident.effects.effort_gain import EffortGain
 from robot_ident.errors import InputError
 from robot_ident.estimation.effort_checks import taken_as_declared
 from robot_ident.estimation.extend import extend
 from robot_ident.estimation.identify import identify
-from robot_ident.estimation.prediction import measured_for, predict
+from robot_ident.estimation.prediction import measured_for
 from robot_ident.model.model import Model
 from robot_ident.robot.robot import Robot
 from robot_ident.signals.motion import Array
 from robot_ident.testbed.like_real import KINDS, LikeReal, like_real
+from robot_ident.testbed.trial import AsData, Case
 from robot_ident.testbed.trial_table import Rate, wilson
 
 ASKED = 0.15
@@ -33,11 +32,9 @@ ASKED = 0.15
 BINS = (0.0, 0.8, 0.95, 0.999, 1.001)
 """Bounds of the probabilities of names whose truth is counted together."""
 
-_ENDS = 0.5  # s at either end of the unseen path, which filters spoil
-
 
 @dataclass(frozen=True)
-class CausesOutcome:
+class CausesOutcome(AsData):
     """What one seed gave.
 
     causes: what acts, with its share of its joint's excess, `name@joint`; the rest without a name is `@joint`.
@@ -63,15 +60,6 @@ class CausesOutcome:
     seconds: float
     trouble: str = ""
     tied: Mapping[str, tuple[str, ...]] = field(default_factory=dict)
-
-    def to_dict(self) -> dict[str, Any]:
-        """Return it as data."""
-        return asdict(self)
-
-    @classmethod
-    def of_dict(cls, data: Mapping[str, Any]) -> CausesOutcome:
-        """Return an outcome from its data; pydantic's ValidationError where these are none."""
-        return TypeAdapter(cls).validate_python(dict(data))
 
     @property
     def silent_joints(self) -> list[str]:
@@ -103,52 +91,45 @@ def _plain(label: str) -> str:
     return f"{'torque_ripple' if name.startswith('torque_ripple') else name}{at}{place}"
 
 
-def run_causes_case(seed: int, robot: Robot) -> CausesOutcome:
+def run_causes_case(case: Case, robot: Robot) -> CausesOutcome:
     """Draw what one seed gives, identify without an option, diagnose, add what is named."""
-    case = like_real(robot, seed, causes=True)
-    model = identify([case.train], replace(robot, base="prediction"), as_declared=True)
-    measured = measured_for(model, case.train)
+    drawn = like_real(robot, case.seed, causes=True)
+    model = identify([drawn.train], replace(robot, base="prediction"), as_declared=True)
+    measured = measured_for(model, drawn.train)
     started = time.process_time()
     found = diagnose([measured], model.structure, as_declared=taken_as_declared(model.notes))
     seconds = time.process_time() - started
-    shares, over = _visible(model, case)
-    before = _errors(model, case)
+    shares, over = _visible(model, drawn)
+    before = _errors(model, drawn)
     after, trouble = before, ""
     effects = [one.effect for one in found.missing if not one.effect.measuring]
     if effects:
         try:
-            after = _errors(extend(model, [measured], effects)[-1], case)
+            after = _errors(extend(model, [measured], effects)[-1], drawn)
         except InputError as error:
             trouble = str(error)
     return CausesOutcome(
-        seed,
-        case.kind,
-        case.rate,
+        case.seed,
+        drawn.kind,
+        drawn.rate,
         measured.motion.periodic,
         shares,
         over,
-        tuple(joint for joint, scale in zip(robot.joints, case.scale, strict=True) if scale != 1.0),
+        tuple(joint for joint, scale in zip(robot.joints, drawn.scale, strict=True) if scale != 1.0),
         found.verdict,
-        _probabilities(found),
+        {one.label: 1.0 if one.probability is None else float(one.probability) for one in found.missing},
         {one.label: float(one.explained) for one in found.others},
-        tuple(float(x) for x in before),
-        tuple(float(x) for x in after),
+        before,
+        after,
         seconds,
         trouble,
         {one.label: one.tied_with for one in found.missing if one.tied_with},
     )
 
 
-def _probabilities(found: Diagnosis) -> dict[str, float]:
-    return {one.label: 1.0 if one.probability is None else float(one.probability) for one in found.missing}
-
-
-def _errors(model: Model, case: LikeReal) -> Array:
+def _errors(model: Model, case: LikeReal) -> tuple[float, ...]:
     """Return by joint the mean square error on the unseen path over the variance of the exact torque."""
-    predicted = predict(model, case.test)
-    exact = np.column_stack([np.interp(predicted.t, case.test.t, x) for x in case.exact.T])
-    ends = round(_ENDS / float(np.mean(np.diff(predicted.t))))
-    return np.asarray(np.mean(((predicted.torque - exact) / exact.std(axis=0))[ends:-ends] ** 2, axis=0))
+    return tuple(float(x) for x in np.mean(case.errors(model) ** 2, axis=0))
 
 
 def _visible(model: Model, case: LikeReal) -> tuple[dict[str, float], dict[str, float]]:
@@ -230,13 +211,10 @@ def _rates(outcomes: Sequence[CausesOutcome]) -> list[Rate]:
         for joint in one.silent_joints
     ]
     return [
-        _rate("names that are right, or tied with one that is", right, hoped=True),
-        _rate("names that are tied with no other", alone, hoped=True),
-        _rate(f"causes of {100 * ASKED:.0f} % of a joint's excess and more that are named or tied", found, hoped=True),
-        _rate("joints without a cause that get a name", disturbed, hoped=False),
+        Rate.of("names that are right, or tied with one that is", right, hoped=True),
+        Rate.of("names that are tied with no other", alone, hoped=True),
+        Rate.of(
+            f"causes of {100 * ASKED:.0f} % of a joint's excess and more that are named or tied", found, hoped=True
+        ),
+        Rate.of("joints without a cause that get a name", disturbed, hoped=False),
     ]
-
-
-def _rate(name: str, happened: Sequence[tuple[int, bool]], *, hoped: bool) -> Rate:
-    otherwise = sorted({seed for seed, one in happened if one is not hoped})
-    return Rate(name, sum(one for _, one in happened), len(happened), tuple(otherwise))

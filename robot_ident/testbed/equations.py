@@ -6,17 +6,17 @@ The state is a vector with names for its parts; the step is compiled once for al
 from __future__ import annotations
 
 from collections import OrderedDict
-from collections.abc import Sequence
-from dataclasses import dataclass
+from collections.abc import Callable, Sequence
+from dataclasses import dataclass, field
 from functools import cached_property
-from itertools import pairwise
+from itertools import islice, pairwise
 from typing import Any, NamedTuple
 
 import casadi as ca
 import numpy as np
 
 from robot_ident.robot.robot import Robot
-from robot_ident.signals.motion import Array
+from robot_ident.signals.motion import Array, Mask
 from robot_ident.testbed.dry_friction import StepProblem, solve
 from robot_ident.testbed.links import links_function
 from robot_ident.testbed.phenomena import Instant, Physics
@@ -59,27 +59,16 @@ class Layout:
         """Length of a state."""
         return 3 * self.moving + self.own + self.values
 
-    def _slices(self) -> list[slice]:
+    def split(self, states: Any) -> Parts:
+        """Return the parts of a state [size], of numbers or expressions, or of states [N, size]."""
         m = self.moving
-        edges = [0, m, 2 * m, 3 * m, 3 * m + self.own, self.size]
-        return [slice(a, b) for a, b in pairwise(edges)]
-
-    def split(self, states: Array) -> Parts:
-        """Return the parts of a state [size] or of states [N, size]."""
-        return Parts(*(states[..., part] for part in self._slices()))
+        slices = [slice(a, b) for a, b in pairwise([0, m, 2 * m, 3 * m, 3 * m + self.own, self.size])]
+        return Parts(*(states[..., part] if isinstance(states, np.ndarray) else states[part] for part in slices))
 
     def joints(self, states: Array) -> Parts:
         """Return the parts with q, v, a of the joints alone."""
         parts = self.split(states)
         return parts._replace(q=parts.q[..., : self.n], v=parts.v[..., : self.n], a=parts.a[..., : self.n])
-
-    def split_symbolic(self, state: Any) -> Parts:
-        """Return the parts of a CasADi state."""
-        return Parts(*(state[part] for part in self._slices()))
-
-    def rest(self, q: Array, own: list[float], values: list[float]) -> Array:
-        """Return the state at rest in a pose [moving]."""
-        return np.concatenate([np.asarray(q, dtype=float), np.zeros(2 * self.moving), own, values])
 
 
 AT_ONCE = 1e-9
@@ -89,7 +78,8 @@ AT_ONCE = 1e-9
 class Terms(NamedTuple):
     """The terms of inertia ddq + bias + torque + damping dq + friction = tau at an instant, of friction its level.
 
-    stiff: what the torque rises with position, per joint; load: torque on the gears.
+    stiff: what the torque rises with position, per joint; shafts: how that of shafts rises with the step's
+    acceleration; load: torque on the gears.
     """
 
     inertia: Any
@@ -97,16 +87,9 @@ class Terms(NamedTuple):
     torque: Any
     damping: Any
     stiff: Any
+    shafts: Any
     level: Any
     load: Sequence[Any]
-
-
-class Step(NamedTuple):
-    """What is known before friction is: the problem to solve and what follows from its solution."""
-
-    problem: StepProblem
-    terms: Terms
-    physics: tuple[Physics, ...]
 
 
 @dataclass(frozen=True)
@@ -115,13 +98,16 @@ class Equations:
 
     M and n at the middle of the step, which the last acceleration predicts; servo gains, damping, stiff springs and
     shafts by the trapezoidal rule, so that a step is stable whatever they are. Parameters of phenomena are part of the
-    state: the same functions serve all their values.
+    state: the same functions, each made when it is first needed, serve all their values.
     """
 
     robot: Robot
     physics: tuple[Physics, ...]
     servo: Servo
     step: float
+    _folded: dict[tuple[str, int], Callable[[Array, Array, Array], None]] = field(
+        default_factory=dict, repr=False, compare=False
+    )
 
     @cached_property
     def layout(self) -> Layout:
@@ -138,62 +124,88 @@ class Equations:
     def _links(self) -> Any:
         return links_function(self.robot)
 
-    def dry_joints(self) -> list[bool]:
-        """Return which joints have dry friction."""
+    @cached_property
+    def dry(self) -> Mask:
+        """Which coordinates have dry friction [moving]."""
         _, _, parts = self._symbols()
         level = self._terms(self._given(parts), parts, parts.q, parts.v, ca.SX.zeros(self.robot.n), 0.0).level
-        return [not level[j].is_zero() for j in range(self.layout.moving)]
+        return np.array([not level[j].is_zero() for j in range(self.layout.moving)])
 
+    @cached_property
     def full(self) -> Any:
-        """Return the function (state, command) -> state after a step, stick and slip and turning in it."""
+        """The function (state, command) -> state after a step, stick and slip and turning in it."""
         state, command, parts = self._symbols()
-        step = self._step(parts, command)
-        _, _, v = solve(step.problem)
-        return ca.Function("full", [state, command], [self._after(parts, step, v)])
+        problem, load = self._step(parts, command)
+        _, _, v = solve(problem)
+        return ca.Function("full", [state, command], [self._after(parts, v, load)])
 
+    @cached_property
     def slipping(self) -> Any:
-        """Return the same function for a step in which no joint with dry friction stops or turns: a third of the work.
+        """The same function for a step in which no joint with dry friction stops or turns: a third of the work.
 
         Wherever the signs of the velocities come out as they went in, it is the one solution of the full problem.
         """
         state, command, parts = self._symbols()
-        step = self._step(parts, command)
-        friction = step.problem.level * ca.sign(parts.v)
-        d, lt, p = ca.ldl(step.problem.inertia)
-        v = parts.v + self.step * ca.ldl_solve(step.problem.force - friction, d, lt, p)
-        return ca.Function("slipping", [state, command], [self._after(parts, step, v)])
+        problem, load = self._step(parts, command)
+        d, lt, p = ca.ldl(problem.inertia)
+        v = parts.v + self.step * ca.ldl_solve(problem.force - problem.level * ca.sign(parts.v), d, lt, p)
+        return ca.Function("slipping", [state, command], [self._after(parts, v, load)])
 
-    def acceleration(self) -> Any:
-        """Return the function (state, torque) -> ddq at that instant, zero for joints that stick."""
+    def fold(self, kind: str, size: int) -> Callable[[Array, Array, Array], None]:
+        """Return what runs the step `full` or `slipping` `size` times on numpy's memory, without Python in between.
+
+        It takes a state, commands [size, 5 n] and an array for the states after each step, the latter two contiguous.
+        """
+        if (kind, size) not in self._folded:
+            buffer, evaluate = getattr(self, kind).mapaccum(f"{kind}_{size}", size).buffer()
+
+            def run(state: Array, commands: Array, out: Array) -> None:
+                start = np.array(state)  # CasADi keeps the address alone: this array must live until the call is over
+                buffer.set_arg(0, memoryview(start))
+                buffer.set_arg(1, memoryview(commands))
+                buffer.set_res(0, memoryview(out))
+                evaluate()
+
+            self._folded[kind, size] = run
+        return self._folded[kind, size]
+
+    @cached_property
+    def acceleration(self) -> Vectorised:
+        """The function (state, torque) -> ddq at that instant, zero for joints that stick."""
         state, tau, parts, terms, force = self._at_once()
         nothing = ca.SX.zeros(self.layout.moving)
         problem = StepProblem(terms.inertia, force, parts.v, terms.level, AT_ONCE, nothing, nothing)
         _, w, after = solve(problem)
         sticks = ca.logic_and(parts.v == 0, after == 0)
-        return ca.Function("acceleration", [state, tau], [ca.densify(ca.if_else(sticks, 0, w))])
+        return Vectorised(ca.Function("acceleration", [state, tau], [ca.densify(ca.if_else(sticks, 0, w))]))
 
-    def moving_acceleration(self) -> Any:
-        """Return the same function where no joint with dry friction is at rest."""
+    @cached_property
+    def moving_acceleration(self) -> Vectorised:
+        """The same function where no joint with dry friction is at rest."""
         state, tau, parts, terms, force = self._at_once()
         d, lt, p = ca.ldl(terms.inertia)
         w = ca.ldl_solve(force - terms.level * ca.sign(parts.v), d, lt, p)
-        return ca.Function("moving_acceleration", [state, tau], [ca.densify(w)])
+        return Vectorised(ca.Function("moving_acceleration", [state, tau], [ca.densify(w)]))
 
-    def shown(self) -> Any:
-        """Return the function (state, ddq) -> position, velocity and acceleration [n] that the encoders show."""
+    @cached_property
+    def shown(self) -> Vectorised:
+        """The function (state, ddq) -> position, velocity and acceleration [n] that the encoders show."""
         state, _, parts = self._symbols()
         n = self.robot.n
         ddq = ca.SX.sym("ddq", n)
         q, v = ca.SX.sym("q", n), ca.SX.sym("v", n)
-        seen = self._seen(self._given(parts), q)
+        seen = ca.SX(q)
+        for physics in self._given(parts):
+            if physics.reads:
+                seen[physics.joint] += physics.misread(q[physics.joint])
         rate = ca.jtimes(seen, q, v)
         curve = ca.jtimes(rate, q, v) + ca.jtimes(seen, q, ddq)
         out = ca.substitute([seen, rate, curve], [q, v], [parts.q[:n], parts.v[:n]])
-        return ca.Function("shown", [state, ddq], [ca.densify(x) for x in out])
+        return Vectorised(ca.Function("shown", [state, ddq], [ca.densify(x) for x in out]))
 
     def _symbols(self) -> tuple[Any, Any, Parts]:
         state = ca.SX.sym("x", self.layout.size)
-        return state, ca.SX.sym("u", 5 * self.robot.n), self.layout.split_symbolic(state)
+        return state, ca.SX.sym("u", 5 * self.robot.n), self.layout.split(state)
 
     def _at_once(self) -> tuple[Any, Any, Parts, Terms, Any]:
         state, _, parts = self._symbols()
@@ -202,34 +214,19 @@ class Equations:
         force = self._driven(tau) - terms.bias - terms.torque - terms.damping * parts.v
         return state, tau, parts, terms, force
 
-    def _given(self, parts: Parts) -> tuple[Physics, ...]:
+    def _given(self, x: Parts) -> tuple[Physics, ...]:
         """Return the phenomena with their parameters as the state holds them."""
-        out, at = [], 0
-        for physics in self.physics:
-            count = len(physics.free)
-            out.append(physics.with_symbols(ca.vertsplit(parts.values[at : at + count]) if count else []))
-            at += count
-        return tuple(out)
+        values = iter(ca.vertsplit(x.values) if self.layout.values else [])
+        return tuple(p.with_symbols(list(islice(values, len(p.free)))) for p in self.physics)
 
-    def _own(self, state: Sequence[Any]) -> list[Sequence[Any]]:
+    def _own(self, x: Parts) -> list[Sequence[Any]]:
         """Return the states of each phenomenon."""
-        out, at = [], 0
-        for physics in self.physics:
-            out.append(state[at : at + physics.states])
-            at += physics.states
-        return out
+        own = iter(ca.vertsplit(x.own) if self.layout.own else [])
+        return [list(islice(own, p.states)) for p in self.physics]
 
     def _driven(self, tau: Any) -> Any:
         """Return a torque of the motors [n] with zeros for the links behind them."""
         return ca.vertcat(tau, ca.SX.zeros(self.layout.links))
-
-    def _seen(self, given: Sequence[Physics], q: Any) -> Any:
-        """Return what the encoders show [n] of positions q [n]."""
-        shown = ca.SX(q)
-        for physics in given:
-            if physics.reads:
-                shown[physics.joint] += physics.misread(q[physics.joint])
-        return shown
 
     def _misread(self, given: Sequence[Physics], q: Any, v: Any) -> tuple[Any, Any]:
         """Return what the encoders show too much of positions and velocities [n]: the servo knows both from them."""
@@ -254,13 +251,11 @@ class Equations:
             "link": tuple(gear.of_links(part) for part in (q, v, x.a, x.v)),
         }
         split = {side: [ca.vertsplit(part) for part in parts] for side, parts in sides.items()}
-        own = self._own(ca.vertsplit(x.own) if self.layout.own else [])
-        command = ca.vertsplit(tau)
         # What the gear carries comes first: friction that depends on the load needs the sum.
-        for physics, z in sorted(zip(given, own, strict=True), key=lambda pair: not pair[0].loads_gear):
+        for physics, z in sorted(zip(given, self._own(x), strict=True), key=lambda pair: not pair[0].loads_gear):
             sq, sv, sa, start = split[physics.side]
             moved = [h / 2 * value for value in start]
-            part = physics.contribution(Instant(sq, sv, sa, ca.vertsplit(load), z, command, moved, h))
+            part = physics.contribution(Instant(sq, sv, sa, ca.vertsplit(load), z, ca.vertsplit(tau), moved, h))
             at = gear.rows[physics.side]
             for j, value in part.torque.items():
                 torque[at[j]] += value
@@ -272,12 +267,14 @@ class Equations:
                 inertia[at[i], at[j]] += value
                 load[i] += value * sa[j] if physics.loads_gear else 0
         full = ca.SX.zeros(size)
-        for j in range(n):
-            full[gear.rows["link"][j]] += bias[j]
-        torque += gear.torque(given, x.q, x.v, h)
-        return Terms(inertia, full, torque, damping, stiff, _not_negative(level), ca.vertsplit(load))
+        full[gear.rows["link"]] += bias
+        taken, shafts = gear.shafts(given, x.q, x.v, h)
+        # Phenomena lower a level no further than to zero; structural zeros stay.
+        level = ca.vertcat(*(c if c.is_zero() else ca.fmax(c, 0) for c in ca.vertsplit(level)))
+        return Terms(inertia, full, torque + taken, damping, stiff, shafts, level, ca.vertsplit(load))
 
-    def _step(self, x: Parts, command: Any) -> Step:
+    def _step(self, x: Parts, command: Any) -> tuple[StepProblem, Sequence[Any]]:
+        """Return what is to be solved for friction over a step, and the load of the gears."""
         h, servo, n = self.step, self.servo, self.robot.n
         given = self._given(x)
         q_ref, v_ref, ahead, jump, fraction = ca.vertsplit(command, n)
@@ -293,7 +290,7 @@ class Equations:
         held = self._driven(ca.if_else(free, h / 2 * kd + h**2 / 4 * kp, 0))
         implicit = h / 2 * terms.damping + h**2 / 4 * terms.stiff + held
         problem = StepProblem(
-            inertia=terms.inertia + ca.diag(implicit) + self.transmissions.implicit(given, x.q, x.v, h),
+            inertia=terms.inertia + ca.diag(implicit) + terms.shafts,
             force=self._driven(drive) - terms.bias - terms.torque - terms.damping * x.v,
             velocity=x.v,
             level=terms.level,
@@ -301,119 +298,41 @@ class Equations:
             fraction=self._driven(fraction),
             jump=self._driven(ca.if_else(free, jump, 0)),
         )
-        return Step(problem, terms, given)
+        return problem, terms.load
 
-    def _after(self, x: Parts, step: Step, v: Any) -> Any:
+    def _after(self, x: Parts, v: Any, load: Sequence[Any]) -> Any:
         """Return the state after a step from the velocity after it."""
         h, gear = self.step, self.transmissions
         q = x.q + h / 2 * (x.v + v)
         a = ca.if_else(v == 0, 0, (v - x.v) / h)  # a joint that has just stopped isn't predicted to turn
         own: list[Any] = []
-        for physics, z in zip(step.physics, self._own(ca.vertsplit(x.own) if self.layout.own else []), strict=True):
+        for physics, z in zip(self._given(x), self._own(x), strict=True):
             if physics.states:
-                load, rows = step.terms.load, gear.rows[physics.side]
+                rows = gear.rows[physics.side]
                 before = Instant(_picked(x.q, rows), _picked(x.v, rows), _picked(x.a, rows), load, z)
                 after = Instant(_picked(q, rows), _picked(v, rows), _picked(a, rows), load, z)
                 own += physics.advance(before, after, h)
         return ca.vertcat(q, v, a, *own, x.values)
 
 
-def _not_negative(level: Any) -> Any:
-    """Return levels of dry friction, those that phenomena lower no further than to zero; structural zeros stay."""
-    return ca.vertcat(*(x if x.is_zero() else ca.fmax(x, 0) for x in ca.vertsplit(level)))
-
-
 def _picked(part: Any, rows: Sequence[int]) -> list[Any]:
     return [part[k] for k in rows]
 
 
-def start_values(physics: Sequence[Physics]) -> list[float]:
-    """Return the parameters of phenomena in the order of the state."""
-    return [float(p.values[name]) for p in physics for name in p.free]
-
-
 KEPT = 48
-"""Programs that stay in memory: a study varies values more often than equations."""
+"""Equations that stay in memory: a study varies values more often than these."""
 
 
-class Folded:
-    """A step function folded into one that runs several steps on numpy's memory, without Python between them."""
-
-    def __init__(self, buffer: Any, evaluate: Any) -> None:
-        """Hold what CasADi's `Function.buffer` returns."""
-        self._buffer = buffer
-        self._evaluate = evaluate
-
-    @classmethod
-    def of(cls, step: Any, size: int) -> Folded:
-        """Fold (state, command) -> state over `size` steps."""
-        return cls(*step.mapaccum(f"{step.name()}_{size}", size).buffer())
-
-    def run(self, state: Array, commands: Array, out: Array) -> None:
-        """Fill `out` [N, size] with the states after each of N steps; commands and out contiguous."""
-        start = np.array(state)  # CasADi keeps the address alone: this array must live until the call is over
-        self._buffer.set_arg(0, memoryview(start))
-        self._buffer.set_arg(1, memoryview(commands))
-        self._buffer.set_res(0, memoryview(out))
-        self._evaluate()
+_PROGRAMS: OrderedDict[tuple[object, ...], Equations] = OrderedDict()
 
 
-class Program:
-    """The functions of `Equations`, each made when it is first needed."""
-
-    def __init__(self, equations: Equations) -> None:
-        """Hold the equations."""
-        self.equations = equations
-        self.layout = equations.layout
-        self._folded: dict[tuple[str, int], Folded] = {}
-
-    @cached_property
-    def dry(self) -> Any:
-        """Which coordinates have dry friction [moving]."""
-        return np.array(self.equations.dry_joints())
-
-    @cached_property
-    def full(self) -> Any:
-        """The step with stick, slip and turning in it."""
-        return self.equations.full()
-
-    @cached_property
-    def slipping(self) -> Any:
-        """The step in which nothing with dry friction stops or turns."""
-        return self.equations.slipping()
-
-    def fold(self, kind: str, size: int) -> Folded:
-        """Return the step `full` or `slipping`, folded over `size` steps."""
-        if (kind, size) not in self._folded:
-            self._folded[kind, size] = Folded.of(getattr(self, kind), size)
-        return self._folded[kind, size]
-
-    @cached_property
-    def acceleration(self) -> Vectorised:
-        """(state, torque) -> ddq at instants at which joints may be at rest."""
-        return Vectorised(self.equations.acceleration())
-
-    @cached_property
-    def moving_acceleration(self) -> Vectorised:
-        """(state, torque) -> ddq at instants at which no joint with dry friction is at rest."""
-        return Vectorised(self.equations.moving_acceleration())
-
-    @cached_property
-    def shown(self) -> Vectorised:
-        """(state, ddq) -> q, dq, ddq that the encoders show."""
-        return Vectorised(self.equations.shown())
-
-
-_PROGRAMS: OrderedDict[tuple[object, ...], Program] = OrderedDict()
-
-
-def program_of(robot: Robot, physics: Sequence[Physics], servo: Servo, step: float) -> Program:
-    """Return the program of a robot with such phenomena, whatever their values; the latest ones are kept."""
+def equations_of(robot: Robot, physics: Sequence[Physics], servo: Servo, step: float) -> Equations:
+    """Return the equations of a robot with such phenomena, whatever their values; the latest ones are kept."""
     gains = tuple(values.tobytes() for values in (servo.kp, servo.kd, servo.limit))
-    # The robot is held by its program, so that its identity stays its own.
+    # The robot is held by its equations, so that its identity stays its own.
     key = (id(robot), gains, step, tuple(p.structure for p in physics))
     if key not in _PROGRAMS:
-        _PROGRAMS[key] = Program(Equations(robot, tuple(physics), servo, step))
+        _PROGRAMS[key] = Equations(robot, tuple(physics), servo, step)
         if len(_PROGRAMS) > KEPT:
             _PROGRAMS.popitem(last=False)
     _PROGRAMS.move_to_end(key)

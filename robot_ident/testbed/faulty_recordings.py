@@ -9,7 +9,7 @@ from __future__ import annotations
 from abc import ABC, abstractmethod
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, replace
-from typing import Any, ClassVar
+from typing import ClassVar
 
 import numpy as np
 
@@ -18,7 +18,7 @@ from robot_ident.robot.rigid_body import RigidBody
 from robot_ident.robot.robot import Robot
 from robot_ident.testbed.phenomena import plant_physics
 from robot_ident.testbed.phenomena.mechanics import Payload
-from robot_ident.testbed.phenomena.phenomenon import between, either_sign
+from robot_ident.testbed.phenomena.phenomenon import arm_mass, between, either_sign
 from robot_ident.testbed.sensors import FIELDS, Readings
 from robot_ident.testbed.servo import Servo
 from robot_ident.testbed.simulation import Play, noisy
@@ -93,10 +93,9 @@ class UnmodelledPayload(MeasuringFault):
     @classmethod
     def draw(cls, robot: Robot, rng: np.random.Generator, recordings: int) -> UnmodelledPayload:
         """Return 2 to 8 % of the arm's mass off the flange, in one of the recordings."""
-        mass = sum(float(inertia.mass) for inertia in list(robot.rigid.model.inertias)[1:])
         place = {axis: float(rng.uniform(-0.1, 0.1)) for axis in ("x", "y", "z")}
         loaded = float(rng.integers(recordings))
-        return cls(None, {"payload": mass * between(rng, 0.02, 0.08), **place, "recording": loaded})
+        return cls(None, {"payload": arm_mass(robot) * between(rng, 0.02, 0.08), **place, "recording": loaded})
 
     def effects(self, robot: Robot, number: int) -> Sequence[str]:
         """Return the load where it is carried."""
@@ -237,12 +236,7 @@ def spoilt(
     rng = np.random.default_rng([seed, number])
     read = fault.read(play.readings(periods + 1), play.sample_rate, rng)
     stream = int(np.random.SeedSequence([seed, number]).generate_state(1)[0])
-    made = noisy(play.robot, play.sample_rate, read, noise=noise, seed=stream)
-    return _after(fault.written(made, rng), len(play.period.q))
-
-
-def _after(recording: Recording, rows: int) -> Recording:
-    """Return a recording without its first rows, in which a filter of the chain settles."""
-    kept: dict[str, Any] = {name: getattr(recording, name)[rows:] for name in ("q", "tau")}
-    dq = None if recording.dq is None else recording.dq[rows:]
-    return replace(recording, t=recording.t[rows:] - recording.t[rows], dq=dq, **kept)
+    made = fault.written(noisy(play.robot, play.sample_rate, read, noise=noise, seed=stream), rng)
+    rows = len(play.period.q)
+    dq = None if made.dq is None else made.dq[rows:]
+    return replace(made, t=made.t[rows:] - made.t[rows], q=made.q[rows:], tau=made.tau[rows:], dq=dq)

@@ -12,6 +12,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from robot_ident.signals.motion import Array
+from robot_ident.testbed.phenomena.phenomenon import between
 
 Draw = Callable[["Course", int, np.random.Generator], "Torque"]
 Torque = Callable[["Course", int], Array]
@@ -66,7 +67,7 @@ def draw_causes(course: Course, size: Array, rng: np.random.Generator) -> list[C
         for name in _compatible([str(one) for one in chosen]):
             law = _LAWS[name](course, joint, rng)
             torque = law(course, joint)
-            factor = _between(rng, *SIZES) * size[joint] / _rms(torque)
+            factor = between(rng, *SIZES) * size[joint] / _rms(torque)
             mine.append(Cause(name, joint, factor, law))
             total += factor * torque
         rest = rng.uniform(*REST) * _rms(total) if mine else ALONE * size[joint]
@@ -85,10 +86,6 @@ def _rms(x: Array) -> float:
     return float(np.sqrt(np.mean(x**2)))
 
 
-def _between(rng: np.random.Generator, low: float, high: float) -> float:
-    return float(np.exp(rng.uniform(np.log(low), np.log(high))))
-
-
 def _speed(course: Course, joint: int) -> float:
     return float(np.abs(course.dq[:, joint]).max())
 
@@ -105,7 +102,7 @@ def _dragged(q: Array, free: float, reaches: Array) -> Array:
 
 
 def _presliding(course: Course, joint: int, rng: np.random.Generator) -> Torque:
-    reach = _between(rng, 0.001, 0.015)
+    reach = between(rng, 0.001, 0.015)
 
     def law(x: Course, j: int) -> Array:
         # less the sharp friction, which every model has
@@ -115,13 +112,13 @@ def _presliding(course: Course, joint: int, rng: np.random.Generator) -> Torque:
 
 
 def _friction_behind_play(course: Course, joint: int, rng: np.random.Generator) -> Torque:
-    gap = _between(rng, 0.005, 0.05)
-    reach = gap * _between(rng, 0.02, 0.2)
+    gap = between(rng, 0.005, 0.05)
+    reach = gap * between(rng, 0.02, 0.2)
     return lambda x, j: _dragged(x.q[:, j], gap, reach * _BRISTLES)
 
 
 def _viscous_nonlinear(course: Course, joint: int, rng: np.random.Generator) -> Torque:
-    bend = _between(rng, 0.02, 0.2) * _speed(course, joint)
+    bend = between(rng, 0.02, 0.2) * _speed(course, joint)
     return lambda x, j: np.arcsinh(x.dq[:, j] / bend)
 
 
@@ -131,7 +128,7 @@ def _viscous_asymmetric(course: Course, joint: int, rng: np.random.Generator) ->
 
 
 def _stribeck(course: Course, joint: int, rng: np.random.Generator) -> Torque:
-    speed, exponent = _between(rng, 0.03, 0.15) * _speed(course, joint), rng.uniform(0.6, 1.2)
+    speed, exponent = between(rng, 0.03, 0.15) * _speed(course, joint), rng.uniform(0.6, 1.2)
 
     def law(x: Course, j: int) -> Array:
         v = x.dq[:, j]
@@ -158,7 +155,7 @@ def _position_friction(course: Course, joint: int, rng: np.random.Generator) -> 
 def _torque_ripple(course: Course, joint: int, rng: np.random.Generator) -> Torque:
     ratio = float(course.ratio[joint])
     least = 2.0 * np.pi * 4.0 / float(np.ptp(course.q[:, joint]))  # four cycles within the travel
-    order = float(np.ceil(_between(rng, least, 3.0 * least))) if ratio == 1.0 else ratio * float(rng.integers(1, 3))
+    order = float(np.ceil(between(rng, least, 3.0 * least))) if ratio == 1.0 else ratio * float(rng.integers(1, 3))
     phase, overtone = rng.uniform(-np.pi, np.pi, 2)
     return lambda x, j: np.sin(order * x.q[:, j] + phase) + 0.2 * np.sin(2.0 * order * x.q[:, j] + overtone)
 

@@ -12,6 +12,8 @@ from dataclasses import dataclass
 import numpy as np
 import pinocchio
 
+from robot_ident.estimation.prediction import predict
+from robot_ident.model.model import Model
 from robot_ident.recording import Recording
 from robot_ident.robot import Robot
 from robot_ident.signals.motion import Array
@@ -23,6 +25,7 @@ KINDS = ("periodic", "cyclic", "one pass")
 
 _SETTLING = 2.0  # s, before a recording begins
 _SHORT, _LONG = 24.0, 48.0  # s of a recording to fit: enough for a base model, and for causes besides
+_ENDS = 0.5  # s at either end of a path, which filters spoil
 _A_POSE = 6.0  # s of a recording, for each pose that it passes
 _CAUSES = 43  # stream of the random numbers that draw them, apart from all others
 
@@ -45,6 +48,13 @@ class LikeReal:
     scale: Array
     causes: tuple[Cause, ...]
     hidden: Array
+
+    def errors(self, model: Model) -> Array:
+        """Return a model's errors [rows, n] along the other path, over the exact torque's standard deviations."""
+        predicted = predict(model, self.test)
+        exact = np.column_stack([np.interp(predicted.t, self.test.t, x) for x in self.exact.T])
+        ends = round(_ENDS / float(np.mean(np.diff(predicted.t))))
+        return np.asarray(((predicted.torque - exact) / exact.std(axis=0))[ends:-ends])
 
 
 def like_real(robot: Robot, seed: int, *, causes: bool = False) -> LikeReal:
@@ -125,8 +135,8 @@ def _links(robot: Robot, path: Array) -> Array:
     return np.array([pinocchio.rnea(model, data, *state) for state in path])
 
 
-def _course(robot: Robot, whole: Array) -> Course:
-    return Course(whole[:, 0], whole[:, 1], _links(robot, whole), robot.drives.gear_ratio)
+def _course(robot: Robot, path: Array) -> Course:
+    return Course(path[:, 0], path[:, 1], _links(robot, path), robot.drives.gear_ratio)
 
 
 def _sampled(x: Array, rate: float) -> Array:

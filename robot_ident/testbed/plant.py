@@ -15,7 +15,7 @@ import numpy as np
 from robot_ident.errors import InputError
 from robot_ident.robot.robot import Robot
 from robot_ident.signals.motion import Array, Mask, Motion
-from robot_ident.testbed.equations import Layout, Program, program_of, start_values
+from robot_ident.testbed.equations import Equations, Layout, equations_of
 from robot_ident.testbed.phenomena import Physics
 from robot_ident.testbed.servo import Servo
 from robot_ident.trajectories.excitation import Reference
@@ -87,7 +87,7 @@ class Plant:
     @cached_property
     def layout(self) -> Layout:
         """Where things stand in a state."""
-        return self._program.layout
+        return self._equations.layout
 
     def rest(self, q: Array) -> Array:
         """Return the state at rest in a pose q [n] that the encoders show."""
@@ -95,17 +95,15 @@ class Plant:
 
     def moving(self, motion: Motion) -> Array:
         """Return the state with one instant's motion, which the encoders show; phenomena are at rest."""
-        q, v, a = self._true(motion)
+        q, v, a = self._true(motion.q[0]), motion.dq[0], motion.ddq[0]
         joints = list(range(self.robot.n)) + [p.joint for p in self.physics if p.shaft]
         own = [value for p in self.physics for value in p.rest()]
-        state = self.layout.rest(q[joints], own, start_values(self.physics))
-        size = len(joints)
-        state[size : 2 * size], state[2 * size : 3 * size] = v[joints], a[joints]
-        return state
+        values = [float(p.values[name]) for p in self.physics for name in p.free]
+        return np.concatenate([q[joints], v[joints], a[joints], own, values])
 
     def run(self, state: Array, commands: Commands) -> Array:
         """Return the states [N, size] after each of N steps."""
-        dry = self._program.dry[: self.robot.n]
+        dry = self._equations.dry[: self.robot.n]
         turns = np.any(commands.jump[:, dry] != 0, axis=1)
         out = np.empty((commands.steps, self.layout.size))
         self._blocks(state, commands.rows(), turns, out, BLOCKS)
@@ -113,14 +111,12 @@ class Plant:
 
     def accelerations(self, states: Array, torque: Array) -> Array:
         """Return ddq [N, n] rad/s^2 at states [N, size] under torques [N, n] Nm: zero where a joint sticks."""
-        rests = np.any(self.layout.split(states).v[:, self._program.dry] == 0, axis=1)
+        rests = np.any(self.layout.split(states).v[:, self._equations.dry] == 0, axis=1)
         out = np.empty((len(states), self.layout.moving))
-        for rows, function in (
-            (rests, self._program.acceleration if rests.any() else None),
-            (~rests, self._program.moving_acceleration if not rests.all() else None),
-        ):
-            if function is not None:
-                (out[rows],) = function(states[rows], torque[rows])
+        if rests.any():
+            (out[rests],) = self._equations.acceleration(states[rests], torque[rests])
+        if not rests.all():
+            (out[~rests],) = self._equations.moving_acceleration(states[~rests], torque[~rests])
         return out[:, : self.robot.n]
 
     def shown(self, states: Array, ddq: Array) -> Motion:
@@ -128,27 +124,24 @@ class Plant:
         if not self._misread:
             parts = self.layout.joints(states)
             return Motion(parts.q, parts.v, ddq)
-        q, dq, ddq = self._program.shown(states, ddq)
+        q, dq, ddq = self._equations.shown(states, ddq)
         return Motion(q, dq, ddq)
 
     @cached_property
-    def _program(self) -> Program:
-        return program_of(self.robot, self.physics, self.servo, self.step)
+    def _equations(self) -> Equations:
+        return equations_of(self.robot, self.physics, self.servo, self.step)
 
     @cached_property
     def _misread(self) -> Sequence[Physics]:
         return [p for p in self.physics if p.reads]
 
-    def _true(self, motion: Motion) -> tuple[Array, Array, Array]:
-        """Return the true position, velocity and acceleration [n] where encoders show those of an instant."""
-        shown, v, a = motion.q[0], motion.dq[0], motion.ddq[0]
+    def _true(self, shown: Array) -> Array:
+        """Return the true position [n] where encoders show q [n]."""
         q = np.array(shown)
-        if not self._misread:
-            return q, v, a
-        for _ in range(20):  # an encoder's error is small and smooth: a contraction
+        for _ in range(20 if self._misread else 0):  # an encoder's error is small and smooth: a contraction
             for physics in self._misread:
                 q[physics.joint] = shown[physics.joint] - float(physics.misread(q[physics.joint]))
-        return q, v, a
+        return q
 
     def _blocks(self, state: Array, commands: Array, turns: Mask, out: Array, sizes: tuple[int, ...]) -> None:
         """Fill `out` [N, size] with the states after N steps, in blocks of the largest sizes that fit."""
@@ -165,16 +158,16 @@ class Plant:
         Where no joint with dry friction stops or turns the short way is exact, and its result shows whether that is so.
         Elsewhere smaller blocks tell where in it that happens; those of the last size but one go the long way.
         """
-        size, moving, dry = len(commands), self.layout.moving, self._program.dry
+        size, moving, dry = len(commands), self.layout.moving, self._equations.dry
         signs = np.sign(state[moving : 2 * moving])[dry]
         if not turns.any() and signs.all():
-            self._program.fold("slipping", size).run(state, commands, out)
+            self._equations.fold("slipping", size)(state, commands, out)
             if np.all(np.sign(out[:, moving : 2 * moving])[:, dry] == signs):
                 return
         if len(smaller) > 1:
             self._blocks(state, commands, turns, out, smaller)
         else:
-            self._program.fold("full", size).run(state, commands, out)
+            self._equations.fold("full", size)(state, commands, out)
 
 
 AT_A_TIME = 16384

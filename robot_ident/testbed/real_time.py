@@ -16,7 +16,7 @@ from numpy.typing import ArrayLike
 
 from robot_ident.errors import InputError
 from robot_ident.robot.robot import Robot
-from robot_ident.signals.motion import Array, Motion, frozen_array
+from robot_ident.signals.motion import Array, Motion, frozen_array, joined
 from robot_ident.testbed.phenomena import home_pose, plant_physics
 from robot_ident.testbed.plant import Commands, Plant
 from robot_ident.testbed.sensors import Sensors
@@ -267,7 +267,7 @@ class TrajectoryFollower:
             raise InputError(f"a trajectory that ended {now - t[-1]:.3f} s ago")
         if np.abs(motion.dq[-1]).max() > _AT_REST:
             raise InputError("a trajectory that doesn't end at rest")
-        points = [Motion(motion.q[k : k + 1], motion.dq[k : k + 1], motion.ddq[k : k + 1]) for k in range(len(t))]
+        points = [motion[k : k + 1] for k in range(len(t))]
         if t[0] > now:
             t, points = np.insert(t, 0, now), [self.at(np.array([now])), *points]
         ends = zip(t[:-1], t[1:], points[:-1], points[1:], strict=True)
@@ -351,13 +351,8 @@ class SimulatedRobot:
             )
         if not reference.samples:
             return
-        last = self._reference
-        joined = Motion(
-            np.concatenate([last.q, reference.q]),
-            np.concatenate([last.dq, reference.dq]),
-            np.concatenate([last.ddq, reference.ddq]),
-        )
-        self._state = self._plant.run(self._state, Commands.of(self._servo, joined))[-1]
+        commands = Commands.of(self._servo, joined([self._reference, reference]))
+        self._state = self._plant.run(self._state, commands)[-1]
         self._reference = reference[-1:]
 
     def hold(self, steps: int) -> None:

@@ -17,15 +17,13 @@ import numpy as np
 from robot_ident.errors import InputError, did_you_mean
 from robot_ident.files import read_text
 from robot_ident.model.structure import Structure
-from robot_ident.recording.recording import Recording
 from robot_ident.robot.robot import Robot
-from robot_ident.signals.motion import Array, Motion
+from robot_ident.signals.motion import Motion
 from robot_ident.testbed.calibrate import TOLERANCE, Calibrated, calibrate, pooled, standard_motions, visible
 from robot_ident.testbed.phenomena import PHYSICS, Physics, nominal_physics, plant_physics
 from robot_ident.testbed.phenomena.phenomenon import between, strength
 from robot_ident.testbed.servo import Servo
 from robot_ident.testbed.simulation import Play
-from robot_ident.trajectories.excitation import Excitation
 from robot_ident.trajectories.fourier_series import FourierSeries
 
 KINDS = {
@@ -110,32 +108,10 @@ class Scenario:
                 raise InputError(f"sealed answer: {key} = {answer[key]!r}: a list of {kind.__name__} was expected")
         return cls(*(answer[key] for key in fields), *(tuple(answer[key]) for key in lists))
 
-    def plays(
-        self, robot: Robot, references: Sequence[Excitation | FourierSeries], *, sample_rate: float = 150.0
-    ) -> list[Play]:
+    def plays(self, robot: Robot, references: Sequence[FourierSeries]) -> list[Play]:
         """Return the robot's steady answers to periodic motions, from which any number of recordings is made."""
         physics, servo = plant_physics(robot, self.all_effects), Servo.make(robot)
-        return [Play.of(robot, physics, s, sample_rate=sample_rate, servo=servo) for s in series_of(references)]
-
-    def simulate(
-        self,
-        robot: Robot,
-        references: Sequence[Excitation | FourierSeries],
-        *,
-        periods: int = 16,
-        noise: float = 1.0,
-        seed: int = 0,
-        sample_rate: float = 150.0,
-    ) -> list[Recording]:
-        """Return recordings of steady periods, one for each periodic motion; `noise` multiplies the noise variances."""
-        plays = self.plays(robot, references, sample_rate=sample_rate)
-        seeds = np.random.SeedSequence(seed).generate_state(len(plays))
-        return [play.record(periods, noise=noise, seed=int(s)) for play, s in zip(plays, seeds, strict=True)]
-
-
-def series_of(references: Sequence[Excitation | FourierSeries]) -> list[FourierSeries]:
-    """Return the Fourier series of periodic motions."""
-    return [r.series if isinstance(r, Excitation) else r for r in references]
+        return [Play.of(robot, physics, series, servo=servo) for series in references]
 
 
 def draw_scenario(
@@ -144,7 +120,7 @@ def draw_scenario(
     *,
     kinds: Sequence[str] = (),
     names: Sequence[str] = (),
-    references: Sequence[Excitation | FourierSeries] = (),
+    references: Sequence[FourierSeries] = (),
     sizes: tuple[float, float] | None = None,
 ) -> Scenario:
     """Draw what is hidden in a robot; the same seed and arguments give the same.
@@ -163,7 +139,7 @@ def draw_scenario(
         if name not in PHYSICS or name in NOT_HIDDEN:
             raise InputError(f"effect {name!r} can't be hidden{did_you_mean(name, set(PHYSICS) - set(NOT_HIDDEN))}")
     rng = np.random.default_rng([seed, 1997])
-    motions = series_of(references) or standard_motions(robot)
+    motions = references or standard_motions(robot)
     kind = str(rng.choice(kinds)) if kinds else str(rng.choice(list(KINDS), p=list(KINDS.values())))
     return _Drawer(robot, motions, rng, sizes or usual_sizes(robot), tuple(names)).scenario(kind, seed)
 
@@ -175,26 +151,21 @@ def usual_sizes(robot: Robot) -> tuple[float, float]:
     return SIZES[0] * unit, SIZES[1] * unit
 
 
+@dataclass
 class _Drawer:
     """Draws effects one after the other until their number is reached."""
 
-    def __init__(
-        self,
-        robot: Robot,
-        motions: Sequence[FourierSeries],
-        rng: np.random.Generator,
-        sizes: tuple[float, float],
-        names: tuple[str, ...],
-    ) -> None:
-        self.robot = robot
-        self.motions = motions
-        self.rng = rng
-        self.sizes = sizes
-        self.names = names
-        self.pool: Motion = pooled(motions)
-        self.servo = Servo.make(robot)
-        self.structure = Structure.build(robot)
-        self.taken = {(p.name, p.place) for p in nominal_physics(robot)}
+    robot: Robot
+    motions: Sequence[FourierSeries]
+    rng: np.random.Generator
+    sizes: tuple[float, float]
+    names: tuple[str, ...]
+
+    def __post_init__(self) -> None:
+        self.pool: Motion = pooled(self.motions)
+        self.servo = Servo.make(self.robot)
+        self.structure = Structure.build(self.robot)
+        self.taken = {(p.name, p.place) for p in nominal_physics(self.robot)}
 
     def scenario(self, kind: str, seed: int) -> Scenario:
         """Return a scenario of a kind."""
@@ -207,7 +178,11 @@ class _Drawer:
             background = [c.physics for c in self._effects(3, False, target=target)]
         hidden = tuple(c.physics.text for c in found)
         behind = tuple(p.text for p in background)
-        left = found[0].visible if len(found) == 1 and not background else self._visible((*hidden, *behind))
+        left = (
+            found[0].visible
+            if len(found) == 1 and not background
+            else visible(self.structure, self._plays(*hidden, *behind))
+        )
         return Scenario(kind, seed, self.robot.name, hidden, behind, tuple(float(x) for x in left))
 
     def _effects(
@@ -226,7 +201,9 @@ class _Drawer:
             wanted = between(self.rng, *self.sizes) if target is None else target
             tolerance = TOLERANCE if target is None else ROUGHLY
             least, most = (0.9 * self.sizes[0], 1.2 * self.sizes[1]) if target is None else (0.5 * target, 1.5 * target)
-            made = calibrate(drawn, wanted, self._plays, self.structure, tolerance=tolerance, least=least)
+            made = calibrate(
+                drawn, wanted, lambda p: self._plays(p.text), self.structure, tolerance=tolerance, least=least
+            )
             if not least <= float(made.visible.max()) <= most:
                 continue
             done.append(made.physics)
@@ -260,13 +237,8 @@ class _Drawer:
         told = {(name, drawn.place) for name in (drawn.name, *drawn.includes)}
         return bool(told & self.taken) or (drawn.shaft and drawn.place in shafts)
 
-    def _plays(self, physics: Physics) -> list[Play]:
-        return self._simulated(plant_physics(self.robot, [physics.text]))
-
-    def _visible(self, texts: Sequence[str]) -> Array:
-        return visible(self.structure, self._simulated(plant_physics(self.robot, texts)))
-
-    def _simulated(self, physics: tuple[Physics, ...]) -> list[Play]:
+    def _plays(self, *effects: str) -> list[Play]:
+        physics = plant_physics(self.robot, effects)
         return [Play.of(self.robot, physics, motion, servo=self.servo) for motion in self.motions]
 
 

@@ -65,20 +65,6 @@ PAPER = AntiAlias(order=8, cutoff=40.0)
 """The filter of the paper's section V: a delay of 20 ms at low frequency."""
 
 
-def anti_alias_of(robot: Robot, rate: float) -> tuple[AntiAlias | None, ...]:
-    """Return the filter [n] of each joint, or the paper's on all where the robot declares none.
-
-    InputError when a cutoff isn't below half of `rate` [Hz].
-    """
-    kinds = robot.anti_alias if any(robot.anti_alias) else (PAPER,) * robot.n
-    for kind in kinds:
-        if kind and kind.cutoff >= rate / 2:
-            raise InputError(
-                f"anti-alias filter: cutoff {kind.cutoff:g} Hz is not below half of the step rate, {rate:g} Hz"
-            )
-    return kinds
-
-
 def low_pass(kind: AntiAlias, values: Array, rate: float) -> Array:
     """Return values [N, n], sampled at `rate` [Hz], behind the filter, which has settled on the first value.
 
@@ -95,20 +81,26 @@ def low_pass(kind: AntiAlias, values: Array, rate: float) -> Array:
 
 
 def filtered(
-    robot: Robot, torque: Array, rate: float, per_sample: int, sensors: Sensors, rng: np.random.Generator
+    robot: Robot, torque: Array, step: float, samples: int, sensors: Sensors, rng: np.random.Generator
 ) -> Array:
-    """Return the noisy torque [N, n] at the samples behind the filter, of the torque at steps of `rate` [Hz].
+    """Return the noisy torque [samples, n] behind each joint's filter, of the torque [N, n] at steps of `step` seconds.
 
-    The noise is that of the samples without a filter, from the same generator, as the smooth signal through them that
-    holds nothing above half of the sample rate (Shannon): inverting the filter gives the very same noise back.
+    The paper's filter on all joints where the robot declares none. The noise is that of the samples without a filter,
+    from the same generator, as the smooth signal through them that holds nothing above half of the sample rate
+    (Shannon): inverting the filter gives the very same noise back. InputError when a cutoff isn't below half of the
+    step rate.
     """
-    kinds = anti_alias_of(robot, rate)
-    samples = len(torque) // per_sample
+    rate, kinds = 1.0 / step, robot.anti_alias if any(robot.anti_alias) else (PAPER,) * robot.n
+    for kind in kinds:
+        if kind and kind.cutoff >= rate / 2:
+            raise InputError(
+                f"anti-alias filter: cutoff {kind.cutoff:g} Hz is not below half of the step rate, {rate:g} Hz"
+            )
     noise = sensors.read_torque(np.zeros((samples, torque.shape[1])), rng)
     fine = torque + _through(noise, len(torque))
     settled = np.concatenate([torque[:1], fine])  # the filter has settled on the first torque, not on its noise
     columns = [low_pass(k, x[:, None], rate) if k else x[:, None] for k, x in zip(kinds, settled.T, strict=True)]
-    return np.hstack(columns)[1::per_sample]
+    return np.hstack(columns)[1 :: len(torque) // samples]
 
 
 def _through(x: Array, steps: int) -> Array:
@@ -119,11 +111,6 @@ def _through(x: Array, steps: int) -> Array:
     return np.fft.irfft(lines, steps, axis=0) * (steps / len(x))
 
 
-def link_side(robot: Robot) -> list[int]:
-    """Return the joints whose effort is measured behind the gear."""
-    return [joint for joint in range(robot.n) if robot.side(joint) == "link"]
-
-
 def link_torque(robot: Robot, physics: Sequence[Physics], motion: Motion) -> Array:
     """Return the torque [N, n] Nm that the links need along their true motion: rigid bodies without rotors, and the
     phenomena that act on links.
@@ -132,23 +119,15 @@ def link_torque(robot: Robot, physics: Sequence[Physics], motion: Motion) -> Arr
     """
     torque: Array = robot.rigid.inverse_dynamics(motion) - robot.drives.armature * motion.ddq
     q, v, a = (ca.SX.sym(name, robot.n) for name in ("q", "v", "a"))
-    parts = [ca.vertsplit(x) for x in (q, v, a)]
+    parts, nothing = [ca.vertsplit(x) for x in (q, v, a)], [ca.SX(0)] * robot.n
     for one in physics:
         if one.shaft or (one.side == "link" and one.states):
             raise InputError(f"{one.label} can't be simulated where effort is measured on the link side")
         if one.side != "link":
             continue
-        made = one.contribution(Instant(parts[0], parts[1], parts[2], [ca.SX(0)] * robot.n, moved=[ca.SX(0)] * robot.n))
-        added = ca.SX.zeros(robot.n)
-        for joint, value in made.torque.items():
-            added[joint] += value
-        for joint, value in made.damping.items():
-            added[joint] += value * v[joint]
-        for joint, value in made.friction.items():
-            added[joint] += value * ca.sign(v[joint])
-        for (i, j), value in made.inertia.items():
-            added[i] += value * a[j]
-        function = ca.Function("added", [q, v, a], [added]).map(motion.samples)
+        added, level = ca.SX.zeros(robot.n), ca.SX.zeros(robot.n)
+        one.contribution(Instant(parts[0], parts[1], parts[2], nothing, moved=nothing)).add_to(added, level, v, a)
+        function = ca.Function("added", [q, v, a], [added + level * ca.sign(v)]).map(motion.samples)
         torque = torque + np.array(function(motion.q.T, motion.dq.T, motion.ddq.T)).T
     return torque
 
@@ -192,19 +171,6 @@ def blend(start: Readings, ends: Sequence[tuple[Readings, Array]]) -> Readings:
     return Readings(**values, fine=fine)
 
 
-def extra_steps(physics: Sequence[Physics], step: float) -> int:
-    """Return how many steps after the last sample its torque is from, where it is recorded early."""
-    return int(np.ceil(max([0.0, *(-p.lateness() for p in physics)]) / step)) + 1
-
-
-def lateness(physics: Sequence[Physics], joints: int) -> Array:
-    """Return by how much each joint's torque is late [n] s."""
-    late = np.zeros(joints)
-    for p in physics:
-        late[slice(None) if p.place is None else p.joint] += p.lateness()
-    return late
-
-
 def read(
     plant: Plant,
     reference: Reference,
@@ -226,12 +192,14 @@ def read(
     shown = plant.shown(states, ddq)
     parts = plant.layout.joints(states)
     recorded = torque[which]
-    late, every = lateness(plant.physics, plant.robot.n), None
+    late, every = np.zeros(plant.robot.n), None  # s, by joint
+    for one in plant.physics:
+        late[slice(None) if one.place is None else one.joint] += one.lateness()
     if fine or late.any():
         whole = _drives(plant, reference, course.states, np.arange(len(course.states)))
         every = _shifted(whole, course.rows, late / plant.step, periodic)[: samples * per_sample]
         recorded = every[::per_sample]
-    sensed = link_side(plant.robot)
+    sensed = [joint for joint in range(plant.robot.n) if plant.robot.side(joint) == "link"]
     if sensed:
         if fine or late[sensed].any():
             raise InputError("a filter or a delay can't be simulated where effort is measured on the link side")

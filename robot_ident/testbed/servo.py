@@ -85,15 +85,6 @@ def _feed_forward(robot: Robot) -> Vectorised:
     signals, nothing = [ca.vertsplit(s) for s in (q, dq, ddq, ca.SX(tau))], [ca.SX(0)] * n
     x = Instant(signals[0], signals[1], signals[2], signals[3], command=nothing, moved=nothing)
     for physics in nominal_physics(robot):
-        if physics.states:
-            continue
-        part = physics.contribution(x)
-        for j, torque in part.torque.items():
-            tau[j] += torque
-        for j, damping in part.damping.items():
-            tau[j] += damping * dq[j]
-        for (i, j), inertia in part.inertia.items():
-            tau[i] += inertia * ddq[j]
-        for j, friction in part.friction.items():
-            level[j] += friction
+        if not physics.states:
+            physics.contribution(x).add_to(tau, level, dq, ddq)
     return Vectorised(ca.Function("feed_forward", [q, dq, ddq], [ca.densify(tau), ca.densify(level)]))

@@ -17,7 +17,7 @@ from robot_ident.robot.robot import Robot
 from robot_ident.signals.motion import Array, Motion
 from robot_ident.testbed.phenomena import Physics, plant_physics
 from robot_ident.testbed.plant import Plant, Steady, Trace, follow, repeats, trace
-from robot_ident.testbed.sensors import FIELDS, Readings, Sensors, blend, extra_steps, filtered, read
+from robot_ident.testbed.sensors import FIELDS, Readings, Sensors, blend, filtered, read
 from robot_ident.testbed.servo import BANDWIDTH, Servo
 from robot_ident.trajectories.excitation import Reference
 from robot_ident.trajectories.fourier_series import FourierSeries
@@ -74,35 +74,21 @@ def simulate(
         steady = Steady(*steady)
     samples = _samples(reference, sample_rate, steady)
     drives, step = Servo.make(robot, servo, bandwidth), 1.0 / (sample_rate * per_sample)
-    run = _Run(reference, per_sample, samples, steady, fine=anti_alias)
     plant, t = Plant(robot, physics, drives, step), np.arange(samples) / sample_rate
+
+    early = max([0.0, *(-p.lateness() for p in physics)])  # torque that is recorded early is that of later steps
+
+    def readings_of(plant: Plant) -> tuple[Readings, float | None]:
+        course = trace(plant, reference, samples * per_sample, steady, int(np.ceil(early / step)) + 1)
+        return read(plant, reference, course, per_sample, samples, fine=anti_alias), course.settled
+
     slow = [] if steady is None else [p for p in physics if p.slow]
-    readings, settled = run.readings(warmed(plant, None) if slow else plant)
-    ends = [(run.readings(warmed(plant, p))[0], p.share(t)) for p in slow]
-    readings = blend(readings, ends) if slow else readings
-    streams = [np.random.default_rng(s) for s in np.random.SeedSequence(seed).spawn(3)]
-    sensors = Sensors.of(robot, sample_rate, noise)
-    if readings.fine is not None:
-        tau = filtered(robot, readings.fine, 1.0 / step, per_sample, sensors, streams[0])
-    else:
-        tau = sensors.read_torque(readings.recorded, streams[0])
-    q = sensors.read_position(readings.shown_q, streams[1])
-    recording = Recording(
-        names=robot.joints,
-        t=t,
-        q=q,
-        tau=as_reported(tau, q, robot),
-        dq=sensors.read_velocity(readings.shown_dq, streams[2]),
-        source=f"simulation of {robot.name}",
-    )
+    readings, settled = readings_of(warmed(plant, None) if slow else plant)
+    readings = blend(readings, [(readings_of(warmed(plant, p))[0], p.share(t)) for p in slow]) if slow else readings
+    recording = noisy(robot, sample_rate, readings, noise=noise, seed=seed)
     exact = Motion(readings.q, readings.dq, readings.ddq)
     labels = tuple(p.label for p in physics)
     return SimulationResult(recording, exact, readings.torque, labels, settled, _notes(robot, readings.torque))
-
-
-def simulated_effects(robot: Robot) -> tuple[str, ...]:
-    """Return the phenomena of the robot's own description as `name@joint`."""
-    return tuple(p.label for p in plant_physics(robot))
 
 
 def steps_per_sample(sample_rate: float, step_rate: float | None = None, physics: Sequence[Physics] = ()) -> int:
@@ -119,24 +105,6 @@ def steps_per_sample(sample_rate: float, step_rate: float | None = None, physics
     if not np.isfinite(ratio) or ratio < 0.5 or abs(ratio - round(ratio)) > 1e-9 * ratio:
         raise InputError(f"step rate {step_rate:g} Hz is not a multiple of the sample rate {sample_rate:g} Hz")
     return round(ratio)
-
-
-@dataclass(frozen=True)
-class _Run:
-    """How plants are run: along a reference, to a number of samples."""
-
-    reference: Reference
-    per_sample: int
-    samples: int
-    steady: Steady | None
-    fine: bool
-
-    def readings(self, plant: Plant) -> tuple[Readings, float | None]:
-        """Return a plant's readings and when its steady state began that was repeated."""
-        extra = extra_steps(plant.physics, plant.step)
-        course = trace(plant, self.reference, self.samples * self.per_sample, self.steady, extra)
-        made = read(plant, self.reference, course, self.per_sample, self.samples, fine=self.fine)
-        return made, course.settled
 
 
 def warmed(plant: Plant, done: Physics | None) -> Plant:
@@ -258,15 +226,23 @@ class Play:
 
 
 def noisy(robot: Robot, sample_rate: float, made: Readings, *, noise: float = 1.0, seed: int = 0) -> Recording:
-    """Return the recording of some readings; `noise` multiplies the variances of the robot's noise."""
+    """Return the recording of some readings, its torque behind the robot's filter where that of every step is known.
+
+    `noise` multiplies the variances of the robot's noise.
+    """
     streams = [np.random.default_rng(s) for s in np.random.SeedSequence(seed).spawn(3)]
     sensors = Sensors.of(robot, sample_rate, noise)
+    if made.fine is None:
+        tau = sensors.read_torque(made.recorded, streams[0])
+    else:
+        step = 1.0 / (sample_rate * (len(made.fine) // len(made.q)))
+        tau = filtered(robot, made.fine, step, len(made.q), sensors, streams[0])
     q = sensors.read_position(made.shown_q, streams[1])
     return Recording(
         names=robot.joints,
         t=np.arange(len(made.q)) / sample_rate,
         q=q,
-        tau=as_reported(sensors.read_torque(made.recorded, streams[0]), q, robot),
+        tau=as_reported(tau, q, robot),
         dq=sensors.read_velocity(made.shown_dq, streams[2]),
         source=f"simulation of {robot.name}",
     )

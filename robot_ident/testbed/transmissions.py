@@ -14,9 +14,6 @@ from robot_ident.robot.robot import Robot
 from robot_ident.signals.motion import Array
 from robot_ident.testbed.phenomena import Physics
 
-Shaft = tuple[int, int, tuple[Any, Any, Any]]
-"""Coordinates of motor and link, and the shaft's torque, stiffness and damping."""
-
 MOTOR_SHARE = 0.2
 """Part of what a joint feels that is taken as its motor's where the robot's armature is unknown."""
 
@@ -58,41 +55,33 @@ class Transmissions:
         """Return the inertia of all coordinates: the arm's, of which the motors keep their own."""
         size, links = self.n + len(self.joints), self.rows["link"]
         out = ca.SX(size, size)
-        for i in range(self.n):
-            for j in range(self.n):
-                out[links[i], links[j]] = mass[i, j]
+        out[links, links] = mass
         for joint in self.joints:
             rotor = float(self.rotors[joint])
             out[links[joint], links[joint]] -= rotor
             out[joint, joint] = rotor
         return out
 
-    def _shafts(self, given: Sequence[Physics], q: Any, v: Any, h: float) -> list[Shaft]:
-        out = []
-        for physics in given:
-            if physics.shaft:
-                motor, link = physics.joint, self.rows["link"][physics.joint]
-                rate = v[motor] - v[link]
-                out.append((motor, link, physics.transmit(q[motor] - q[link] + h / 2 * rate, rate)))
-        return out
+    def shafts(self, given: Sequence[Physics], q: Any, v: Any, h: float) -> tuple[Any, Any]:
+        """Return what the shafts take from each coordinate, and add to the inertia.
 
-    def torque(self, given: Sequence[Physics], q: Any, v: Any, h: float) -> Any:
-        """Return what the shafts take from each coordinate, twisted as velocity has it until the middle of the step."""
-        out = ca.SX.zeros(self.n + len(self.joints))
-        for motor, link, (torque, _, _) in self._shafts(given, q, v, h):
-            out[motor] += torque
-            out[link] -= torque
-        return out
-
-    def implicit(self, given: Sequence[Physics], q: Any, v: Any, h: float) -> Any:
-        """Return what the shafts add to the inertia: how their torque rises with the step's acceleration."""
+        They are twisted as velocity has it until the middle of the step; the inertia is how their torque rises with the
+        step's acceleration.
+        """
         size = self.n + len(self.joints)
-        out = ca.SX(size, size)
-        for motor, link, (_, stiffness, damping) in self._shafts(given, q, v, h):
+        taken, inertia = ca.SX.zeros(size), ca.SX(size, size)
+        for physics in given:
+            if not physics.shaft:
+                continue
+            motor, link = physics.joint, self.rows["link"][physics.joint]
+            rate = v[motor] - v[link]
+            torque, stiffness, damping = physics.transmit(q[motor] - q[link] + h / 2 * rate, rate)
+            taken[motor] += torque
+            taken[link] -= torque
             held = h**2 / 4 * stiffness + h / 2 * damping
             for i, j, sign in ((motor, motor, 1), (link, link, 1), (motor, link, -1), (link, motor, -1)):
-                out[i, j] += sign * held
-        return out
+                inertia[i, j] += sign * held
+        return taken, inertia
 
 
 def motor_inertia(robot: Robot, joints: Sequence[int]) -> Array:

@@ -2,8 +2,6 @@
 
 Each case draws what is hidden, simulates its recordings with the plant's own physics, identifies, diagnoses, adds what
 was found, and looks at a motion that no fit has seen.
-
-A simulated robot's motion as it truly is, on which models are judged.
 """
 
 from __future__ import annotations
@@ -11,7 +9,7 @@ from __future__ import annotations
 import time
 from collections.abc import Mapping, Sequence
 from dataclasses import asdict, dataclass, field
-from typing import Any
+from typing import Any, Self
 
 import numpy as np
 from pydantic import TypeAdapter
@@ -26,10 +24,11 @@ from robot_ident.recording.effort import as_reported, joint_torque
 from robot_ident.recording.measurement import Measurement
 from robot_ident.recording.periodic import at_rest
 from robot_ident.recording.process import process
+from robot_ident.recording.recording import Recording
 from robot_ident.robot.robot import Robot
 from robot_ident.signals.motion import Array, Mask, Motion
 from robot_ident.testbed.calibrate import torque_scale
-from robot_ident.testbed.faulty_recordings import MeasuringFault, draw_fault, recordings_with
+from robot_ident.testbed.faulty_recordings import draw_fault, recordings_with
 from robot_ident.testbed.scenario import draw_scenario
 from robot_ident.testbed.simulation import Play
 from robot_ident.trajectories.fourier_series import FourierSeries
@@ -106,7 +105,21 @@ class Case:
 
 
 @dataclass(frozen=True)
-class Outcome:
+class AsData:
+    """What one case gave, kept in the file of finished cases."""
+
+    def to_dict(self) -> dict[str, Any]:
+        """Return it as data."""
+        return asdict(self)
+
+    @classmethod
+    def of_dict(cls, data: Mapping[str, Any]) -> Self:
+        """Return it from its data; pydantic's ValidationError where these are none."""
+        return TypeAdapter(cls).validate_python(dict(data))
+
+
+@dataclass(frozen=True)
+class Outcome(AsData):
     """What was hidden, and what was said of it.
 
     hidden: with their values; truth, background: `name@joint` of what was to be found and of what else there was.
@@ -137,15 +150,6 @@ class Outcome:
     probability: Mapping[str, float] = field(default_factory=dict)
     trouble: str = ""
 
-    def to_dict(self) -> dict[str, Any]:
-        """Return it as data."""
-        return asdict(self)
-
-    @classmethod
-    def of_dict(cls, data: Mapping[str, Any]) -> Outcome:
-        """Return an outcome from its data; pydantic's ValidationError where these are none."""
-        return TypeAdapter(cls).validate_python(dict(data))
-
     @property
     def removed(self) -> float | None:
         """Share of the error on the unseen motion that adding what was named has removed; None where nothing was.
@@ -175,11 +179,8 @@ def run_case(case: Case, setting: Setting) -> Outcome:
         play.record(setting.periods, noise=setting.noise, seed=int(seed))
         for play, seed in zip(plays[:-1], seeds, strict=False)
     ]
-    measurements = [process(recording, robot) for recording in recordings]
     structure = Structure.build(robot)
-    started = time.process_time()
-    found = diagnose(measurements, structure)
-    seconds = time.process_time() - started
+    measurements, found, seconds = _diagnosed(recordings, structure)
     errors, trouble = _errors(measurements, structure, found, TrueMotion.of(plays[-1]))
     return outcome(
         found,
@@ -203,30 +204,29 @@ def _run_measuring_case(case: Case, setting: Setting) -> Outcome:
     recordings = recordings_with(
         fault, robot, setting.training, periods=setting.periods, noise=setting.noise, seed=case.seed
     )
-    measurements = [process(recording, robot) for recording in recordings]
     structure = Structure.build(robot)
-    started = time.process_time()
-    found = diagnose(measurements, structure)
-    seconds = time.process_time() - started
-    visible = _visible_of_fault(fault, case, setting, structure)
-    hidden = fault.text(robot)
+    _, found, seconds = _diagnosed(recordings, structure)
+    # What a model leaves that is fitted to the same without noise.
+    quiet = recordings_with(fault, robot, setting.training, periods=_QUIET_PERIODS, noise=0.0, seed=case.seed)
+    fits = estimate([process(recording, robot) for recording in quiet], structure, estimator="ls").residual
     return outcome(
         found,
         robot,
         seed=case.seed,
         kind=MEASUREMENT,
-        hidden=(hidden,),
-        truth=(hidden.partition(":")[0],),
-        visible=visible,
+        hidden=(fault.text(robot),),
+        truth=(fault.label(robot),),
+        visible=[fit.rms for fit in fits.values()],
         seconds=seconds,
     )
 
 
-def _visible_of_fault(fault: MeasuringFault, case: Case, setting: Setting, structure: Structure) -> tuple[float, ...]:
-    """Return the rms [n] Nm that a model leaves of recordings with a fault and without noise, fitted to them."""
-    quiet = recordings_with(fault, setting.robot, setting.training, periods=_QUIET_PERIODS, noise=0.0, seed=case.seed)
-    fits = estimate([process(recording, setting.robot) for recording in quiet], structure, estimator="ls").residual
-    return tuple(fit.rms for fit in fits.values())
+def _diagnosed(recordings: Sequence[Recording], structure: Structure) -> tuple[list[Measurement], Diagnosis, float]:
+    """Return the measurements of recordings, what is said of them, and the processor time [s] that it took."""
+    measurements = [process(recording, structure.robot) for recording in recordings]
+    started = time.process_time()
+    found = diagnose(measurements, structure)
+    return measurements, found, time.process_time() - started
 
 
 def _errors(

@@ -5,7 +5,7 @@ from __future__ import annotations
 from collections import Counter
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass
-from typing import Any
+from typing import Any, NamedTuple
 
 import numpy as np
 
@@ -39,6 +39,12 @@ class Rate:
     successes: int
     cases: int
     exceptions: tuple[int, ...]
+
+    @classmethod
+    def of(cls, name: str, happened: Sequence[tuple[int, bool]], *, hoped: bool) -> Rate:
+        """Return it from what happened in the cases of some seeds, and whether that was hoped for."""
+        otherwise = sorted({seed for seed, one in happened if one is not hoped})
+        return cls(name, sum(one for _, one in happened), len(happened), tuple(otherwise))
 
     @property
     def share(self) -> float:
@@ -94,8 +100,7 @@ def friction_named(o: Outcome) -> bool:
     return any(label.partition("@")[0] in FRICTION for label in o.named)
 
 
-@dataclass(frozen=True)
-class _Row:
+class _Row(NamedTuple):
     """A row of the table: which cases count, what is counted, and whether it is wanted."""
 
     name: str

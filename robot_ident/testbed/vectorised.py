@@ -21,10 +21,6 @@ FEW = 8
 _Operation = Callable[..., Array]
 
 
-def _copysign(x: Array, y: Array) -> Array:
-    return np.asarray(np.copysign(x, y), dtype=float)
-
-
 _UNARY: dict[int, _Operation] = {
     ca.OP_ASSIGN: np.positive,
     ca.OP_NEG: np.negative,
@@ -69,7 +65,7 @@ _BINARY: dict[int, _Operation] = {
     ca.OP_FMIN: np.fmin,
     ca.OP_FMAX: np.fmax,
     ca.OP_ATAN2: np.arctan2,
-    ca.OP_COPYSIGN: _copysign,
+    ca.OP_COPYSIGN: np.copysign,
 }
 
 

@@ -19,7 +19,7 @@ from sensor_msgs.msg import JointState
 
 from robot_ident.nodes.node import BaseNode, reliable
 from robot_ident.nodes.parameters import Parameter
-from robot_ident.nodes.subscriptions import hear, hear_raw, poll
+from robot_ident.nodes.subscriptions import Hearing, hear, poll
 
 COUNT = 50
 QUICK = {
@@ -75,7 +75,7 @@ def test_one_wake_takes_all_that_wait(listener: Listener, raw: bool) -> None:
         taken.append(deserialize_message(data, JointState).position[0])
 
     if raw:
-        hear_raw(listener, JointState, "numbers", take_raw, reliable(COUNT))
+        Hearing(listener, JointState, "numbers", reliable(COUNT), take=take_raw, raw=True)
     else:
         hear(listener, JointState, "numbers", lambda message: taken.append(message.position[0]), reliable(COUNT))
     send(listener)

@@ -4,13 +4,28 @@ from __future__ import annotations
 
 from typing import Any
 
+import casadi as ca
 import numpy as np
 import pytest
 
 from robot_ident.signals.motion import Array
-from robot_ident.testbed.dry_friction import solver_function
+from robot_ident.testbed.dry_friction import StepProblem, _Dual, solve
 
 H = 1 / 1500
+
+
+def solver_function(n: int) -> Any:
+    """Return the CasADi function (A, F, v, c, h, phi, J) -> (lambda, w, v1, residual), all [n].
+
+    The residual [Nm] is how far each lambda_i is from its own law when the others are as returned.
+    """
+    inertia, h = ca.SX.sym("A", n, n), ca.SX.sym("h")
+    force, v, level, phi, jump = (ca.SX.sym(name, n) for name in ("F", "v", "c", "phi", "J"))
+    problem = StepProblem(inertia, force, v, level, h, phi, jump)
+    friction, w, after = solve(problem)
+    dual = _Dual(problem)
+    residual = ca.vertcat(*(friction[i] - dual.joint(i, friction)[0] for i in range(n)))
+    return ca.Function("solve", [inertia, force, v, level, h, phi, jump], [friction, w, after, residual])
 
 
 def chain_inertia(n: int, rng: np.random.Generator) -> Array:

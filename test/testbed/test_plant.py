@@ -181,7 +181,7 @@ def test_short_way_gives_what_the_full_problem_gives(kuka: Robot) -> None:
     state, rows = plant.rest(START), Commands.open_loop(tau).rows()
     for k in range(0, 1500):
         out = np.empty((1, plant.layout.size))
-        plant._program.fold("full", 1).run(state, rows[k : k + 1], out)
+        plant._equations.fold("full", 1)(state, rows[k : k + 1], out)
         state = out[0]
     np.testing.assert_allclose(plant.layout.split(state).v, states.v[-1], atol=1e-11)
 

@@ -149,12 +149,12 @@ def test_kinds(kuka: Robot, kind: str) -> None:
 def test_recordings_of_a_scenario(kuka: Robot) -> None:
     scenario = Scenario("single", 0, kuka.name, ("torque_offset@joint_2:torque_offset=30.0",), (), (0.0, 30.0, 0.0))
     motions = standard_motions(kuka, 2)
-    first, second = scenario.simulate(kuka, motions, periods=3, seed=4)
-    again = scenario.simulate(kuka, motions, periods=3, seed=4)[0]
+    first, second = (play.record(3, seed=4 + k) for k, play in enumerate(scenario.plays(kuka, motions)))
+    again = scenario.plays(kuka, motions)[0].record(3, seed=4)
     np.testing.assert_array_equal(first.tau, again.tau)
     assert first.tau.shape == (4500, 3)
     assert np.any(first.tau[:1500] != first.tau[1500:3000])
-    quiet = scenario.simulate(kuka, motions, periods=1, noise=0.0)[0]
+    quiet = scenario.plays(kuka, motions)[0].record(1, noise=0.0)
     np.testing.assert_allclose((first.tau[:1500] - quiet.tau).var(axis=0), [400, 416, 160], rtol=0.15)
     assert np.any(first.q[:1500] != second.q[:1500])
 
@@ -163,7 +163,7 @@ def test_drift_trends_over_the_periods(kuka: Robot) -> None:
     effect = "temperature_drift@joint_2:temperature_drift=10.0,time_constant=40.0"
     scenario = Scenario("single", 0, kuka.name, (effect,), (), ())
     motions = standard_motions(kuka, 1)
-    drifting = scenario.simulate(kuka, motions, periods=8, noise=0.0)[0].tau[:, 1].reshape(8, -1)
+    drifting = scenario.plays(kuka, motions)[0].record(8, noise=0.0).tau[:, 1].reshape(8, -1)
     v = motions[0].motion(np.arange(1500) / 150).dq[:, 1]
     slopes = [np.polyfit(v, tau - drifting[0], 1)[0] for tau in drifting[1:]]
     assert np.all(np.diff(slopes) < 0)

@@ -6,77 +6,41 @@ from collections.abc import Sequence
 
 from robot_ident.errors import InputError, did_you_mean
 from robot_ident.robot.robot import Robot
-from robot_ident.testbed.phenomena.actuation import (
-    EncoderEccentricity,
-    TimeDelay,
-    TorqueOffset,
-    TorqueRipple,
-    TorqueSaturation,
-)
-from robot_ident.testbed.phenomena.friction import (
-    Coulomb,
-    FrictionBehindPlay,
-    LoadFriction,
-    PositionFriction,
-    Presliding,
-    Stribeck,
-    TemperatureDrift,
-    Viscous,
-    ViscousAsymmetric,
-    ViscousNonlinear,
-)
-from robot_ident.testbed.phenomena.mechanics import (
-    Backlash,
-    BaseTilt,
-    Cable,
-    EndStop,
-    GravitySpring,
-    JointCoupling,
-    JointElasticity,
-    Payload,
-    RotorInertia,
-)
+from robot_ident.testbed.phenomena import actuation, friction, mechanics, unlisted
 from robot_ident.testbed.phenomena.phenomenon import Contribution, Instant, Physics, Value, home_inertia, home_pose
-from robot_ident.testbed.phenomena.unlisted import (
-    UnknownBump,
-    UnknownField,
-    UnknownGearError,
-    UnknownOscillation,
-    UnknownProduct,
-)
 
 PHYSICS: dict[str, type[Physics]] = {
     physics.name: physics
     for physics in (
-        Viscous,
-        Coulomb,
-        TorqueOffset,
-        ViscousAsymmetric,
-        Stribeck,
-        ViscousNonlinear,
-        Presliding,
-        FrictionBehindPlay,
-        LoadFriction,
-        PositionFriction,
-        TorqueRipple,
-        Backlash,
-        JointElasticity,
-        Cable,
-        GravitySpring,
-        BaseTilt,
-        TorqueSaturation,
-        TimeDelay,
-        EncoderEccentricity,
-        RotorInertia,
-        Payload,
-        JointCoupling,
-        TemperatureDrift,
-        EndStop,
-        UnknownBump,
-        UnknownProduct,
-        UnknownOscillation,
-        UnknownGearError,
-        UnknownField,
+        friction.Viscous,
+        friction.Coulomb,
+        actuation.TorqueOffset,
+        friction.ViscousAsymmetric,
+        friction.Stribeck,
+        friction.ViscousNonlinear,
+        friction.Presliding,
+        friction.FrictionBehindPlay,
+        friction.LoadFriction,
+        friction.PositionFriction,
+        actuation.TorqueRipple,
+        mechanics.Backlash,
+        mechanics.JointElasticity,
+        mechanics.Cable,
+        mechanics.GravitySpring,
+        mechanics.BaseTilt,
+        actuation.TorqueSaturation,
+        actuation.TimeDelay,
+        actuation.EncoderEccentricity,
+        mechanics.RotorInertia,
+        mechanics.Payload,
+        mechanics.JointCoupling,
+        friction.TemperatureDrift,
+        mechanics.EndStop,
+        unlisted.UnknownBump,
+        unlisted.UnknownProduct,
+        unlisted.UnknownOscillation,
+        unlisted.UnknownGearError,
+        unlisted.UnknownField,
     )
 }
 
@@ -148,15 +112,39 @@ def plant_physics(robot: Robot, effects: Sequence[str] = ()) -> tuple[Physics, .
     return (*kept, *further.values())
 
 
+def formula(kind: type[Physics]) -> str:
+    """Return what a phenomenon is, from its own description."""
+    first = (kind.__doc__ or "").split("\n\n")[0]
+    return " ".join(first.split()).replace("`", "")
+
+
+def values_in_words(text: str, robot: Robot | None = None) -> str:
+    """Return `NAME@JOINT:k=v,...` with rounded values and their units; without the robot, those of revolute joints."""
+    label, _, values = text.partition(":")
+    name, _, joint = label.partition("@")
+    slides = robot is not None and joint in robot.joints and bool(robot.prismatic[robot.joint_index(joint)])
+    units = (
+        {p.name: p.unit_prismatic if slides else p.unit for p in PHYSICS[name].parameters} if name in PHYSICS else {}
+    )
+    said = []
+    for item in filter(None, values.split(",")):
+        key, _, number = item.partition("=")
+        unit = units.get(key, "")
+        said.append(f"{key} {float(number):.4g}{'' if unit in ('', '1') else f' {unit}'}")
+    return f"{label}: {', '.join(said)}" if said else label
+
+
 __all__ = [
     "PHYSICS",
     "Contribution",
     "Instant",
     "Physics",
     "Value",
+    "formula",
     "home_inertia",
     "home_pose",
     "make_physics",
     "nominal_physics",
     "plant_physics",
+    "values_in_words",
 ]

@@ -8,7 +8,6 @@ import casadi as ca
 import numpy as np
 
 from robot_ident.robot.robot import Robot
-from robot_ident.signals.motion import Motion
 from robot_ident.testbed.phenomena.phenomenon import (
     Contribution,
     Instant,
@@ -16,7 +15,11 @@ from robot_ident.testbed.phenomena.phenomenon import (
     Value,
     between,
     either_sign,
+    even,
+    log_even,
+    one_of,
     strength,
+    times,
 )
 
 
@@ -24,23 +27,21 @@ class TorqueOffset(Physics):
     """A torque t0 that the drive gives in every state."""
 
     name = "torque_offset"
-    parameters = (Value("torque_offset", "Nm", "N"),)
+    parameters = (Value("torque_offset", "Nm", "N", usual=times(0.01, strength), drawn=either_sign),)
     largest = 3.0
-    sizes = ("torque_offset",)
-
-    @classmethod
-    def typical(cls, robot: Robot, joint: int) -> dict[str, float]:
-        """Return 1 % of the joint's torque."""
-        return {"torque_offset": 0.01 * strength(robot, joint)}
-
-    @classmethod
-    def draw(cls, robot: Robot, joint: int, rng: np.random.Generator, motion: Motion) -> dict[str, float]:
-        """Return the typical size in either direction."""
-        return {"torque_offset": either_sign(rng) * cls.typical(robot, joint)["torque_offset"]}
 
     def contribution(self, x: Instant) -> Contribution:
         """Return the torque t0."""
         return Contribution(torque={self.joint: self.values["torque_offset"]})
+
+
+def _gear_ratio(robot: Robot, joint: int) -> float:
+    ratio = float(robot.drives.gear_ratio[joint])
+    return ratio if np.isfinite(ratio) else 100.0
+
+
+def _lines_of_motor(rng: np.random.Generator, once: float) -> float:
+    return once * float(rng.choice([0.5, 1.0, 2.0]))
 
 
 class TorqueRipple(Physics):
@@ -51,27 +52,12 @@ class TorqueRipple(Physics):
 
     name = "torque_ripple"
     parameters = (
-        Value("torque_ripple", "Nm", "N"),
-        Value("order", "1/rad", "1/m", lower=0.1),
-        Value("phase", "rad", "rad"),
-        Value("second", "1", "1", lower=0.0, upper=1.0),
+        Value("torque_ripple", "Nm", "N", usual=times(0.01, strength)),
+        Value("order", "1/rad", "1/m", lower=0.1, usual=_gear_ratio, drawn=_lines_of_motor),
+        Value("phase", "rad", "rad", drawn=even(-np.pi, np.pi)),
+        Value("second", "1", "1", lower=0.0, upper=1.0, drawn=even(0.0, 0.2)),
     )
     largest = 2.0
-    sizes = ("torque_ripple",)
-
-    @classmethod
-    def typical(cls, robot: Robot, joint: int) -> dict[str, float]:
-        """Return 1 % of the joint's torque, once a turn of the motor (gear ratio 100 where it is unknown)."""
-        ratio = float(robot.drives.gear_ratio[joint])
-        order = ratio if np.isfinite(ratio) else 100.0
-        return {"torque_ripple": 0.01 * strength(robot, joint), "order": order, "phase": 0.0, "second": 0.0}
-
-    @classmethod
-    def draw(cls, robot: Robot, joint: int, rng: np.random.Generator, motion: Motion) -> dict[str, float]:
-        """Return lines at 1/2, 1 or 2 of the motor's turn, with up to a fifth of a second harmonic."""
-        usual = cls.typical(robot, joint)
-        order = usual["order"] * float(rng.choice([0.5, 1.0, 2.0]))
-        return usual | {"order": order, "phase": rng.uniform(-np.pi, np.pi), "second": rng.uniform(0.0, 0.2)}
 
     @classmethod
     def possible(cls, robot: Robot, joint: int) -> bool:
@@ -93,14 +79,8 @@ class TorqueSaturation(Physics):
     """
 
     name = "torque_saturation"
-    parameters = (Value("torque_saturation", "1", "1", lower=0.0, upper=0.9),)
+    parameters = (Value("torque_saturation", "1", "1", lower=0.0, upper=0.9, usual=0.08),)
     largest = 6.0
-    sizes = ("torque_saturation",)
-
-    @classmethod
-    def typical(cls, robot: Robot, joint: int) -> dict[str, float]:
-        """Return a loss of 8 % at the joint's torque."""
-        return {"torque_saturation": 0.08}
 
     def contribution(self, x: Instant) -> Contribution:
         """Return what is lost."""
@@ -114,36 +94,25 @@ RANGE = (0.003, 0.02)
 """Delays [s] that the channels of real robots have."""
 
 
+def _late_or_early(rng: np.random.Generator, usual: float) -> float:
+    return either_sign(rng) * between(rng, 0.003, 0.01)
+
+
 class TimeDelay(Physics):
     """The recorded torque lags the recorded position by `time_delay` [s], at one joint or (named without one) at all:
     filters and clocks of the two channels differ.
     """
 
     name = "time_delay"
-    parameters = (Value("time_delay", "s", "s", -0.5, 0.5),)
+    parameters = (Value("time_delay", "s", "s", -0.5, 0.5, usual=0.006, drawn=_late_or_early),)
     scope = "either"
-    sizes = ("time_delay",)
     largest = 2.5
-
-    @classmethod
-    def typical(cls, robot: Robot, joint: int) -> dict[str, float]:
-        """Return 6 ms."""
-        return {"time_delay": 0.006}
-
-    @classmethod
-    def draw(cls, robot: Robot, joint: int, rng: np.random.Generator, motion: Motion) -> dict[str, float]:
-        """Return 3 to 10 ms, late or early."""
-        return {"time_delay": either_sign(rng) * between(rng, 0.003, 0.01)}
 
     def scaled(self, factor: float) -> Self:
         """Return it longer or shorter by a factor, between 3 and 20 ms: below half a sample nothing shows one."""
         delay = float(self.values["time_delay"]) * factor
         size = float(np.clip(abs(delay), *RANGE))
         return type(self)(self.robot, self.place, {"time_delay": float(np.copysign(size, delay))})
-
-    def contribution(self, x: Instant) -> Contribution:
-        """Return nothing: the motion doesn't know of it."""
-        return Contribution()
 
     def lateness(self) -> float:
         """Return the delay."""
@@ -158,34 +127,14 @@ class EncoderEccentricity(Physics):
     """
 
     name = "encoder_eccentricity"
+    needs = "turning"
     parameters = (
-        Value("encoder_eccentricity", "rad", "m", lower=0.0, upper=0.5),
-        Value("position", "rad", "m"),
-        Value("harmonic", "1", "1/m", lower=0.1),
+        Value("encoder_eccentricity", "rad", "m", lower=0.0, upper=0.5, usual=0.008, drawn=log_even(0.005, 0.01)),
+        Value("position", "rad", "m", usual=0.5, drawn=even(-np.pi, np.pi)),
+        Value("harmonic", "1", "1/m", lower=0.1, usual=1.0, drawn=one_of(1.0, 2.0)),
     )
-    sizes = ("encoder_eccentricity",)
     largest = 2.5
     reads = True
-
-    @classmethod
-    def typical(cls, robot: Robot, joint: int) -> dict[str, float]:
-        """Return 8 mrad once a turn."""
-        return {"encoder_eccentricity": 0.008, "position": 0.5, "harmonic": 1.0}
-
-    @classmethod
-    def draw(cls, robot: Robot, joint: int, rng: np.random.Generator, motion: Motion) -> dict[str, float]:
-        """Return 5 to 10 mrad, once or twice a turn."""
-        size, position = between(rng, 0.005, 0.01), rng.uniform(-np.pi, np.pi)
-        return {"encoder_eccentricity": size, "position": position, "harmonic": float(rng.choice([1.0, 2.0]))}
-
-    @classmethod
-    def possible(cls, robot: Robot, joint: int) -> bool:
-        """Return whether the joint turns."""
-        return not robot.prismatic[joint]
-
-    def contribution(self, x: Instant) -> Contribution:
-        """Return nothing: the arm doesn't know of it."""
-        return Contribution()
 
     def misread(self, q: Any) -> Any:
         """Return what the encoder shows too much."""

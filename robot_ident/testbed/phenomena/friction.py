@@ -20,8 +20,13 @@ from robot_ident.testbed.phenomena.phenomenon import (
     damping,
     dry_friction,
     either_sign,
+    even,
     full_speed,
+    log_even,
+    one_of,
     strength,
+    times,
+    usual_damping,
 )
 
 
@@ -29,14 +34,7 @@ class Viscous(Physics):
     """Friction b dq, taken implicitly (trapezoidal rule)."""
 
     name = "viscous"
-    parameters = (Value("viscous", "Nm s/rad", "N s/m", lower=0.0),)
-    sizes = ("viscous",)
-
-    @classmethod
-    def typical(cls, robot: Robot, joint: int) -> dict[str, float]:
-        """Return 5 % of the joint's torque at full speed (1 rad/s where no limit is known)."""
-        speed = float(robot.limits.velocity[joint])
-        return {"viscous": 0.05 * strength(robot, joint) / (speed if np.isfinite(speed) else 1.0)}
+    parameters = (Value("viscous", "Nm s/rad", "N s/m", lower=0.0, usual=usual_damping),)
 
     def contribution(self, x: Instant) -> Contribution:
         """Return the damping b."""
@@ -47,13 +45,7 @@ class Coulomb(Physics):
     """Dry friction c Sgn(dq), set-valued at standstill: the joint doesn't move at all until its torque exceeds c."""
 
     name = "coulomb"
-    parameters = (Value("coulomb", "Nm", "N", lower=0.0),)
-    sizes = ("coulomb",)
-
-    @classmethod
-    def typical(cls, robot: Robot, joint: int) -> dict[str, float]:
-        """Return 5 % of the joint's torque."""
-        return {"coulomb": 0.05 * strength(robot, joint)}
+    parameters = (Value("coulomb", "Nm", "N", lower=0.0, usual=times(0.05, strength)),)
 
     def contribution(self, x: Instant) -> Contribution:
         """Return the level c."""
@@ -70,23 +62,11 @@ class Stribeck(Physics):
 
     name = "stribeck"
     parameters = (
-        Value("stribeck", "Nm", "N", lower=0.0),
-        Value("speed", "rad/s", "m/s", lower=1e-6),
-        Value("exponent", "1", "1", lower=0.1, upper=4.0),
+        Value("stribeck", "Nm", "N", lower=0.0, usual=times(0.03, strength)),
+        Value("speed", "rad/s", "m/s", lower=1e-6, usual=0.08, drawn=log_even(0.03, 0.3)),
+        Value("exponent", "1", "1", lower=0.1, upper=4.0, usual=1.0, drawn=log_even(0.6, 1.2)),
     )
     largest = 3.0
-    sizes = ("stribeck",)
-
-    @classmethod
-    def typical(cls, robot: Robot, joint: int) -> dict[str, float]:
-        """Return 3 % of the joint's torque below .08 rad/s."""
-        return {"stribeck": 0.03 * strength(robot, joint), "speed": 0.08, "exponent": 1.0}
-
-    @classmethod
-    def draw(cls, robot: Robot, joint: int, rng: np.random.Generator, motion: Motion) -> dict[str, float]:
-        """Return a Stribeck velocity from .03 to .3 rad/s and an exponent from .6 to 1.2."""
-        drawn = {"speed": between(rng, 0.03, 0.3), "exponent": between(rng, 0.6, 1.2)}
-        return cls.typical(robot, joint) | drawn
 
     def contribution(self, x: Instant) -> Contribution:
         """Return the level at the joint's speed."""
@@ -104,18 +84,12 @@ class ViscousNonlinear(Physics):
 
     name = "viscous_nonlinear"
     parameters = (
-        Value("viscous_nonlinear", "Nm", "N", lower=0.0),
+        Value("viscous_nonlinear", "Nm", "N", lower=0.0, usual=times(0.03, strength)),
         Value("churning", "Nm", "N", lower=0.0),
-        Value("speed", "rad/s", "m/s", lower=1e-4),
+        Value("speed", "rad/s", "m/s", lower=1e-4, usual=lambda robot, joint: full_speed(robot, joint) / 12),
     )
     largest = 4.0
     sizes = ("viscous_nonlinear", "churning")
-
-    @classmethod
-    def typical(cls, robot: Robot, joint: int) -> dict[str, float]:
-        """Return shear thinning of 3 % of the joint's torque, which sets in at a twelfth of its speed."""
-        size = 0.03 * strength(robot, joint)
-        return {"viscous_nonlinear": size, "churning": 0.0, "speed": full_speed(robot, joint) / 12}
 
     @classmethod
     def draw(cls, robot: Robot, joint: int, rng: np.random.Generator, motion: Motion) -> dict[str, float]:
@@ -147,19 +121,8 @@ class ViscousAsymmetric(Physics):
     """Viscous friction larger in one direction by twice `viscous_asymmetric`: a (sqrt(dq^2 + e^2) - e)."""
 
     name = "viscous_asymmetric"
-    parameters = (Value("viscous_asymmetric", "Nm s/rad", "N s/m"),)
+    parameters = (Value("viscous_asymmetric", "Nm s/rad", "N s/m", usual=times(0.15, damping), drawn=either_sign),)
     largest = 3.0
-    sizes = ("viscous_asymmetric",)
-
-    @classmethod
-    def typical(cls, robot: Robot, joint: int) -> dict[str, float]:
-        """Return 15 % of the joint's viscous friction."""
-        return {"viscous_asymmetric": 0.15 * damping(robot, joint)}
-
-    @classmethod
-    def draw(cls, robot: Robot, joint: int, rng: np.random.Generator, motion: Motion) -> dict[str, float]:
-        """Return the typical size, larger in either direction."""
-        return {"viscous_asymmetric": either_sign(rng) * cls.typical(robot, joint)["viscous_asymmetric"]}
 
     def contribution(self, x: Instant) -> Contribution:
         """Return the torque, even in velocity."""
@@ -175,14 +138,11 @@ class LoadFriction(Physics):
     """
 
     name = "load_friction"
-    parameters = (Value("load_friction", "1", "1", lower=0.0, upper=0.9), Value("preload", "Nm", "N", lower=0.0))
+    parameters = (
+        Value("load_friction", "1", "1", lower=0.0, upper=0.9, usual=0.06),
+        Value("preload", "Nm", "N", lower=0.0, usual=times(0.01, strength)),
+    )
     largest = 2.5
-    sizes = ("load_friction",)
-
-    @classmethod
-    def typical(cls, robot: Robot, joint: int) -> dict[str, float]:
-        """Return a loss of 6 % of the load."""
-        return {"load_friction": 0.06, "preload": 0.01 * strength(robot, joint)}
 
     def contribution(self, x: Instant) -> Contribution:
         """Return the level at this load."""
@@ -198,31 +158,14 @@ class PositionFriction(Physics):
     """
 
     name = "position_friction"
+    needs = "turning"
     parameters = (
-        Value("position_friction", "Nm", "N", lower=0.0),
-        Value("position", "rad", "m"),
-        Value("harmonic", "1", "1/m", lower=0.1),
-        Value("narrowness", "1", "1", lower=0.01, upper=20.0),
+        Value("position_friction", "Nm", "N", lower=0.0, usual=times(0.5, dry_friction)),
+        Value("position", "rad", "m", usual=0.3, drawn=even(-np.pi, np.pi)),
+        Value("harmonic", "1", "1/m", lower=0.1, usual=1.0, drawn=one_of(1.0, 2.0)),
+        Value("narrowness", "1", "1", lower=0.01, upper=20.0, usual=0.7, drawn=log_even(0.3, 1.0)),
     )
     largest = 2.5
-    sizes = ("position_friction",)
-
-    @classmethod
-    def typical(cls, robot: Robot, joint: int) -> dict[str, float]:
-        """Return half of the joint's Coulomb friction, once a turn."""
-        size = 0.5 * dry_friction(robot, joint)
-        return {"position_friction": size, "position": 0.3, "harmonic": 1.0, "narrowness": 0.7}
-
-    @classmethod
-    def draw(cls, robot: Robot, joint: int, rng: np.random.Generator, motion: Motion) -> dict[str, float]:
-        """Return once or twice a turn, hardest anywhere."""
-        drawn = {"position": rng.uniform(-np.pi, np.pi), "harmonic": float(rng.choice([1.0, 2.0]))}
-        return cls.typical(robot, joint) | drawn | {"narrowness": between(rng, 0.3, 1.0)}
-
-    @classmethod
-    def possible(cls, robot: Robot, joint: int) -> bool:
-        """Return whether the joint turns."""
-        return not robot.prismatic[joint]
 
     def contribution(self, x: Instant) -> Contribution:
         """Return the level at this position."""
@@ -274,22 +217,14 @@ class Presliding(Physics):
     """
 
     name = "presliding"
-    parameters = (Value("reach", "rad", "m", lower=1e-6), Value("coulomb", "Nm", "N", lower=0.0))
+    parameters = (
+        Value("reach", "rad", "m", lower=1e-6, usual=0.005, drawn=log_even(0.002, 0.015)),
+        Value("coulomb", "Nm", "N", lower=0.0, usual=dry_friction),
+    )
     states = len(SPREAD)
-    sizes = ("reach",)
     largest = 4.0
     smallest = 0.1
     replaces = ("coulomb",)
-
-    @classmethod
-    def typical(cls, robot: Robot, joint: int) -> dict[str, float]:
-        """Return a reach of 5 mrad and the joint's own Coulomb friction."""
-        return {"reach": 0.005, "coulomb": dry_friction(robot, joint)}
-
-    @classmethod
-    def draw(cls, robot: Robot, joint: int, rng: np.random.Generator, motion: Motion) -> dict[str, float]:
-        """Return a reach from 2 to 15 mrad."""
-        return cls.typical(robot, joint) | {"reach": between(rng, 0.002, 0.015)}
 
     def _elements(self) -> MaxwellSlip:
         return MaxwellSlip(self.values["coulomb"], [self.values["reach"] * share for share in SPREAD])
@@ -316,18 +251,12 @@ class FrictionBehindPlay(Physics):
 
     name = "friction_behind_play"
     parameters = (
-        Value("level", "Nm", "N", lower=0.0),
-        Value("gap", "rad", "m", lower=1e-6),
-        Value("reach", "rad", "m", lower=1e-6),
+        Value("level", "Nm", "N", lower=0.0, usual=dry_friction),
+        Value("gap", "rad", "m", lower=1e-6, usual=0.02),
+        Value("reach", "rad", "m", lower=1e-6, usual=0.001),
     )
     states = len(SPREAD)
-    sizes = ("level",)
     largest = 3.0
-
-    @classmethod
-    def typical(cls, robot: Robot, joint: int) -> dict[str, float]:
-        """Return as much friction as the joint itself has, behind 20 mrad."""
-        return {"level": dry_friction(robot, joint), "gap": 0.02, "reach": 0.001}
 
     @classmethod
     def draw(cls, robot: Robot, joint: int, rng: np.random.Generator, motion: Motion) -> dict[str, float]:
@@ -368,24 +297,13 @@ class TemperatureDrift(Physics):
 
     name = "temperature_drift"
     parameters = (
-        Value("temperature_drift", "Nm s/rad", "N s/m"),
-        Value("time_constant", "s", "s", lower=1e-3),
+        Value("temperature_drift", "Nm s/rad", "N s/m", usual=times(0.3, damping)),
+        Value("time_constant", "s", "s", lower=1e-3, usual=60.0, drawn=log_even(30.0, 150.0)),
     )
     states = 1
-    sizes = ("temperature_drift",)
     largest = 2.0
     slow = True
     done = 0.0
-
-    @classmethod
-    def typical(cls, robot: Robot, joint: int) -> dict[str, float]:
-        """Return a fall of 30 % of the joint's viscous friction within a minute."""
-        return {"temperature_drift": 0.3 * damping(robot, joint), "time_constant": 60.0}
-
-    @classmethod
-    def draw(cls, robot: Robot, joint: int, rng: np.random.Generator, motion: Motion) -> dict[str, float]:
-        """Return a time constant from 30 to 150 s."""
-        return cls.typical(robot, joint) | {"time_constant": between(rng, 30.0, 150.0)}
 
     def rest(self) -> list[float]:
         """Return the share of the warming that is done at the start."""

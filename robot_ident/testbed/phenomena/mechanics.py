@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping
 from dataclasses import replace
 from functools import cached_property
 from typing import Any, Self
@@ -10,6 +9,7 @@ from typing import Any, Self
 import casadi as ca
 import numpy as np
 
+from robot_ident.errors import InputError
 from robot_ident.robot.rigid_body import RigidBody
 from robot_ident.robot.robot import Robot, Spring
 from robot_ident.robot.symbolic import regressor_expression
@@ -21,13 +21,22 @@ from robot_ident.testbed.phenomena.phenomenon import (
     Instant,
     Physics,
     Value,
+    arm_mass,
     between,
     damping,
     dry_friction,
     either_sign,
     home_inertia,
+    log_even,
+    neighbour,
     strength,
+    times,
 )
+
+
+def _stiff(robot: Robot, joint: int) -> float:
+    """Return a stiffness [Nm/rad] that the joint's torque twists by 2 mrad."""
+    return strength(robot, joint) / 0.002
 
 
 class Backlash(Physics):
@@ -39,30 +48,14 @@ class Backlash(Physics):
 
     name = "backlash"
     parameters = (
-        Value("gap", "rad", "m", lower=1e-6),
-        Value("stiffness", "Nm/rad", "N/m", lower=1.0),
-        Value("damping", "Nm s/rad", "N s/m", lower=0.0),
+        Value("gap", "rad", "m", lower=1e-6, usual=0.001, drawn=log_even(5e-4, 1.5e-3)),
+        Value("stiffness", "Nm/rad", "N/m", lower=1.0, usual=_stiff),
+        Value("damping", "Nm s/rad", "N s/m", lower=0.0, usual=times(2e-3, _stiff)),
     )
-    sizes = ("gap",)
     largest = 3.0
     smallest = 0.6
     shaft = True
     step_rate = 4500.0
-
-    @classmethod
-    def typical(cls, robot: Robot, joint: int) -> dict[str, float]:
-        """Return a gap of 1 mrad; the joint's torque presses the contact in by 2 mrad."""
-        stiffness = strength(robot, joint) / 0.002
-        return {"gap": 0.001, "stiffness": stiffness, "damping": 2e-3 * stiffness}
-
-    @classmethod
-    def draw(cls, robot: Robot, joint: int, rng: np.random.Generator, motion: Motion) -> dict[str, float]:
-        """Return a gap from .5 to 1.5 mrad."""
-        return cls.typical(robot, joint) | {"gap": between(rng, 5e-4, 1.5e-3)}
-
-    def contribution(self, x: Instant) -> Contribution:
-        """Return nothing: it acts as a shaft."""
-        return Contribution()
 
     def transmit(self, twist: Any, rate: Any) -> tuple[Any, Any, Any]:
         """Return the contact's torque, slope and damping."""
@@ -83,24 +76,17 @@ class JointElasticity(Physics):
     """
 
     name = "joint_elasticity"
-    parameters = (Value("stiffness", "Nm/rad", "N/m", lower=1.0), Value("damping", "Nm s/rad", "N s/m", lower=0.0))
+    parameters = (
+        Value("stiffness", "Nm/rad", "N/m", lower=1.0, usual=_stiff),
+        Value("damping", "Nm s/rad", "N s/m", lower=0.0, usual=times(1e-3, _stiff)),
+    )
     largest = 4.0
     shaft = True
-
-    @classmethod
-    def typical(cls, robot: Robot, joint: int) -> dict[str, float]:
-        """Return a stiffness that the joint's torque twists by 2 mrad."""
-        stiffness = strength(robot, joint) / 0.002
-        return {"stiffness": stiffness, "damping": 1e-3 * stiffness}
 
     def scaled(self, factor: float) -> Self:
         """Return it softer by a factor."""
         softer = {key: self.values[key] / factor for key in ("stiffness", "damping")}
         return type(self)(self.robot, self.place, softer)
-
-    def contribution(self, x: Instant) -> Contribution:
-        """Return nothing: it acts as a shaft."""
-        return Contribution()
 
     def transmit(self, twist: Any, rate: Any) -> tuple[Any, Any, Any]:
         """Return k twist + d rate, k and d."""
@@ -109,7 +95,8 @@ class JointElasticity(Physics):
 
 
 EDGE = 0.004
-"""Speed [rad/s] over which the shaft's friction changes its direction: its seals give a little."""
+"""Speed [rad/s] over which the shaft's friction changes its direction: its seals give a little; distance [rad] over
+which a bumper is met: rubber isn't flat."""
 
 
 class JointCoupling(Physics):
@@ -119,11 +106,12 @@ class JointCoupling(Physics):
     """
 
     name = "joint_coupling"
+    needs = "another joint"
     parameters = (
-        Value("coulomb", "Nm", "N"),
-        Value("viscous", "Nm s/rad", "N s/m"),
+        Value("coulomb", "Nm", "N", usual=times(0.2, dry_friction)),
+        Value("viscous", "Nm s/rad", "N s/m", usual=times(0.1, damping)),
         Value("inertia", "kg m^2", "kg"),
-        Value("other", "1", "1", lower=1, structural=True),
+        Value("other", "1", "1", lower=1, structural=True, usual=neighbour),
     )
     largest = 3.0
     sizes = ("coulomb", "viscous")
@@ -132,20 +120,11 @@ class JointCoupling(Physics):
         """Place it; the other joint must be another one of this robot."""
         other = values.get("other")
         if other is not None and (other not in range(1, robot.n + 1) or other == (joint or 0) + 1):
-            from robot_ident.errors import InputError
-
             raise InputError(
                 f"{self.name}@{robot.joints[joint or 0]}: other = {other:g}; the number of another joint, from 1 to"
                 f" {robot.n}, is needed"
             )
         super().__init__(robot, joint, values)
-
-    @classmethod
-    def typical(cls, robot: Robot, joint: int) -> dict[str, float]:
-        """Return a fifth of this joint's Coulomb friction and a tenth of its viscous one, of a neighbour."""
-        other = joint + 2 if joint + 1 < robot.n else joint
-        dry, wet = 0.2 * dry_friction(robot, joint), 0.1 * damping(robot, joint)
-        return {"coulomb": dry, "viscous": wet, "inertia": 0.0, "other": float(max(other, 1))}
 
     @classmethod
     def draw(cls, robot: Robot, joint: int, rng: np.random.Generator, motion: Motion) -> dict[str, float]:
@@ -157,11 +136,6 @@ class JointCoupling(Physics):
             "viscous": usual["viscous"] * (1.2 - share),
             "other": float(other),
         }
-
-    @classmethod
-    def possible(cls, robot: Robot, joint: int) -> bool:
-        """Return whether there is another joint."""
-        return robot.n > 1
 
     def contribution(self, x: Instant) -> Contribution:
         """Return the torque at this joint."""
@@ -192,13 +166,8 @@ class GravitySpring(Physics):
         Value("length", "m", "m", lower=1e-3),
         Value("lever", "m", "m", lower=1e-3),
     )
-    sizes = ("stiffness",)
     side = "link"
     loads_gear = True
-
-    def __init__(self, robot: Robot, joint: int | None, values: Mapping[str, float]) -> None:
-        """Place the spring, with the robot's geometry unless another one is given."""
-        super().__init__(robot, joint, self.known(robot, joint or 0) | dict(values))
 
     @classmethod
     def known(cls, robot: Robot, joint: int) -> dict[str, float]:
@@ -258,23 +227,17 @@ class Cable(Physics):
     name = "cable"
     includes = ("torque_offset",)
     parameters = (
-        Value("cable", "Nm/rad", "N/m"),
+        Value("cable", "Nm/rad", "N/m", usual=times(0.02, strength)),
         Value("relaxed", "rad", "m"),
-        Value("hardening", "1/rad^2", "1/m^2", lower=0.0),
-        Value("rubbing", "Nm", "N", lower=0.0),
-        Value("reach", "rad", "m", lower=1e-4),
+        Value("hardening", "1/rad^2", "1/m^2", lower=0.0, usual=0.1),
+        Value("rubbing", "Nm", "N", lower=0.0, usual=times(0.06, times(0.02, strength))),
+        Value("reach", "rad", "m", lower=1e-4, usual=0.1),
     )
     states = len(SPREAD)
     side = "link"
     largest = 3.0
     sizes = ("cable", "rubbing")
     loads_gear = True
-
-    @classmethod
-    def typical(cls, robot: Robot, joint: int) -> dict[str, float]:
-        """Return 2 % of the joint's torque at a radian, with a tenth of hardening and of rubbing."""
-        size = 0.02 * strength(robot, joint)
-        return {"cable": size, "relaxed": 0.0, "hardening": 0.1, "rubbing": 0.06 * size, "reach": 0.1}
 
     @classmethod
     def draw(cls, robot: Robot, joint: int, rng: np.random.Generator, motion: Motion) -> dict[str, float]:
@@ -303,7 +266,9 @@ class Cable(Physics):
         return self._strands().stretched(before.state, after.q[self.joint] - before.q[self.joint])
 
 
-"""Distance [rad] over which the bumper is met: rubber isn't flat."""
+def _before_the_limit(robot: Robot, joint: int) -> float:
+    upper = float(robot.limits.upper[joint])
+    return 0.8 * upper if np.isfinite(upper) else 1.0
 
 
 class EndStop(Physics):
@@ -314,21 +279,13 @@ class EndStop(Physics):
 
     name = "end_stop"
     parameters = (
-        Value("end_stop", "Nm/rad", "N/m", lower=0.0),
-        Value("position", "rad", "m"),
-        Value("direction", "1", "1", -1.0, 1.0),
+        Value("end_stop", "Nm/rad", "N/m", lower=0.0, usual=times(0.15, strength)),
+        Value("position", "rad", "m", usual=_before_the_limit),
+        Value("direction", "1", "1", -1.0, 1.0, usual=1.0),
     )
     side = "link"
     largest = 2.0
-    sizes = ("end_stop",)
     loads_gear = True
-
-    @classmethod
-    def typical(cls, robot: Robot, joint: int) -> dict[str, float]:
-        """Return a bumper before the upper position limit that takes 15 % of the joint's torque in a radian."""
-        upper = float(robot.limits.upper[joint])
-        position = 0.8 * upper if np.isfinite(upper) else 1.0
-        return {"end_stop": 0.15 * strength(robot, joint), "position": position, "direction": 1.0}
 
     @classmethod
     def draw(cls, robot: Robot, joint: int, rng: np.random.Generator, motion: Motion) -> dict[str, float]:
@@ -353,17 +310,15 @@ class BaseTilt(Physics):
     """
 
     name = "base_tilt"
-    parameters = (Value("tilt_x", "rad", "rad", -1.5, 1.5), Value("tilt_y", "rad", "rad", -1.5, 1.5))
+    parameters = (
+        Value("tilt_x", "rad", "rad", -1.5, 1.5, usual=0.02),
+        Value("tilt_y", "rad", "rad", -1.5, 1.5, usual=0.02),
+    )
     scope = "robot"
     side = "link"
     sizes = ("tilt_x", "tilt_y")
     largest = 3.0
     loads_gear = True
-
-    @classmethod
-    def typical(cls, robot: Robot, joint: int) -> dict[str, float]:
-        """Return a tilt of 2 % about both axes."""
-        return {"tilt_x": 0.02, "tilt_y": 0.02}
 
     @classmethod
     def draw(cls, robot: Robot, joint: int, rng: np.random.Generator, motion: Motion) -> dict[str, float]:
@@ -405,19 +360,12 @@ class Payload(Physics):
 
     name = "payload"
     parameters = (
-        Value("payload", "kg", "kg", lower=0.0),
+        Value("payload", "kg", "kg", lower=0.0, usual=lambda robot, _: arm_mass(robot) / 40),
         *(Value(axis, "m", "m") for axis in ("x", "y", "z")),
     )
     scope = "robot"
     side = "link"
-    sizes = ("payload",)
     loads_gear = True
-
-    @classmethod
-    def typical(cls, robot: Robot, joint: int) -> dict[str, float]:
-        """Return a fortieth of the arm's mass at the end effector."""
-        mass = sum(float(inertia.mass) for inertia in list(robot.rigid.model.inertias)[1:])
-        return {"payload": mass / 40, "x": 0.0, "y": 0.0, "z": 0.0}
 
     def contribution(self, x: Instant) -> Contribution:
         """Return inertia and torque of the mass."""
@@ -437,18 +385,17 @@ class Payload(Physics):
         return Contribution(torque=dict(enumerate(ca.vertsplit(bias))), inertia=inertia)
 
 
+def _rotor(robot: Robot, joint: int) -> float:
+    """Return the armature and a quarter of the joint's inertia [kg m^2]."""
+    return float(robot.drives.armature[joint]) + 0.25 * float(home_inertia(robot)[joint])
+
+
 class RotorInertia(Physics):
     """Inertia Ia of the rotor on the joint side, in place of the armature that the robot's description gives."""
 
     name = "rotor_inertia"
-    parameters = (Value("rotor_inertia", "kg m^2", "kg", lower=0.0),)
+    parameters = (Value("rotor_inertia", "kg m^2", "kg", lower=0.0, usual=_rotor),)
     largest = 2.5
-    sizes = ("rotor_inertia",)
-
-    @classmethod
-    def typical(cls, robot: Robot, joint: int) -> dict[str, float]:
-        """Return the armature and a quarter of the joint's inertia."""
-        return {"rotor_inertia": float(robot.drives.armature[joint]) + 0.25 * float(home_inertia(robot)[joint])}
 
     @classmethod
     def possible(cls, robot: Robot, joint: int) -> bool:

@@ -3,8 +3,7 @@
 from __future__ import annotations
 
 import copy
-from abc import ABC, abstractmethod
-from collections.abc import Mapping, Sequence
+from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, field
 from typing import Any, ClassVar, Literal, Self
 
@@ -20,7 +19,7 @@ class Value:
     """A parameter of a phenomenon: its unit on a revolute and on a prismatic joint, and its bounds.
 
     structural: it decides what the equations look like (a joint's index, a seed); the others may be changed without
-    building them anew.
+    building them anew. usual: for a joint of that strength. drawn: as a real robot might have it, from the usual one.
     """
 
     name: str
@@ -29,6 +28,8 @@ class Value:
     lower: float = -np.inf
     upper: float = np.inf
     structural: bool = False
+    usual: float | Callable[[Robot, int], float] = 0.0
+    drawn: Callable[[np.random.Generator, float], float] | None = None
 
 
 @dataclass(frozen=True)
@@ -66,27 +67,39 @@ class Contribution:
     friction: Mapping[int, Any] = field(default_factory=dict)
     inertia: Mapping[tuple[int, int], Any] = field(default_factory=dict)
 
+    def add_to(self, torque: Any, level: Any, v: Any, a: Any) -> None:
+        """Add it to a torque and a level of dry friction [n], at an instant with velocities and accelerations [n]."""
+        for j, value in self.torque.items():
+            torque[j] += value
+        for j, value in self.damping.items():
+            torque[j] += value * v[j]
+        for (i, j), value in self.inertia.items():
+            torque[i] += value * a[j]
+        for j, value in self.friction.items():
+            level[j] += value
 
-class Physics(ABC):
+
+class Physics:
     """A phenomenon of the simulated robot, at one joint or (scope `robot`) on all of it.
 
     Its equations are those of the plant, coded apart from `robot_ident.effects`: what identifies a robot is not tested
-    against itself. A subclass states `name` and `parameters` and writes `typical` and `contribution`; one with memory
-    also states its number of `states` and writes `advance`.
+    against itself. A subclass states `name` and `parameters` and writes `contribution`; one with memory also states its
+    number of `states` and writes `advance`; one whose values depend on each other or on the motion writes `draw`.
 
-    scope: where it may be; `either` means one joint or all. side: whether it acts on the motor or on the link,
-    which differ where a transmission gives. sizes: the parameters that its torque is in proportion to, at least
-    nearly. largest, smallest: factors of a usual size between which it is drawn. replaces: phenomena of the same
-    joint whose place it takes. includes: phenomena of the same joint whose torque is part of its own, so that
-    nothing could tell whether they are there besides. loads_gear: the gear carries its torque. shaft: it lies
-    between motor and link. slow: it changes over many periods. reads: it changes what the encoder shows. step_rate
-    [Hz]: how many steps a second it needs.
+    scope: where it may be; `either` means one joint or all. needs: what a joint must be. side: whether it acts on
+    the motor or on the link, which differ where a transmission gives. sizes: the parameters that its torque is in
+    proportion to, at least nearly; the first one unless stated. largest, smallest: factors of a usual size between
+    which it is drawn. replaces: phenomena of the same joint whose place it takes. includes: phenomena of the same joint
+    whose torque is part of its own, so that nothing could tell whether they are there besides. loads_gear: the gear
+    carries its torque. shaft: it lies between motor and link. slow: it changes over many periods. reads: it changes
+    what the encoder shows. step_rate [Hz]: how many steps a second it needs.
     """
 
     name: ClassVar[str]
     parameters: ClassVar[tuple[Value, ...]]
     states: ClassVar[int] = 0
     scope: ClassVar[Literal["joint", "robot", "either"]] = "joint"
+    needs: ClassVar[Literal["nothing", "turning", "another joint"]] = "nothing"
     side: ClassVar[Literal["motor", "link"]] = "motor"
     sizes: ClassVar[tuple[str, ...]] = ()
     largest: ClassVar[float] = 8.0
@@ -100,9 +113,13 @@ class Physics(ABC):
     step_rate: ClassVar[float] = 0.0
 
     def __init__(self, robot: Robot, joint: int | None, values: Mapping[str, float]) -> None:
-        """Place it at a joint; a value that is left out is typical. InputError on an unknown or impossible one."""
+        """Place it at a joint; a value that is left out is the robot's, or typical.
+
+        InputError on an unknown or impossible one.
+        """
         self.robot = robot
         self.place = joint
+        values = {**self.known(robot, joint or 0), **values}
         for key, value in values.items():
             self._check(key, value)
         missing = any(p.name not in values for p in self.parameters)
@@ -150,12 +167,13 @@ class Physics(ABC):
 
     def scaled(self, factor: float) -> Self:
         """Return it with its size multiplied by a factor."""
-        return type(self)(self.robot, self.place, {**self.values, **{k: factor * self.values[k] for k in self.sizes}})
+        sizes = self.sizes or (self.parameters[0].name,)
+        return type(self)(self.robot, self.place, {**self.values, **{k: factor * self.values[k] for k in sizes}})
 
     @classmethod
-    @abstractmethod
     def typical(cls, robot: Robot, joint: int) -> dict[str, float]:
         """Return values of a size that is usual for a joint of that strength."""
+        return {p.name: p.usual(robot, joint) if callable(p.usual) else p.usual for p in cls.parameters}
 
     @classmethod
     def known(cls, robot: Robot, joint: int) -> dict[str, float]:
@@ -169,16 +187,19 @@ class Physics(ABC):
         `motion` is how the robot will be moved: for what depends on the range or speed that is used. What `sizes` names
         is of usual size, with a random sign where both occur.
         """
-        return cls.typical(robot, joint)
+        usual = cls.typical(robot, joint)
+        return usual | {p.name: p.drawn(rng, usual[p.name]) for p in cls.parameters if p.drawn}
 
     @classmethod
     def possible(cls, robot: Robot, joint: int) -> bool:
         """Return whether it can be at this joint, and be seen there."""
-        return True
+        if cls.needs == "turning":
+            return not robot.prismatic[joint]
+        return cls.needs == "nothing" or robot.n > 1
 
-    @abstractmethod
     def contribution(self, x: Instant) -> Contribution:
-        """Return what it adds at an instant."""
+        """Return what it adds at an instant; nothing where it acts as a shaft or on what is read."""
+        return Contribution()
 
     def rest(self) -> list[float]:
         """Return its states at rest."""
@@ -229,20 +250,55 @@ def dry_friction(robot: Robot, joint: int) -> float:
     return float(own.get("coulomb", 0.0)) or 0.05 * strength(robot, joint)
 
 
+def usual_damping(robot: Robot, joint: int) -> float:
+    """Return viscous friction [Nm s/rad] of 5 % of a joint's torque at full speed."""
+    return 0.05 * strength(robot, joint) / full_speed(robot, joint)
+
+
 def damping(robot: Robot, joint: int) -> float:
-    """Return the viscous friction [Nm s/rad] of a joint: the robot's own, or 5 % of its torque at full speed."""
+    """Return the viscous friction [Nm s/rad] of a joint: the robot's own, or the usual one."""
     own = robot.simulation.get("viscous", {}).get(robot.joints[joint], {})
-    return float(own.get("viscous", 0.0)) or 0.05 * strength(robot, joint) / full_speed(robot, joint)
+    return float(own.get("viscous", 0.0)) or usual_damping(robot, joint)
 
 
-def either_sign(rng: np.random.Generator) -> float:
-    """Return +1 or -1."""
-    return float(rng.choice([-1.0, 1.0]))
+def neighbour(robot: Robot, joint: int) -> float:
+    """Return the number, from 1, of the joint after this one, before it where it is the last."""
+    return float(max(joint + 2 if joint + 1 < robot.n else joint, 1))
+
+
+def arm_mass(robot: Robot) -> float:
+    """Return the mass [kg] of all that moves."""
+    return sum(float(inertia.mass) for inertia in list(robot.rigid.model.inertias)[1:])
+
+
+def times(factor: float, of: Callable[[Robot, int], float]) -> Callable[[Robot, int], float]:
+    """Return what is usual as a multiple of something that a joint has."""
+    return lambda robot, joint: factor * of(robot, joint)
+
+
+def either_sign(rng: np.random.Generator, size: float = 1.0) -> float:
+    """Return a size, or its negative."""
+    return float(rng.choice([-1.0, 1.0])) * size
 
 
 def between(rng: np.random.Generator, low: float, high: float) -> float:
     """Return a number between two positive ones, evenly over the logarithm."""
     return float(np.exp(rng.uniform(np.log(low), np.log(high))))
+
+
+def log_even(low: float, high: float) -> Callable[[np.random.Generator, float], float]:
+    """Return a draw between two positive numbers, evenly over the logarithm."""
+    return lambda rng, _: between(rng, low, high)
+
+
+def even(low: float, high: float) -> Callable[[np.random.Generator, float], float]:
+    """Return a draw between two numbers."""
+    return lambda rng, _: rng.uniform(low, high)
+
+
+def one_of(*values: float) -> Callable[[np.random.Generator, float], float]:
+    """Return a draw from some values."""
+    return lambda rng, _: float(rng.choice(values))
 
 
 def home_pose(robot: Robot) -> Array:

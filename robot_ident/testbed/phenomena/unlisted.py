@@ -15,8 +15,11 @@ from robot_ident.testbed.phenomena.phenomenon import (
     Physics,
     Value,
     either_sign,
+    even,
     full_speed,
+    neighbour,
     strength,
+    times,
 )
 
 
@@ -25,16 +28,10 @@ class UnknownBump(Physics):
 
     name = "unknown_bump"
     parameters = (
-        Value("bump", "Nm", "N"),
-        Value("position", "rad", "m"),
-        Value("width", "rad", "m", lower=1e-4),
+        Value("bump", "Nm", "N", usual=times(0.05, strength)),
+        Value("position", "rad", "m", usual=0.2),
+        Value("width", "rad", "m", lower=1e-4, usual=0.1),
     )
-    sizes = ("bump",)
-
-    @classmethod
-    def typical(cls, robot: Robot, joint: int) -> dict[str, float]:
-        """Return 5 % of the joint's torque over a tenth of a radian."""
-        return {"bump": 0.05 * strength(robot, joint), "position": 0.2, "width": 0.1}
 
     @classmethod
     def draw(cls, robot: Robot, joint: int, rng: np.random.Generator, motion: Motion) -> dict[str, float]:
@@ -61,16 +58,10 @@ class UnknownField(Physics):
 
     name = "unknown_field"
     parameters = (
-        Value("field", "Nm", "N"),
-        Value("roughness", "1/rad", "1/m", lower=0.0),
+        Value("field", "Nm", "N", usual=times(0.02, strength)),
+        Value("roughness", "1/rad", "1/m", lower=0.0, usual=3.0),
         Value("seed", "1", "1", lower=0, structural=True),
     )
-    sizes = ("field",)
-
-    @classmethod
-    def typical(cls, robot: Robot, joint: int) -> dict[str, float]:
-        """Return 2 % of the joint's torque that changes within a third of a radian."""
-        return {"field": 0.02 * strength(robot, joint), "roughness": 3.0, "seed": 0.0}
 
     @classmethod
     def draw(cls, robot: Robot, joint: int, rng: np.random.Generator, motion: Motion) -> dict[str, float]:
@@ -95,21 +86,10 @@ class UnknownGearError(Physics):
 
     name = "unknown_gear_error"
     parameters = (
-        Value("gear_error", "1", "1", -0.9, 0.9),
-        Value("lobes", "1/rad", "1/m", lower=0.1),
-        Value("phase", "rad", "rad"),
+        Value("gear_error", "1", "1", -0.9, 0.9, usual=0.04),
+        Value("lobes", "1/rad", "1/m", lower=0.1, usual=5.0, drawn=lambda rng, _: float(rng.integers(5, 12))),
+        Value("phase", "rad", "rad", drawn=even(-np.pi, np.pi)),
     )
-    sizes = ("gear_error",)
-
-    @classmethod
-    def typical(cls, robot: Robot, joint: int) -> dict[str, float]:
-        """Return 4 % five times a turn."""
-        return {"gear_error": 0.04, "lobes": 5.0, "phase": 0.0}
-
-    @classmethod
-    def draw(cls, robot: Robot, joint: int, rng: np.random.Generator, motion: Motion) -> dict[str, float]:
-        """Return 5 to 11 lobes."""
-        return {"gear_error": 0.04, "lobes": float(rng.integers(5, 12)), "phase": rng.uniform(-np.pi, np.pi)}
 
     def contribution(self, x: Instant) -> Contribution:
         """Return the torque that doesn't arrive."""
@@ -124,19 +104,12 @@ class UnknownOscillation(Physics):
     """
 
     name = "unknown_oscillation"
-    parameters = (Value("oscillation", "Nm", "N"), Value("frequency", "Hz", "Hz", lower=1e-3))
+    parameters = (
+        Value("oscillation", "Nm", "N", usual=times(0.02, strength)),
+        # periods of 10 s repeat what is drawn: other frequencies don't outlive an average
+        Value("frequency", "Hz", "Hz", lower=1e-3, usual=3.1, drawn=lambda rng, _: float(rng.integers(10, 60)) / 10),
+    )
     states = 2
-    sizes = ("oscillation",)
-
-    @classmethod
-    def typical(cls, robot: Robot, joint: int) -> dict[str, float]:
-        """Return 2 % of the joint's torque at 3.1 Hz."""
-        return {"oscillation": 0.02 * strength(robot, joint), "frequency": 3.1}
-
-    @classmethod
-    def draw(cls, robot: Robot, joint: int, rng: np.random.Generator, motion: Motion) -> dict[str, float]:
-        """Return a frequency from 1 to 6 Hz that periods of 10 s repeat: others don't outlive an average."""
-        return cls.typical(robot, joint) | {"frequency": float(rng.integers(10, 60)) / 10}
 
     def rest(self) -> list[float]:
         """Return cosine and sine at the start."""
@@ -159,25 +132,17 @@ class UnknownProduct(Physics):
     """Dry friction that rises by f |dq dq_o| / (vm vm_o): with the product of two joints' speeds."""
 
     name = "unknown_product"
-    parameters = (Value("product", "Nm", "N", lower=0.0), Value("other", "1", "1", lower=1, structural=True))
-    sizes = ("product",)
-
-    @classmethod
-    def typical(cls, robot: Robot, joint: int) -> dict[str, float]:
-        """Return 15 % of the joint's torque at full speed of both."""
-        other = joint + 2 if joint + 1 < robot.n else joint
-        return {"product": 0.15 * strength(robot, joint), "other": float(max(other, 1))}
+    needs = "another joint"
+    parameters = (
+        Value("product", "Nm", "N", lower=0.0, usual=times(0.15, strength)),
+        Value("other", "1", "1", lower=1, structural=True, usual=neighbour),
+    )
 
     @classmethod
     def draw(cls, robot: Robot, joint: int, rng: np.random.Generator, motion: Motion) -> dict[str, float]:
         """Return the typical size with any other joint."""
         other = rng.choice([k + 1 for k in range(robot.n) if k != joint])
         return cls.typical(robot, joint) | {"other": float(other)}
-
-    @classmethod
-    def possible(cls, robot: Robot, joint: int) -> bool:
-        """Return whether there is another joint."""
-        return robot.n > 1
 
     def contribution(self, x: Instant) -> Contribution:
         """Return the level at these speeds."""
