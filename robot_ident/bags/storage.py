@@ -120,23 +120,16 @@ def windows(data: Bytes, start: Integers, size: int, width: int | None = None) -
 
 @dataclass
 class Extent:
-    """What a file holds: messages by topic, and the first and last receive time in ns."""
+    """What a file holds: messages by topic and together, and the first and last receive time in ns, 0 without any."""
 
     counts: dict[str, int]
-    first: int = 2**63 - 1
+    messages: int = 0
+    first: int = 0
     last: int = 0
 
-    @property
-    def messages(self) -> int:
-        """Number of messages."""
-        return sum(self.counts.values())
-
-    @property
-    def start(self) -> int:
-        """First receive time [ns], 0 without messages."""
-        return self.first if self.messages else 0
-
-    @property
-    def duration(self) -> int:
-        """Time from the first to the last message [ns]."""
-        return self.last - self.first if self.messages else 0
+    def add(self, topic: str, log_time: int) -> None:
+        """Count one message."""
+        self.counts[topic] += 1
+        self.first = min(self.first, log_time) if self.messages else log_time
+        self.last = max(self.last, log_time)
+        self.messages += 1
