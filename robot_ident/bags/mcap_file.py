@@ -13,6 +13,7 @@ import struct
 import zlib
 from collections import Counter
 from collections.abc import Collection, Iterator
+from contextlib import suppress
 from dataclasses import dataclass
 from functools import cached_property
 from pathlib import Path
@@ -94,39 +95,10 @@ class Scan:
     damage: str = ""
 
 
-class _Messages:
-    """Collects where Message records lie: single ones, and long runs of equal length."""
-
-    def __init__(self) -> None:
-        self._starts: list[Integers] = []
-        self._sizes: list[Integers] = []
-        self._single_starts: list[int] = []
-        self._single_sizes: list[int] = []
-
-    def add(self, start: int, size: int) -> None:
-        self._single_starts.append(start)
-        self._single_sizes.append(size)
-
-    def add_run(self, start: int, size: int, count: int) -> None:
-        self._gather()
-        self._starts.append(start + (9 + size) * np.arange(count, dtype=np.int64))
-        self._sizes.append(np.full(count, size, dtype=np.int64))
-
-    def _gather(self) -> None:
-        self._starts.append(np.array(self._single_starts, dtype=np.int64))
-        self._sizes.append(np.array(self._single_sizes, dtype=np.int64))
-        self._single_starts.clear()
-        self._single_sizes.clear()
-
-    def arrays(self) -> tuple[Integers, Integers]:
-        self._gather()
-        return np.concatenate(self._starts), np.concatenate(self._sizes)
-
-
 def scan(data: Bytes, begin: int, end: int) -> Scan:
     """Return the records between two bytes of `data`, up to and including the footer or the first damage."""
     view = memoryview(data)
-    messages = _Messages()
+    runs: list[int] = []  # of Message records of one length: where the first one's content begins, its size, how many
     others: list[tuple[int, int, int]] = []
     cut, damage = None, ""
     previous, streak = -1, 0
@@ -142,19 +114,22 @@ def scan(data: Bytes, begin: int, end: int) -> Scan:
             break
         position = content + size
         if opcode == MESSAGE:
-            messages.add(content, size)
+            runs += (content, size, 1)
             streak = streak + 1 if size == previous else 0
             previous = size
             if streak == _STREAK:
                 streak = 0
                 count = _run(data, position, end, size)
-                messages.add_run(position + 9, size, count)
+                runs += (position + 9, size, count)
                 position += count * (9 + size)
         elif opcode in _KEPT:
             others.append((opcode, content, size))
             if opcode == FOOTER:
                 break
-    return Scan(*messages.arrays(), tuple(others), position, cut, damage)
+    first, sizes, counts = np.array(runs, dtype=np.int64).reshape(-1, 3).T
+    start, size = np.repeat(first, counts), np.repeat(sizes, counts)
+    start += (np.arange(len(start)) - np.repeat(np.cumsum(counts) - counts, counts)) * (9 + size)
+    return Scan(start, size, tuple(others), position, cut, damage)
 
 
 def _run(data: Bytes, begin: int, end: int, size: int) -> int:
@@ -179,19 +154,6 @@ def _run(data: Bytes, begin: int, end: int, size: int) -> int:
 def message_heads(data: Bytes, start: Integers) -> NDArray[np.void]:
     """Return channel, sequence and both stamps of the Message records whose content begins at `start` [N]."""
     return windows(data, start, MESSAGE_HEAD.itemsize).view(MESSAGE_HEAD)[:, 0]
-
-
-def chunk_fields(data: Bytes, start: int, size: int, *, torn: bool = False) -> tuple[int, int, str, memoryview]:
-    """Return what a Chunk record holds: unpacked size, CRC-32 of that (0: none), compression, the packed records.
-
-    Damaged where it contradicts itself. torn: the record is cut, and so are the packed records.
-    """
-    fields = Fields(data, start, size)
-    fields.take(16)
-    unpacked, checksum, compression = fields.number(8), fields.number(4), fields.text()
-    announced = fields.number(8)
-    packed = fields.take(min(announced, fields.end - fields.position) if torn else announced)
-    return unpacked, checksum, compression, packed
 
 
 _GATHER = 1 << 20  # bytes of small chunks that are looked at together
@@ -252,19 +214,12 @@ class McapFile:
         magic = self._data[self._scan.end : self._scan.end + 8].tobytes()
         if opcode != FOOTER or magic != MAGIC:
             return False
-        self._unended = size >= 8 and not Fields(self._data, start, size).number(8) and self._is_our_own()
+        if size >= 8 and not Fields(self._data, start, size).number(8):
+            opcode, start, size = self._scan.others[0]
+            header = Fields(self._data, start, size)
+            with suppress(Damaged):
+                self._unended = opcode == HEADER and (header.text(), header.text()) == ("ros2", LIBRARY)
         return not self._unended
-
-    def _is_our_own(self) -> bool:
-        """Whether this package wrote the file."""
-        opcode, start, size = self._scan.others[0]
-        if opcode != HEADER:
-            return False
-        fields = Fields(self._data, start, size)
-        try:
-            return (fields.text(), fields.text()) == ("ros2", LIBRARY)
-        except Damaged:
-            return False
 
     def _read_outer_records(self) -> tuple[_Chunk, ...]:
         """Learn schemas, channels and statistics; return the chunks with the channels that their indexes name."""
@@ -323,17 +278,16 @@ class McapFile:
         """Whether the outer records can be relied upon without opening a chunk: they name every channel, and the
         indexes of the chunks hold as many messages of each as the statistics say (the chunks are the truth).
         """
-        if self.truncated or self._statistics is None or not set(self._statistics) <= self._outer_channels:
+        if self.truncated or self._statistics is None:
             return False
-        return not self._chunks or self._indexed == +Counter(self._statistics)
-
-    @cached_property
-    def _outer_channels(self) -> frozenset[int]:
-        return frozenset(
+        channels = {
             Fields(self._data, start, size).number(2)
             for opcode, start, size in self._scan.others
             if opcode == CHANNEL and size >= 2
-        )
+        }
+        if not set(self._statistics) <= channels:
+            return False
+        return not self._chunks or self._indexed == +Counter(self._statistics)
 
     @cached_property
     def _counted(self) -> Counter[int]:
@@ -457,7 +411,10 @@ class McapFile:
     def _open(self, chunk: _Chunk) -> bytes:
         """Return the records of a chunk, decompressed; nothing, and a note, where none of it can be used."""
         try:
-            size, checksum, compression, stored = chunk_fields(self._data, chunk.start, chunk.size, torn=chunk.torn)
+            fields = Fields(self._data, chunk.start, chunk.size)
+            fields.take(16)  # its first and last time
+            size, checksum, compression, packed = fields.number(8), fields.number(4), fields.text(), fields.number(8)
+            stored = fields.take(min(packed, fields.end - fields.position) if chunk.torn else packed)
         except Damaged as damage:
             self._chunk_notes[chunk.start] = f"a chunk is left out: {damage}"
             return b""
