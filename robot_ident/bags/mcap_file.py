@@ -259,15 +259,8 @@ class McapFile:
         number, schema, name, encoding = fields.number(2), fields.number(2), fields.text(), fields.text()
         metadata = fields.mapping()
         kind, definition_encoding, definition = self._schemas.get(schema, ("", "", ""))
-        topic = Topic(
-            name,
-            kind,
-            encoding,
-            definition,
-            definition_encoding,
-            metadata.get("offered_qos_profiles", ""),
-            metadata.get("topic_type_hash", ""),
-        )
+        qos, type_hash = (metadata.get(key, "") for key in ("offered_qos_profiles", "topic_type_hash"))
+        topic = Topic(name, kind, encoding, definition, definition_encoding, qos, type_hash)
         place = self._places.setdefault(topic.key, len(self._places))
         if place == len(self._topics):
             self._topics.append(topic)

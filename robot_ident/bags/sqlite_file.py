@@ -177,8 +177,5 @@ def _filled(path: str) -> bool:
 
 def _batch(rows: list[tuple[int, int, bytes]], index_of: dict[int, int]) -> Batch:
     numbers, stamps, payloads = zip(*rows, strict=True)
-    size = np.array([len(payload) for payload in payloads], dtype=np.int64)
-    stamp = np.array(stamps, dtype=np.int64)
     topic = np.array([index_of[number] for number in numbers], dtype=np.int64)
-    data = np.frombuffer(bytearray().join(payloads), dtype=np.uint8)
-    return Batch(data, np.cumsum(size) - size, size, topic, stamp, stamp)
+    return Batch.of(payloads, topic, np.array(stamps, dtype=np.int64))

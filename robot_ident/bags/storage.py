@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Collection, Iterator
+from collections.abc import Collection, Iterator, Sequence
 from dataclasses import dataclass
 from typing import Protocol
 
@@ -55,6 +55,17 @@ class Batch:
     topic: Integers
     log_time: Integers
     publish_time: Integers
+
+    @classmethod
+    def of(
+        cls, payloads: Sequence[bytes], topic: Integers, log_time: Integers, publish_time: Integers | None = None
+    ) -> Batch:
+        """Return messages whose bytes lie apart; publish_time None: the receive time."""
+        size = np.array([len(payload) for payload in payloads], dtype=np.int64)
+        data = np.frombuffer(bytearray().join(payloads), dtype=np.uint8)
+        return cls(
+            data, np.cumsum(size) - size, size, topic, log_time, log_time if publish_time is None else publish_time
+        )
 
     def __len__(self) -> int:
         """Return the number of messages N."""
