@@ -322,9 +322,8 @@ class McapFile:
             if self._scan.cut and self._scan.cut[0] == CHUNK:
                 rest = f", of whose {lost} bytes what can be unpacked is used, as is everything before"
             else:
-                rest = (
-                    f", {lost} bytes after it are lost or unreadable" if lost else ""
-                ) + "; everything before is used"
+                after = f", {lost} bytes after it are lost or unreadable" if lost else ""
+                rest = f"{after}; everything before is used"
             lines.append(f"{self.path.name} is truncated: {what}{rest}")
         lines += [f"{self.path.name}: {note}" for note in self._chunk_notes.values()]
         if self._unknown_channels:

@@ -51,10 +51,8 @@ class SqliteFile:
         """Open without locks and side files: nothing is ever written beside a recording."""
         connection = sqlite3.connect(f"{self._place.absolute().as_uri()}?mode=ro&immutable=1", uri=True)
         connection.text_factory = lambda text: text.decode("utf-8", errors="replace")
-        steps = _STEPS + _STEPS_PER_BYTE * self._place.stat().st_size
-        looks = iter(
-            range(steps // _LOOK)
-        )  # pages that point at each other in a circle would hold more rows than bytes
+        # pages that point at each other in a circle would hold more rows than bytes
+        looks = iter(range((_STEPS + _STEPS_PER_BYTE * self._place.stat().st_size) // _LOOK))
         connection.set_progress_handler(lambda: next(looks, None) is None, _LOOK)
         return connection
 
