@@ -6,6 +6,7 @@ from collections.abc import Sequence
 from dataclasses import dataclass
 
 import numpy as np
+from numpy.typing import NDArray
 
 from robot_ident.errors import InputError
 from robot_ident.recording.clock import roughness
@@ -156,8 +157,8 @@ def steady_part(q: Array, period: float, step: Array, source: str) -> Steady:
         # 16 = (4 sigma)^2 over the calm quarter; tremor of 1e-4 of the motion still counts as repeating
         noise = np.maximum(rough**2, _local_noise(column, kernel)[: len(smooth)])
         good &= smooth <= 16.0 * np.percentile(smooth[rows], 25.0) + 4.0 * noise + (1e-4 * column.std()) ** 2
-    first, last = _longest(good)
-    last = last + lag
+    first, end = longest_run(good)
+    last = end - 1 + lag
     periods = int((last - first + 1 + 1e-6 * period) / period)
     if periods < 2:
         found = (last - first + 1) / period
@@ -186,13 +187,18 @@ def _local_noise(q: Array, kernel: Array) -> Array:
     return np.asarray(np.convolve(rough, kernel, mode="same"))
 
 
-def _longest(good: np.ndarray) -> tuple[int, int]:
-    edges = np.flatnonzero(np.diff(np.concatenate([[0], good.astype(np.int8), [0]])))
-    if not len(edges):
-        return 0, -1
-    starts, ends = edges[::2], edges[1::2]
-    best = int(np.argmax(ends - starts))
-    return int(starts[best]), int(ends[best]) - 1
+def runs(there: Mask) -> NDArray[np.int64]:
+    """Return where each run of samples that are `there` [N] begins, and the first sample after it [K, 2]."""
+    return np.flatnonzero(np.diff(np.concatenate([[0], there.astype(np.int8), [0]]))).reshape(-1, 2)
+
+
+def longest_run(there: Mask) -> tuple[int, int]:
+    """Return where the longest of `runs` begins, and the first sample after it; 0, 0 where there is none."""
+    found = runs(there)
+    if not len(found):
+        return 0, 0
+    first, end = found[np.argmax(found[:, 1] - found[:, 0])]
+    return int(first), int(end)
 
 
 def _dips(columns: Sequence[Array], awake: Mask) -> np.ndarray:
