@@ -239,11 +239,9 @@ class BagWriter:
         effort: Array | None = None,
     ) -> None:
         """Append N JointStates: stamps [N] ns (also as receive and send time), position, velocity, effort [N, n]."""
-        rows = cdr.serialise(names, stamps, position, velocity, effort)
-        size = rows.shape[1]
-        content = rows.tobytes()
-        for number, stamp in enumerate(np.asarray(stamps).tolist()):
-            self.write(topic, content[number * size : (number + 1) * size], stamp)
+        messages = cdr.serialise(names, stamps, position, velocity, effort)
+        for message, stamp in zip(messages, np.asarray(stamps).tolist(), strict=True):
+            self.write(topic, message.tobytes(), stamp)
 
     def flush(self) -> None:
         """Hand all messages to the kernel; `metadata.yaml` names all topics and files."""

@@ -35,7 +35,7 @@ class NotCdr(ValueError):
 
 @dataclass(frozen=True)
 class Layout:
-    """Where the values of a JointState stand in a body of `size` bytes; the same for all that match `template`.
+    """Where the values of a JointState stand in its body; the same for all that match `template`.
 
     names: the joints. order: byte order. position, velocity, effort: first byte and number of values. template, mask
     [words]: the body's fixed bytes (names, lengths, frame id) as 64-bit words; mask is zero over stamps, values and
@@ -43,9 +43,7 @@ class Layout:
     """
 
     names: tuple[str, ...]
-    frame_id: str
     order: str
-    size: int
     position: tuple[int, int]
     velocity: tuple[int, int]
     effort: tuple[int, int]
@@ -113,7 +111,7 @@ def layout_of(body: bytes, representation: int) -> Layout:
     """Return the layout of one JointState body; NotCdr when these bytes are none."""
     cursor = _Cursor(body, representation)
     cursor.take(_STAMP, 4, fixed=False)
-    frame_id = cursor.text()
+    cursor.text()  # frame_id
     count = cursor.length()
     if 4 * count > len(body) - cursor.position:
         raise NotCdr(f"{count} names do not fit into {len(body)} bytes")
@@ -126,8 +124,7 @@ def layout_of(body: bytes, representation: int) -> Layout:
     for first, end in cursor.fixed:
         mask[first:end] = 0xFF
     template = np.frombuffer(body.ljust(8 * words, b"\0"), dtype=np.uint64)
-    order = cursor.order
-    return Layout(names, frame_id, order, len(body), position, velocity, effort, template, mask.view(np.uint64))
+    return Layout(names, cursor.order, position, velocity, effort, template, mask.view(np.uint64))
 
 
 @cache

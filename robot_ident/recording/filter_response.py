@@ -59,9 +59,8 @@ class FrequencyResponse:
                 continue
             try:
                 words = {name: row[header.index(name)].strip() for name in wanted}
-                values.append(
-                    [float(word or "nan") if name == "phase" else float(word) for name, word in words.items()]
-                )
+                words["phase"] = words["phase"] or "nan"
+                values.append([float(word) for word in words.values()])
             except (ValueError, IndexError):
                 raise InputError(f"{path}, line {number}: {','.join(row)}: numbers were expected") from None
         table = np.array(values, dtype=float).reshape(len(values), len(wanted))
@@ -227,9 +226,8 @@ def _fitted(response: FrequencyResponse, start: Array, shape: Sequence[int]) -> 
         turned = (np.angle(ratio) * scale)[phase]
         return np.concatenate([told, turned])
 
-    span = np.concatenate(
-        [[np.inf], np.full(len(shape), _FREQUENCIES), np.full(len(start) - 1 - len(shape), _QUALITIES)]
-    )
+    span = np.full(len(start), _QUALITIES)
+    span[0], span[1 : 1 + len(shape)] = np.inf, _FREQUENCIES
     bounds = (start - span, start + span)
     return least_squares(residual, start, bounds=bounds, method="trf", x_scale="jac", max_nfev=200)
 
@@ -249,11 +247,9 @@ def _described(
     )
     order = sorted(range(count), key=lambda k: sections[k][-1] if len(sections[k]) == 2 else 0.0)
     gain = float(np.exp(found.x[0]))
-    residual = found.fun * (
-        1.0
-        if response.deviation is None
-        else np.concatenate([response.deviation, response.deviation[response.with_phase]])
-    )
+    residual = found.fun
+    if response.deviation is not None:
+        residual = residual * np.concatenate([response.deviation, response.deviation[response.with_phase]])
     return IdentifiedFilter(
         AntiAlias.of_sections([sections[k] for k in order]),
         tuple(spread[k] for k in order),
