@@ -95,10 +95,39 @@ class Scan:
     damage: str = ""
 
 
+class _Messages:
+    """Collects where Message records lie: single ones, and long runs of equal length."""
+
+    def __init__(self) -> None:
+        self._starts: list[Integers] = []
+        self._sizes: list[Integers] = []
+        self._single_starts: list[int] = []
+        self._single_sizes: list[int] = []
+
+    def add(self, start: int, size: int) -> None:
+        self._single_starts.append(start)
+        self._single_sizes.append(size)
+
+    def add_run(self, start: int, size: int, count: int) -> None:
+        self._gather()
+        self._starts.append(start + (9 + size) * np.arange(count, dtype=np.int64))
+        self._sizes.append(np.full(count, size, dtype=np.int64))
+
+    def _gather(self) -> None:
+        self._starts.append(np.array(self._single_starts, dtype=np.int64))
+        self._sizes.append(np.array(self._single_sizes, dtype=np.int64))
+        self._single_starts.clear()
+        self._single_sizes.clear()
+
+    def arrays(self) -> tuple[Integers, Integers]:
+        self._gather()
+        return np.concatenate(self._starts), np.concatenate(self._sizes)
+
+
 def scan(data: Bytes, begin: int, end: int) -> Scan:
     """Return the records between two bytes of `data`, up to and including the footer or the first damage."""
     view = memoryview(data)
-    runs: list[int] = []  # of Message records of one length: where the first one's content begins, its size, how many
+    messages = _Messages()
     others: list[tuple[int, int, int]] = []
     cut, damage = None, ""
     previous, streak = -1, 0
@@ -114,22 +143,19 @@ def scan(data: Bytes, begin: int, end: int) -> Scan:
             break
         position = content + size
         if opcode == MESSAGE:
-            runs += (content, size, 1)
+            messages.add(content, size)
             streak = streak + 1 if size == previous else 0
             previous = size
             if streak == _STREAK:
                 streak = 0
                 count = _run(data, position, end, size)
-                runs += (position + 9, size, count)
+                messages.add_run(position + 9, size, count)
                 position += count * (9 + size)
         elif opcode in _KEPT:
             others.append((opcode, content, size))
             if opcode == FOOTER:
                 break
-    first, sizes, counts = np.array(runs, dtype=np.int64).reshape(-1, 3).T
-    start, size = np.repeat(first, counts), np.repeat(sizes, counts)
-    start += (np.arange(len(start)) - np.repeat(np.cumsum(counts) - counts, counts)) * (9 + size)
-    return Scan(start, size, tuple(others), position, cut, damage)
+    return Scan(*messages.arrays(), tuple(others), position, cut, damage)
 
 
 def _run(data: Bytes, begin: int, end: int, size: int) -> int:
