@@ -31,35 +31,74 @@ CHUNK_BYTES = 1 << 20
 PROVISIONAL_END = struct.pack("<BQI", DATA_END, 4, 0) + struct.pack("<BQQQI", FOOTER, 20, 0, 0, 0) + MAGIC
 
 
-class RecordFile:
-    """Collects records and hands them to the kernel together, in one write with what ends the file after them.
+class McapFileWriter:
+    """One MCAP file in rosbag2's manner: profile `ros2`, chunks with an index, type hash and QoS in each channel,
+    rosbag2's metadata.
 
-    A process that is killed thus leaves an MCAP file that ends properly with whatever was committed last; a power cut
-    takes what was not yet synced.
+    Whole records are collected and handed to the kernel together, in one write with what ends the file after them. A
+    process that is killed thus leaves an MCAP file that ends properly with whatever was written last; a power cut takes
+    what was not yet synced.
     """
 
-    def __init__(self, path: Path) -> None:
-        """Create the file; OSError when it exists or can't be created."""
+    def __init__(self, path: Path, *, compress: bool) -> None:
+        """Create the file; OSError when it exists or can't be created. compress: the chunks, by zstd."""
+        from mcap.writer import CompressionType, Writer
+
+        self.name = path.name
+        self.extent = Extent({})
+        self.in_file = 0  # messages that the kernel has; the others wait in an unfinished chunk
         self._file = path.open("xb", buffering=0)
         self._closing = threading.Lock()
-        self._end = 0
+        self._end = 0  # bytes in the file that stay
         self._waiting = bytearray()
+        compression = CompressionType.ZSTD if compress else CompressionType.NONE
+        self._writer = Writer(cast("IO[Any]", self), chunk_size=CHUNK_BYTES, compression=compression)
+        self._writer.start(profile="ros2", library=LIBRARY)
+        self._commit()
+        self._schemas: dict[str, int] = {}
+        self._channels: dict[str, int] = {}
+
+    def add_topic(self, topic: Topic) -> None:
+        """Take in schema and channel of a topic."""
+        if topic.type not in self._schemas:
+            encoding = topic.definition_encoding if topic.definition else ""
+            schema = self._writer.register_schema(topic.type, encoding, topic.definition.encode())
+            self._schemas[topic.type] = schema
+        metadata = {"offered_qos_profiles": topic.qos, "topic_type_hash": topic.type_hash}
+        schema = self._schemas[topic.type]
+        self._channels[topic.name] = self._writer.register_channel(topic.name, topic.encoding, schema, metadata)
+        self.extent.counts[topic.name] = 0
+
+    def add_message(self, topic: str, data: bytes, log_time: int, publish_time: int, sequence: int) -> None:
+        """Append one message to the chunk in progress; a full one is written."""
+        self._writer.add_message(self._channels[topic], log_time, data, publish_time, sequence)
+        self.extent.add(topic, log_time)
+        if self._waiting:
+            self._commit()
+
+    def finish_chunk(self) -> None:
+        """Finish the chunk in progress and write it."""
+        self._writer.flush()  # type: ignore[no-untyped-call]
+        if self._waiting:
+            self._commit()
+
+    # -- the stream into which the `mcap` package writes
 
     def write(self, data: bytes) -> int:
-        """Take whole records; `commit` writes them."""
+        """Take whole records, which wait for a commit."""
         self._waiting += data
         return len(data)
 
+    def flush(self) -> None:
+        """Write nothing."""
+
     def tell(self) -> int:
-        """Return the number of bytes written or taken."""
+        """Return the number of bytes in the file or waiting."""
         return self._end + len(self._waiting)
 
-    @property
-    def waiting(self) -> bool:
-        """Whether records were taken that aren't written."""
-        return bool(self._waiting)
+    # -- the file
 
-    def commit(self, end: bytes = PROVISIONAL_END) -> None:
+    def _commit(self, end: bytes = PROVISIONAL_END) -> None:
         """Write what was taken, and `end` behind it, over the previous end.
 
         On OSError (a full disk) the file ends as it ended before.
@@ -75,14 +114,12 @@ class RecordFile:
                 self._put(PROVISIONAL_END)
             raise
         self._end += size
+        self.in_file = self.extent.messages
 
     def _put(self, content: bytes) -> None:
         done = 0
         while done < len(content):
             done += os.pwrite(self._file.fileno(), content[done:], self._end + done)
-
-    def flush(self) -> None:
-        """Write nothing: what is taken waits for `commit`."""
 
     def sync(self) -> None:
         """Wait until the disk has what was written."""
@@ -90,86 +127,19 @@ class RecordFile:
             if not self._file.closed:
                 os.fdatasync(self._file.fileno())
 
-    def close(self) -> None:
-        """Close the file; a second time it does nothing."""
-        with self._closing:
-            self._file.close()
-
-
-class McapFileWriter:
-    """One MCAP file in rosbag2's manner: profile `ros2`, chunks with an index, type hash and QoS in each channel,
-    rosbag2's metadata.
-    """
-
-    def __init__(self, path: Path, *, compress: bool) -> None:
-        """Create the file. compress: the chunks, by zstd."""
-        from mcap.writer import CompressionType, Writer
-
-        self.name = path.name
-        self.extent = Extent({})
-        self._file = RecordFile(path)
-        compression = CompressionType.ZSTD if compress else CompressionType.NONE
-        self._writer = Writer(cast("IO[Any]", self._file), chunk_size=CHUNK_BYTES, compression=compression)
-        self._writer.start(profile="ros2", library=LIBRARY)
-        self._file.commit()
-        self.in_file = 0  # messages that the kernel has; the others wait in an unfinished chunk
-        self._added = 0
-        self._schemas: dict[str, int] = {}
-        self._channels: dict[str, int] = {}
-
-    def add_topic(self, topic: Topic) -> None:
-        """Take in schema and channel of a topic."""
-        if topic.type not in self._schemas:
-            encoding = topic.definition_encoding if topic.definition else ""
-            schema = self._writer.register_schema(topic.type, encoding, topic.definition.encode())
-            self._schemas[topic.type] = schema
-        metadata = {"offered_qos_profiles": topic.qos, "topic_type_hash": topic.type_hash}
-        schema = self._schemas[topic.type]
-        self._channels[topic.name] = self._writer.register_channel(topic.name, topic.encoding, schema, metadata)
-        self.extent.counts[topic.name] = 0
-
-    def write(self, topic: str, data: bytes, log_time: int, publish_time: int, sequence: int) -> None:
-        """Append one message to the chunk in progress; a full one is written."""
-        self._writer.add_message(self._channels[topic], log_time, data, publish_time, sequence)
-        extent = self.extent
-        extent.counts[topic] += 1
-        extent.first = min(extent.first, log_time)
-        extent.last = max(extent.last, log_time)
-        self._added += 1
-        if self._file.waiting:
-            self._commit()
-
-    def flush(self) -> None:
-        """Finish the chunk in progress and write it."""
-        self._writer.flush()  # type: ignore[no-untyped-call]
-        if self._file.waiting:
-            self._commit()
-
-    def _commit(self) -> None:
-        self._file.commit()
-        self.in_file = self._added
-
-    def sync(self) -> None:
-        """Wait until the disk has what was flushed."""
-        self._file.sync()
-
-    @property
-    def size(self) -> int:
-        """Bytes in the file so far."""
-        return self._file.tell()
-
     def finish(self, metadata: str) -> None:
         """Write rosbag2's metadata, the index and the summary, and close."""
-        self.flush()
+        self.finish_chunk()
         self._writer.add_metadata("rosbag2", {"serialized_metadata": metadata})
         self._writer.finish()  # type: ignore[no-untyped-call]
-        self._file.commit(b"")
-        self._file.sync()
-        self._file.close()
+        self._commit(b"")
+        self.sync()
+        self.close()
 
-    def abandon(self) -> None:
-        """Close without an end of its own; the file reads as one whose recorder was killed."""
-        self._file.close()
+    def close(self) -> None:
+        """Close without an end of its own: the file reads as one whose recorder was killed. Once closed, do nothing."""
+        with self._closing:
+            self._file.close()
 
 
 class BagWriter:
@@ -226,7 +196,8 @@ class BagWriter:
         try:
             yield
         except OSError as error:
-            kept = f"; at least {self._kept} of its messages are kept" if self._kept else ""
+            count = self.messages - self._file.extent.messages + self._file.in_file
+            kept = f"; at least {count} of its messages are kept" if count else ""
             self._failure = InputError(f"{self._shown}: can't be written ({error.strerror or error}){kept}")
             raise self._failure from error
 
@@ -237,14 +208,9 @@ class BagWriter:
         return earlier + self._file.extent.messages
 
     @property
-    def _kept(self) -> int:
-        earlier = sum(extent.messages for _, extent in self._done if extent is not self._file.extent)
-        return earlier + self._file.in_file
-
-    @property
     def file_bytes(self) -> int:
         """Size of the file that is being written [bytes]."""
-        return self._file.size
+        return self._file.tell()
 
     def add_topic(self, topic: Topic) -> None:
         """Make a topic known; a second time it changes nothing."""
@@ -261,7 +227,7 @@ class BagWriter:
         """Append one serialized message (CDR, as it came from DDS) with its receive and send stamp."""
         publish = log_time_ns if publish_time_ns is None else publish_time_ns
         with self._lock, self._guarded():
-            self._file.write(topic, data, log_time_ns, publish, sequence)
+            self._file.add_message(topic, data, log_time_ns, publish, sequence)
 
     def write_joint_states(
         self,
@@ -273,18 +239,16 @@ class BagWriter:
         effort: Array | None = None,
     ) -> None:
         """Append N JointStates: stamps [N] ns (also as receive and send time), position, velocity, effort [N, n]."""
-        rows = cdr.serialise(names, stamps, position, velocity, effort)
-        size = rows.shape[1]
-        content = rows.tobytes()
-        for number, stamp in enumerate(np.asarray(stamps).tolist()):
-            self.write(topic, content[number * size : (number + 1) * size], stamp)
+        messages = cdr.serialise(names, stamps, position, velocity, effort)
+        for message, stamp in zip(messages, np.asarray(stamps).tolist(), strict=True):
+            self.write(topic, message.tobytes(), stamp)
 
     def flush(self) -> None:
         """Hand all messages to the kernel; `metadata.yaml` names all topics and files."""
         with self._lock, self._guarded():
             if self._closed:
                 return
-            self._file.flush()
+            self._file.finish_chunk()
             if self._told != (len(self._topics), len(self._done)):
                 self._tell_progress()
 
@@ -331,7 +295,7 @@ class BagWriter:
                         self._write_metadata(self._done, self.custom_data)
             finally:
                 with suppress(OSError):
-                    self._file.abandon()
+                    self._file.close()
 
     def _write_metadata(self, files: Sequence[tuple[str, Extent]], custom_data: Mapping[str, str]) -> None:
         content = bag_metadata(self._topics.values(), files, custom_data)

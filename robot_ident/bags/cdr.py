@@ -10,17 +10,19 @@ its layout (a sequence of dimensions, each a label and two uint32; a uint32 offs
 from __future__ import annotations
 
 import struct
+from contextlib import suppress
 from dataclasses import dataclass
+from functools import cache
+from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
 
 from robot_ident.bags import compression
-from robot_ident.bags.storage import Batch, Bytes, Integers
+from robot_ident.bags.storage import JOINT_STATE, Batch, Bytes, Integers
 from robot_ident.signals.motion import Array
 
 ENCAPSULATION = 4  # bytes before the body
-LITTLE_ENDIAN = b"\x00\x01\x00\x00"
 # representation -> (byte order, widest alignment): XCDR1 as ROS 2 writes it, XCDR2 as other DDS clients may
 REPRESENTATIONS = {0x0000: (">", 8), 0x0001: ("<", 8), 0x0006: (">", 4), 0x0007: ("<", 4)}
 _STAMP = 8  # bytes: int32 s, uint32 ns
@@ -33,7 +35,7 @@ class NotCdr(ValueError):
 
 @dataclass(frozen=True)
 class Layout:
-    """Where the values of a JointState stand in a body of `size` bytes; the same for all that match `template`.
+    """Where the values of a JointState stand in its body; the same for all that match `template`.
 
     names: the joints. order: byte order. position, velocity, effort: first byte and number of values. template, mask
     [words]: the body's fixed bytes (names, lengths, frame id) as 64-bit words; mask is zero over stamps, values and
@@ -41,9 +43,7 @@ class Layout:
     """
 
     names: tuple[str, ...]
-    frame_id: str
     order: str
-    size: int
     position: tuple[int, int]
     velocity: tuple[int, int]
     effort: tuple[int, int]
@@ -75,8 +75,11 @@ class Layout:
 class _Cursor:
     """Walks through a body, and remembers which bytes are fixed."""
 
-    def __init__(self, body: bytes, order: str, widest: int) -> None:
-        self.body, self.order, self.widest = body, order, widest
+    def __init__(self, body: bytes, representation: int) -> None:
+        if representation not in REPRESENTATIONS:
+            raise NotCdr(f"representation {representation:#06x} is not plain CDR")
+        self.body = body
+        self.order, self.widest = REPRESENTATIONS[representation]
         self.position = 0
         self.fixed: list[tuple[int, int]] = []
 
@@ -106,12 +109,9 @@ class _Cursor:
 
 def layout_of(body: bytes, representation: int) -> Layout:
     """Return the layout of one JointState body; NotCdr when these bytes are none."""
-    if representation not in REPRESENTATIONS:
-        raise NotCdr(f"representation {representation:#06x} is not plain CDR")
-    order, widest = REPRESENTATIONS[representation]
-    cursor = _Cursor(body, order, widest)
+    cursor = _Cursor(body, representation)
     cursor.take(_STAMP, 4, fixed=False)
-    frame_id = cursor.text()
+    cursor.text()  # frame_id
     count = cursor.length()
     if 4 * count > len(body) - cursor.position:
         raise NotCdr(f"{count} names do not fit into {len(body)} bytes")
@@ -124,19 +124,15 @@ def layout_of(body: bytes, representation: int) -> Layout:
     for first, end in cursor.fixed:
         mask[first:end] = 0xFF
     template = np.frombuffer(body.ljust(8 * words, b"\0"), dtype=np.uint64)
-    return Layout(
-        names, frame_id, order, len(body), position, velocity, effort, template, np.frombuffer(mask, dtype=np.uint64)
-    )
+    return Layout(names, cursor.order, position, velocity, effort, template, mask.view(np.uint64))
 
 
-def _pad(buffer: bytearray, align: int) -> None:
-    buffer.extend(bytes(-len(buffer) % align))
+@cache
+def message_types() -> Any:
+    """Return the definitions of the messages of ROS 2 Jazzy, a `rosbags.typesys` store."""
+    from rosbags.typesys import Stores, get_typestore
 
-
-def _text(buffer: bytearray, text: str) -> None:
-    content = text.encode() + b"\0"
-    _pad(buffer, 4)
-    buffer += struct.pack("<I", len(content)) + content
+    return get_typestore(Stores.ROS2_JAZZY)
 
 
 def serialise(
@@ -151,60 +147,41 @@ def serialise(
 
     stamps [N] ns. position, velocity, effort [N, n], or None for an empty sequence.
     """
-    body = bytearray(_STAMP)
-    _text(body, frame_id)
-    _pad(body, 4)
-    body += struct.pack("<I", len(names))
-    for name in names:
-        _text(body, name)
-    places: list[tuple[int, Array]] = []
-    for values in (position, velocity, effort):
-        _pad(body, 4)
-        length = 0 if values is None else values.shape[1]
-        body += struct.pack("<I", length)
-        if values is not None and length:
-            _pad(body, 8)
-            places.append((len(body), values))
-            body += bytes(8 * length)
-    rows = np.tile(np.frombuffer(LITTLE_ENDIAN + bytes(body), dtype=np.uint8), (len(stamps), 1))
+    store = message_types()
+    header = store.types["std_msgs/msg/Header"](store.types["builtin_interfaces/msg/Time"](0, 0), frame_id)
+    fields = (position, velocity, effort)
+    zeros = [np.zeros(0 if values is None else values.shape[1]) for values in fields]
+    message = bytes(store.serialize_cdr(store.types[JOINT_STATE](header, list(names), *zeros), JOINT_STATE))
+    layout = layout_of(message[ENCAPSULATION:], 1)
+    rows = np.tile(np.frombuffer(message, dtype=np.uint8), (len(stamps), 1))
     inner = rows[:, ENCAPSULATION:]
     seconds, nanoseconds = np.divmod(np.asarray(stamps, dtype=np.int64), 1_000_000_000)
     inner[:, 0:4] = seconds.astype("<i4")[:, None].view(np.uint8)
     inner[:, 4:8] = nanoseconds.astype("<u4")[:, None].view(np.uint8)
-    for first, values in places:
-        inner[:, first : first + 8 * values.shape[1]] = np.ascontiguousarray(values, dtype="<f8").view(np.uint8)
+    for values, (first, length) in zip(fields, (layout.position, layout.velocity, layout.effort), strict=True):
+        if length:
+            inner[:, first : first + 8 * length] = np.ascontiguousarray(values, dtype="<f8").view(np.uint8)
     return rows
 
 
 def numbers_of(batch: Batch) -> tuple[Integers, Array]:
     """Return receive times [k] ns and numbers [k, longest] of the messages that can be read, nan where one is short."""
-    rows = [_numbers(compression.message(batch.payload(k))) for k in range(len(batch))]
-    readable = [k for k, row in enumerate(rows) if row is not None]
-    longest = max((len(row) for row in rows if row is not None), default=0)
-    table = np.full((len(readable), longest), np.nan)
-    for place, k in enumerate(readable):
-        row = rows[k]
-        if row is not None:
-            table[place, : len(row)] = row
-    return batch.log_time[readable], table
+    found: dict[int, Array] = {}
+    for k in range(len(batch)):
+        with suppress(NotCdr):
+            found[k] = _numbers(compression.message(batch.payload(k)))
+    table = np.full((len(found), max(map(len, found.values()), default=0)), np.nan)
+    for row, values in zip(table, found.values(), strict=True):
+        row[: len(values)] = values
+    return batch.log_time[list(found)], table
 
 
-def _numbers(message: bytes) -> Array | None:
-    """Return the numbers of one message, None where these bytes are none."""
-    representation = int.from_bytes(message[:2], "big")
-    if len(message) < ENCAPSULATION or representation not in REPRESENTATIONS:
-        return None
-    order, widest = REPRESENTATIONS[representation]
-    body = message[ENCAPSULATION:]
-    try:
-        (dimensions,) = struct.unpack_from(f"{order}I", body, 0)
-        at = 4
-        for _ in range(dimensions):
-            (label,) = struct.unpack_from(f"{order}I", body, at)
-            at = -(-(at + 4 + label) // 4) * 4 + 8
-            struct.unpack_from(f"{order}I", body, at - 4)  # ends a count that the body can't hold
-        (count,) = struct.unpack_from(f"{order}I", body, at + 4)
-        first = -(-(at + 8) // widest) * widest
-        return np.array(struct.unpack_from(f"{order}{count}d", body, first)) if count else np.zeros(0)
-    except struct.error:
-        return None
+def _numbers(message: bytes) -> Array:
+    """Return the numbers of one array message; NotCdr where these bytes are none."""
+    cursor = _Cursor(message[ENCAPSULATION:], int.from_bytes(message[:2], "big"))
+    for _ in range(cursor.length()):
+        cursor.text()
+        cursor.take(8, 4, fixed=True)
+    cursor.length()  # the offset
+    first, count = cursor.numbers()
+    return np.array(struct.unpack_from(f"{cursor.order}{count}d", cursor.body, first))

@@ -2,13 +2,14 @@
 
 from __future__ import annotations
 
-from collections.abc import Collection, Mapping, Sequence
+from collections.abc import Collection, Iterator, Mapping, Sequence
 from dataclasses import replace
+from functools import cache
 
 import numpy as np
 
 from robot_ident.bags.cdr import numbers_of
-from robot_ident.bags.joint_states import JointStateDecoder, Piece, assemble
+from robot_ident.bags.joint_states import JointStateDecoder, Piece, assemble, usual_delay
 from robot_ident.bags.storage import NUMBERS, Integers, Storage, one_line
 from robot_ident.bags.topics import choose_topic, listing, named_topic
 from robot_ident.errors import InputError
@@ -42,11 +43,31 @@ def with_efforts(
     states = _pieces(storage, chosen)
     filled = [_room_for_effort(piece, told, whole=set(joints) <= set(told)) for piece in states]
     positions = assemble(filled, wanted, source, name, storage.notes, listing(storage))
-    elsewhere = _Elsewhere(storage, source, _delay(states))
+    delay = usual_delay(*(np.concatenate([getattr(piece, which) for piece in states]) for which in ("stamp", "log")))
+
+    @cache
+    def pieces_of(beside: str) -> list[Piece]:
+        return _pieces(storage, named_topic(storage, source, beside))
+
+    @cache
+    def tables_of(beside: str) -> list[tuple[Integers, Array]]:
+        index = named_topic(storage, source, beside, NUMBERS)
+        return [numbers_of(batch) for batch in storage.batches([index])]
+
+    def series(joint: str, place: EffortSource) -> EffortSeries:
+        if place.topic is None:
+            raise TypeError("a source of efforts has a topic")
+        if place.index is None:
+            parts = list(_of_joint(pieces_of(place.topic), joint, place.field, delay))
+        else:
+            tables = [(log, table) for log, table in tables_of(place.topic) if table.shape[1] > place.index]
+            parts = [(log - delay, table[:, place.index]) for log, table in tables]
+        return _joined(parts, source, place, joint)
+
     tau, kept = positions.tau.copy(), np.ones(positions.samples, dtype=bool)
     used = {joint: one for joint, one in told.items() if joint in positions.names}
     for joint, place in used.items():
-        tau[:, positions.names.index(joint)], there = elsewhere.series(joint, place).at(positions.t, positions.start_ns)
+        tau[:, positions.names.index(joint)], there = series(joint, place).at(positions.t, positions.start_ns)
         kept &= there
     notes = [*positions.notes, *_said(used, name)]
     if not kept.any():
@@ -73,49 +94,6 @@ def _room_for_effort(piece: Piece, elsewhere: Collection[str], *, whole: bool) -
     return replace(piece, effort=np.where([name in elsewhere for name in piece.names], 0.0, piece.effort))
 
 
-def _delay(pieces: Sequence[Piece]) -> int:
-    """Return the usual time [ns] from a header's stamp to the receipt of its message, 0 where there are no stamps."""
-    late = [piece.log[piece.stamp != 0] - piece.stamp[piece.stamp != 0] for piece in pieces]
-    both = np.concatenate(late) if late else np.zeros(0, dtype=np.int64)
-    return int(both[0] + np.median(both - both[0])) if len(both) else 0
-
-
-class _Elsewhere:
-    """The efforts that a bag holds on other topics, each of which is decoded once.
-
-    delay: usual time [ns] from a joint state's stamp to its receipt, which stands in for the stamp that others lack.
-    """
-
-    def __init__(self, storage: Storage, source: str, delay: int) -> None:
-        self._storage, self._source, self._delay = storage, source, delay
-        self._arrays: dict[str, list[tuple[Integers, Array]]] = {}
-        self._states: dict[str, list[Piece]] = {}
-
-    def series(self, joint: str, place: EffortSource) -> EffortSeries:
-        """Return the effort of a joint; InputError where there is none."""
-        if place.topic is None:
-            raise TypeError("a source of efforts has a topic")
-        if place.index is None:
-            parts = _of_joint(self._pieces(place.topic), joint, place.field, self._delay)
-        else:
-            tables = self._tables(place.topic)
-            parts = [
-                (log - self._delay, table[:, place.index]) for log, table in tables if table.shape[1] > place.index
-            ]
-        return _joined(parts, self._source, place, joint)
-
-    def _tables(self, topic: str) -> list[tuple[Integers, Array]]:
-        if topic not in self._arrays:
-            index = named_topic(self._storage, self._source, topic, NUMBERS)
-            self._arrays[topic] = [numbers_of(batch) for batch in self._storage.batches([index])]
-        return self._arrays[topic]
-
-    def _pieces(self, topic: str) -> list[Piece]:
-        if topic not in self._states:
-            self._states[topic] = _pieces(self._storage, named_topic(self._storage, self._source, topic))
-        return self._states[topic]
-
-
 def _said(used: Mapping[str, EffortSource], states: str) -> list[str]:
     """Return a line for each topic that efforts were taken from."""
     out = []
@@ -126,14 +104,13 @@ def _said(used: Mapping[str, EffortSource], states: str) -> list[str]:
     return out
 
 
-def _of_joint(pieces: Sequence[Piece], joint: str, field: str, delay: int) -> list[tuple[Integers, Array]]:
-    out = []
+def _of_joint(pieces: Sequence[Piece], joint: str, field: str, delay: int) -> Iterator[tuple[Integers, Array]]:
+    """Yield stamps and values of one joint; delay: from a stamp to the receipt, which stands in where there is none."""
     for piece in pieces:
         values: Array = getattr(piece, field)
         if joint in piece.names and values.shape[1] == len(piece.names):
             stamp = np.where(piece.stamp == 0, piece.log - delay, piece.stamp)
-            out.append((stamp, values[:, piece.names.index(joint)]))
-    return out
+            yield stamp, values[:, piece.names.index(joint)]
 
 
 def _joined(parts: Sequence[tuple[Integers, Array]], source: str, place: EffortSource, joint: str) -> EffortSeries:

@@ -61,7 +61,8 @@ class JointStateDecoder:
         index = np.arange(self._seen, self._seen + len(batch), dtype=np.int64)
         self._seen += len(batch)
         if len(batch) and batch.payload(0)[:4] == compression.ZSTD_MAGIC:
-            batch = _decompressed(batch)
+            payloads = [compression.message(batch.payload(number)) for number in range(len(batch))]
+            batch = Batch.of(payloads, batch.topic, batch.log_time, batch.publish_time)
         long_enough = batch.size >= ENCAPSULATION
         if not long_enough.all():
             self._refuse(int((~long_enough).sum()), "it has less than 4 bytes")
@@ -140,23 +141,8 @@ class JointStateDecoder:
 
 
 def _joined(pieces: list[Piece]) -> Piece:
-    return Piece(
-        pieces[0].names,
-        np.concatenate([piece.index for piece in pieces]),
-        np.concatenate([piece.stamp for piece in pieces]),
-        np.concatenate([piece.log for piece in pieces]),
-        np.concatenate([piece.position for piece in pieces]),
-        np.concatenate([piece.velocity for piece in pieces]),
-        np.concatenate([piece.effort for piece in pieces]),
-    )
-
-
-def _decompressed(batch: Batch) -> Batch:
-    """Return the batch with each message's own zstd frame unpacked."""
-    payloads = [compression.message(batch.payload(number)) for number in range(len(batch))]
-    size = np.array([len(payload) for payload in payloads], dtype=np.int64)
-    data = np.frombuffer(bytearray().join(payloads), dtype=np.uint8)
-    return Batch(data, np.cumsum(size) - size, size, batch.topic, batch.log_time, batch.publish_time)
+    columns = ("index", "stamp", "log", "position", "velocity", "effort")
+    return Piece(pieces[0].names, *(np.concatenate([getattr(piece, name) for piece in pieces]) for name in columns))
 
 
 _BURSTS = 0.1  # of the samples: as many that come with another are no accident
@@ -308,25 +294,24 @@ def assemble(
     notes = [*losses, *_left_out(pieces, used, names)]
     del with_efforts
     pieces.clear()
-    pace = _pace(np.concatenate([piece.stamp for piece in used]), np.concatenate([piece.log for piece in used]))
-    samples, join_notes = _join(used)
+    stamp, log = (np.concatenate([getattr(piece, name) for piece in used]) for name in ("stamp", "log"))
+    pace = _pace(stamp, log)
+    stamp, clock_notes = _one_clock(stamp, log)
+    samples, velocity_notes = _join(used, stamp)
     names, samples, silent_notes = _without_silent(names, samples, joints, place)
     samples, order_notes = in_order(samples, place)
     start = int(samples.stamp[0])
     t = (samples.stamp - start) / 1e9
-    notes += join_notes + silent_notes + order_notes
+    notes += clock_notes + velocity_notes + silent_notes + order_notes
     for values in (t, samples.q, samples.tau, samples.dq):
         if values is not None:
             values.setflags(write=False)  # made here for this recording, which then needs no copy
     return Recording(names, t, samples.q, samples.tau, samples.dq, source, tuple(notes), start, pace=pace)
 
 
-def _join(used: list[Piece]) -> tuple[Samples, list[str]]:
-    """Return the samples of all pieces in the order in which they were recorded, on one clock; `used` is emptied."""
-    stamp, clock_notes = _one_clock(
-        np.concatenate([piece.stamp for piece in used]), np.concatenate([piece.log for piece in used])
-    )
-    velocity, velocity_notes = _velocity(used)
+def _join(used: list[Piece], stamp: Integers) -> tuple[Samples, list[str]]:
+    """Return the samples of all pieces in the order in which they were recorded; `used` is emptied."""
+    velocity, notes = _velocity(used)
     index = np.concatenate([piece.index for piece in used])
     positions, efforts = [piece.position for piece in used], [piece.effort for piece in used]
     used.clear()
@@ -336,7 +321,7 @@ def _join(used: list[Piece]) -> tuple[Samples, list[str]]:
     efforts.clear()
     if np.any(np.diff(index) < 0):
         samples = samples[np.argsort(index)]
-    return samples, clock_notes + velocity_notes
+    return samples, notes
 
 
 def _pace(stamp: Integers, log: Integers) -> float | None:
@@ -415,10 +400,15 @@ def _one_clock(stamp: Integers, log: Integers) -> tuple[Integers, list[str]]:
         return stamp, []
     if zero.all():
         return log, ["no message has a header stamp: the receive time is used"]
-    delays = log[~zero] - stamp[~zero]
-    delay = int(delays[0]) + int(np.median(delays - delays[0]))  # in float64, epochs would lose nanoseconds
+    delay = usual_delay(stamp, log)
     few = f"{int(zero.sum())} of {len(stamp)} messages have no header stamp"
     return np.where(zero, log - delay, stamp), [f"{few}: their receive time less {delay / 1e9:.6f} s is used"]
+
+
+def usual_delay(stamp: Integers, log: Integers) -> int:
+    """Return the usual time [ns] from a header's stamp to the receipt of its message, 0 where there are no stamps."""
+    late = (log - stamp)[stamp != 0]
+    return int(late[0]) + int(np.median(late - late[0])) if len(late) else 0  # epochs as float64 would lose nanoseconds
 
 
 def _without_silent(

@@ -13,6 +13,7 @@ import struct
 import zlib
 from collections import Counter
 from collections.abc import Collection, Iterator
+from contextlib import suppress
 from dataclasses import dataclass
 from functools import cached_property
 from pathlib import Path
@@ -181,19 +182,6 @@ def message_heads(data: Bytes, start: Integers) -> NDArray[np.void]:
     return windows(data, start, MESSAGE_HEAD.itemsize).view(MESSAGE_HEAD)[:, 0]
 
 
-def chunk_fields(data: Bytes, start: int, size: int, *, torn: bool = False) -> tuple[int, int, str, memoryview]:
-    """Return what a Chunk record holds: unpacked size, CRC-32 of that (0: none), compression, the packed records.
-
-    Damaged where it contradicts itself. torn: the record is cut, and so are the packed records.
-    """
-    fields = Fields(data, start, size)
-    fields.take(16)
-    unpacked, checksum, compression = fields.number(8), fields.number(4), fields.text()
-    announced = fields.number(8)
-    packed = fields.take(min(announced, fields.end - fields.position) if torn else announced)
-    return unpacked, checksum, compression, packed
-
-
 _GATHER = 1 << 20  # bytes of small chunks that are looked at together
 _BATCH = 1 << 14  # messages; small enough that a batch stays in the cache while it is decoded
 
@@ -252,19 +240,12 @@ class McapFile:
         magic = self._data[self._scan.end : self._scan.end + 8].tobytes()
         if opcode != FOOTER or magic != MAGIC:
             return False
-        self._unended = size >= 8 and not Fields(self._data, start, size).number(8) and self._is_our_own()
+        if size >= 8 and not Fields(self._data, start, size).number(8):
+            opcode, start, size = self._scan.others[0]
+            header = Fields(self._data, start, size)
+            with suppress(Damaged):
+                self._unended = opcode == HEADER and (header.text(), header.text()) == ("ros2", LIBRARY)
         return not self._unended
-
-    def _is_our_own(self) -> bool:
-        """Whether this package wrote the file."""
-        opcode, start, size = self._scan.others[0]
-        if opcode != HEADER:
-            return False
-        fields = Fields(self._data, start, size)
-        try:
-            return (fields.text(), fields.text()) == ("ros2", LIBRARY)
-        except Damaged:
-            return False
 
     def _read_outer_records(self) -> tuple[_Chunk, ...]:
         """Learn schemas, channels and statistics; return the chunks with the channels that their indexes name."""
@@ -304,15 +285,8 @@ class McapFile:
         number, schema, name, encoding = fields.number(2), fields.number(2), fields.text(), fields.text()
         metadata = fields.mapping()
         kind, definition_encoding, definition = self._schemas.get(schema, ("", "", ""))
-        topic = Topic(
-            name,
-            kind,
-            encoding,
-            definition,
-            definition_encoding,
-            metadata.get("offered_qos_profiles", ""),
-            metadata.get("topic_type_hash", ""),
-        )
+        qos, type_hash = (metadata.get(key, "") for key in ("offered_qos_profiles", "topic_type_hash"))
+        topic = Topic(name, kind, encoding, definition, definition_encoding, qos, type_hash)
         place = self._places.setdefault(topic.key, len(self._places))
         if place == len(self._topics):
             self._topics.append(topic)
@@ -323,17 +297,16 @@ class McapFile:
         """Whether the outer records can be relied upon without opening a chunk: they name every channel, and the
         indexes of the chunks hold as many messages of each as the statistics say (the chunks are the truth).
         """
-        if self.truncated or self._statistics is None or not set(self._statistics) <= self._outer_channels:
+        if self.truncated or self._statistics is None:
             return False
-        return not self._chunks or self._indexed == +Counter(self._statistics)
-
-    @cached_property
-    def _outer_channels(self) -> frozenset[int]:
-        return frozenset(
+        channels = {
             Fields(self._data, start, size).number(2)
             for opcode, start, size in self._scan.others
             if opcode == CHANNEL and size >= 2
-        )
+        }
+        if not set(self._statistics) <= channels:
+            return False
+        return not self._chunks or self._indexed == +Counter(self._statistics)
 
     @cached_property
     def _counted(self) -> Counter[int]:
@@ -375,9 +348,8 @@ class McapFile:
             if self._scan.cut and self._scan.cut[0] == CHUNK:
                 rest = f", of whose {lost} bytes what can be unpacked is used, as is everything before"
             else:
-                rest = (
-                    f", {lost} bytes after it are lost or unreadable" if lost else ""
-                ) + "; everything before is used"
+                after = f", {lost} bytes after it are lost or unreadable" if lost else ""
+                rest = f"{after}; everything before is used"
             lines.append(f"{self.path.name} is truncated: {what}{rest}")
         lines += [f"{self.path.name}: {note}" for note in self._chunk_notes.values()]
         if self._unknown_channels:
@@ -457,7 +429,10 @@ class McapFile:
     def _open(self, chunk: _Chunk) -> bytes:
         """Return the records of a chunk, decompressed; nothing, and a note, where none of it can be used."""
         try:
-            size, checksum, compression, stored = chunk_fields(self._data, chunk.start, chunk.size, torn=chunk.torn)
+            fields = Fields(self._data, chunk.start, chunk.size)
+            fields.take(16)  # its first and last time
+            size, checksum, compression, packed = fields.number(8), fields.number(4), fields.text(), fields.number(8)
+            stored = fields.take(min(packed, fields.end - fields.position) if chunk.torn else packed)
         except Damaged as damage:
             self._chunk_notes[chunk.start] = f"a chunk is left out: {damage}"
             return b""

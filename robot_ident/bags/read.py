@@ -1,7 +1,7 @@
 """Reads any form of recording into arrays, or message by message, its joints and efforts as a robot's YAML names them;
 says what is in a bag without reading all of it.
 
-A new form is one function here: a storage of messages in `FILES`, or a reader and a writer of tables in `TABLES`.
+A new form is one function here: a storage of messages in `FILES`, or a reader of tables in `TABLES`.
 """
 
 from __future__ import annotations
@@ -11,14 +11,13 @@ from collections import deque
 from collections.abc import Callable, Collection, Iterator, Sequence
 from dataclasses import dataclass, replace
 from pathlib import Path
-from typing import NamedTuple
 
 from robot_ident.bags import compression
 from robot_ident.bags.efforts import with_efforts
 from robot_ident.bags.joint_states import JointStateDecoder, assemble
 from robot_ident.bags.rosbag2_folder import FILES, Rosbag2Directory, open_file
 from robot_ident.bags.storage import Storage, Topic, one_line
-from robot_ident.bags.tables import read_csv, read_npz, refuse_unnamed, write_csv, write_npz
+from robot_ident.bags.tables import read_csv, read_npz, refuse_unnamed
 from robot_ident.bags.topics import (
     MOST_PEEKED,
     candidates,
@@ -36,15 +35,7 @@ from robot_ident.recording.recording import Recording
 from robot_ident.robot import Robot
 from robot_ident.robot.drives import EffortSource
 
-
-class Table(NamedTuple):
-    """How a table is read and written."""
-
-    read: Callable[[Path, Sequence[str] | None], Recording]
-    write: Callable[[Path, Recording], None]
-
-
-TABLES: dict[str, Table] = {".csv": Table(read_csv, write_csv), ".npz": Table(read_npz, write_npz)}
+TABLES: dict[str, Callable[[Path, Sequence[str] | None], Recording]] = {".csv": read_csv, ".npz": read_npz}
 # the first bytes of a file whose suffix says nothing
 _MAGIC = {b"\x89MCAP0\r\n": ".mcap", b"SQLite format 3\x00": ".db3", b"PK\x03\x04": ".npz"}
 _ROS1 = b"#ROSBAG V"
@@ -109,7 +100,7 @@ def read_recording(
     form = form_of(path)
     conditions = read_conditions(path)
     if form in TABLES:
-        return replace(TABLES[form].read(path, joints), conditions=conditions)
+        return replace(TABLES[form](path, joints), conditions=conditions)
     storage = open_storage(path)
     chosen = choose_topic(storage, path, topic)
     decoder = JointStateDecoder(vectorised, velocities)
@@ -243,7 +234,7 @@ def describe(path: Path | str) -> BagInfo:
     path = Path(path)
     form = form_of(path)
     if form in TABLES:
-        recording = TABLES[form].read(path, None)
+        recording = TABLES[form](path, None)
         table = TopicInfo("", "table", recording.samples, recording.names, True)
         return BagInfo(str(path), f"table ({form})", (table,), False, recording.notes)
     storage = open_storage(path)

@@ -5,18 +5,19 @@ every other tool reads it again.
 from __future__ import annotations
 
 import heapq
+import struct
 from collections import Counter
 from collections.abc import Iterator
+from contextlib import suppress
 from dataclasses import dataclass
 from pathlib import Path
 
 import numpy as np
 
 from robot_ident.bags.bag_writer import BagWriter
-from robot_ident.bags.compression import DECOMPRESSORS
-from robot_ident.bags.mcap_file import CHANNEL, CHUNK, MAGIC, MESSAGE_HEAD, Fields, chunk_fields, message_heads, scan
+from robot_ident.bags.mcap_file import MAGIC
 from robot_ident.bags.read import RawMessage, open_storage, raw_messages
-from robot_ident.bags.storage import Bytes, Storage
+from robot_ident.bags.storage import Storage
 from robot_ident.errors import InputError
 from robot_ident.files import refuse_existing, whole
 from robot_ident.playback.stamps import header_stamp
@@ -97,7 +98,7 @@ class BagGrowth:
         """Follow a topic; neither it nor the bag need be there yet."""
         self._bag, self._topic = bag, topic
         self._number = 0  # of the file that is followed
-        self._read = 0  # bytes of it
+        self._read = len(MAGIC)  # bytes of it
         self._channels: set[int] = set()
         self._first = self._newest = 0  # ns
 
@@ -108,7 +109,7 @@ class BagGrowth:
             self._look(file)
             if last:
                 break
-            self._number, self._read = self._number + 1, 0
+            self._number, self._read = self._number + 1, len(MAGIC)
             self._channels.clear()
         return (self._newest - self._first) * 1e-9
 
@@ -117,29 +118,19 @@ class BagGrowth:
 
     def _look(self, file: Path) -> None:
         """Read the chunks that have become whole."""
-        with file.open("rb") as stream:
-            stream.seek(self._read)
-            data = np.frombuffer(stream.read(), dtype=np.uint8)
-        begin = len(MAGIC) if not self._read else 0
-        chunks = [(start, size) for opcode, start, size in scan(data, begin, len(data)).others if opcode == CHUNK]
-        for start, size in chunks:
-            unpacked, _, compression, packed = chunk_fields(data, start, size)
-            content = DECOMPRESSORS[compression](bytes(packed), unpacked)
-            self._take(np.frombuffer(content, dtype=np.uint8))
-        if chunks:
-            self._read += sum(chunks[-1])
+        from mcap.exceptions import McapError
+        from mcap.records import Channel, Chunk, Message
+        from mcap.stream_reader import StreamReader, breakup_chunk
 
-    def _take(self, data: Bytes) -> None:
-        """Take in the channels and stamps of one chunk."""
-        found = scan(data, 0, len(data))
-        for opcode, start, size in found.others:
-            if opcode == CHANNEL:
-                fields = Fields(data, start, size)
-                channel, _, name = fields.number(2), fields.number(2), fields.text()
-                self._channels |= {channel} if name == self._topic else set()
-        heads = message_heads(data, found.start)
-        ours = np.flatnonzero(np.isin(heads["channel"], list(self._channels)))
-        for place in ours[[0, -1]] if len(ours) else ():
-            content = int(found.start[place]) + MESSAGE_HEAD.itemsize
-            self._newest = header_stamp(data[content : content + 12].tobytes())
-            self._first = self._first or self._newest
+        with file.open("rb") as stream, suppress(McapError, struct.error):  # the rest is still being written
+            stream.seek(self._read)
+            for record in StreamReader(stream, skip_magic=True, emit_chunks=True).records:
+                if not isinstance(record, Chunk):
+                    continue
+                for inner in breakup_chunk(record):
+                    if isinstance(inner, Channel) and inner.topic == self._topic:
+                        self._channels.add(inner.id)
+                    elif isinstance(inner, Message) and inner.channel_id in self._channels:
+                        self._newest = header_stamp(inner.data)
+                        self._first = self._first or self._newest
+                self._read = stream.tell()

@@ -31,10 +31,9 @@ class UnpackedFile:
         place = self._scratch.path / path.stem
         try:
             note = unpack_file(path, place)
+            self._inner = open_file(place, path)
         except OSError as error:
             raise InputError(f"{path}: can't be unpacked into {self._scratch.path} ({error.strerror})") from error
-        try:
-            self._inner = open_file(place, path)
         except InputError as error:
             raise InputError(str(error).replace(str(place), str(path))) from error
         self._notes = (note,) if note else ()
@@ -70,10 +69,9 @@ class Rosbag2Directory:
         self.path = path
         self._own_notes: list[str] = []
         metadata = self._read_metadata()
-        files = self._find_files(metadata)
         self._parts: list[Storage] = []
         refused: list[InputError] = []
-        for file in files:
+        for file in self._find_files(metadata):
             try:
                 self._parts.append(open_file(file))
             except InputError as error:
@@ -84,9 +82,12 @@ class Rosbag2Directory:
         kinds = sorted({part.form.removesuffix(" file") for part in self._parts})
         self.form = f"rosbag2 folder ({', '.join(kinds)})"
         self._merge_topics()
-        self._compare_counts(metadata)
+        announced = metadata.get("message_count")
+        if isinstance(announced, int) and announced != sum(self.counts):
+            self._own_notes.append(f"{METADATA} announces {announced} messages, the files hold {sum(self.counts)}")
 
-    def _read_metadata(self) -> Mapping[str, Any] | None:
+    def _read_metadata(self) -> Mapping[str, Any]:
+        """Return what `metadata.yaml` says of a bag that was closed, nothing where it can't be used, and note why."""
         from robot_ident.configuration import load_yaml
 
         try:
@@ -94,7 +95,7 @@ class Rosbag2Directory:
                 content = load_yaml(file.read(_LONGEST), aliases=True)["rosbag2_bagfile_information"]
             if isinstance(content, dict) and OPEN in (content.get("custom_data") or {}):
                 self._own_notes.append(f"{self.path.name}: the recorder was not closed properly")
-                return None  # it says how far the bag had come before
+                return {}  # it says how far the bag had come before
             if isinstance(content, dict):
                 return content
             self._own_notes.append(f"{METADATA} holds no information and is not used")
@@ -102,14 +103,14 @@ class Rosbag2Directory:
             self._own_notes.append(f"{self.path.name} has no {METADATA}: the recorder was not closed properly")
         except (OSError, ValueError, TypeError, LookupError):
             self._own_notes.append(f"{METADATA} can't be read and is not used")
-        return None
+        return {}
 
-    def _find_files(self, metadata: Mapping[str, Any] | None) -> list[Path]:
+    def _find_files(self, metadata: Mapping[str, Any]) -> list[Path]:
         suffixes = tuple(suffix + end for suffix in FILES for end in ("", ".zstd"))
         there = [file for file in self.path.iterdir() if file.is_file() and file.name.endswith(suffixes)]
         plain = {file.name for file in there}
         there = [file for file in there if file.suffix != ".zstd" or file.stem not in plain]
-        listed = metadata.get("relative_file_paths") if metadata else None
+        listed = metadata.get("relative_file_paths")
         for name in listed if isinstance(listed, list) else []:
             base = Path(name).name if isinstance(name, str) else ""
             if base and not any(file.name in (base, f"{base}.zstd") or f"{file.name}.zstd" == base for file in there):
@@ -133,11 +134,6 @@ class Rosbag2Directory:
         for part, places in zip(self._parts, self._places, strict=True):
             np.add.at(counts, places, np.array(part.counts, dtype=np.int64))
         self.counts: tuple[int, ...] = tuple(counts.tolist())
-
-    def _compare_counts(self, metadata: Mapping[str, Any] | None) -> None:
-        announced = metadata.get("message_count") if metadata else None
-        if isinstance(announced, int) and announced != sum(self.counts):
-            self._own_notes.append(f"{METADATA} announces {announced} messages, the files hold {sum(self.counts)}")
 
     @property
     def truncated(self) -> bool:

@@ -5,10 +5,11 @@ definitions and type hashes of standard messages, without ROS.
 from __future__ import annotations
 
 from collections.abc import Iterable, Mapping, Sequence
-from dataclasses import dataclass, replace
+from dataclasses import asdict, dataclass, replace
 from functools import cache
 from typing import Any
 
+from robot_ident.bags.cdr import message_types
 from robot_ident.bags.storage import Extent, Topic
 
 _LONGEST = 1 << 16  # characters; a profile takes 400
@@ -38,21 +39,14 @@ class Qos:
 
     def mapping(self) -> dict[str, Any]:
         """Return the keys and values that rosbag2 writes."""
-
-        def duration(nanoseconds: int) -> dict[str, int]:
-            return dict(zip(("sec", "nsec"), divmod(nanoseconds, 1_000_000_000), strict=True))
-
-        return {
-            "history": self.history,
-            "depth": self.depth,
-            "reliability": self.reliability,
-            "durability": self.durability,
-            "deadline": duration(self.deadline_ns),
-            "lifespan": duration(self.lifespan_ns),
-            "liveliness": self.liveliness,
-            "liveliness_lease_duration": duration(self.liveliness_lease_duration_ns),
-            "avoid_ros_namespace_conventions": self.avoid_ros_namespace_conventions,
-        }
+        content: dict[str, Any] = {}
+        for key, value in asdict(self).items():
+            if key.endswith("_ns"):
+                seconds, rest = divmod(value, 1_000_000_000)
+                content[key.removesuffix("_ns")] = {"sec": seconds, "nsec": rest}
+            else:
+                content[key] = value
+        return content
 
 
 def qos_text(profiles: Sequence[Qos | dict[str, Any]]) -> str:
@@ -92,11 +86,10 @@ def bag_metadata(
     """Return what rosbag2 calls the bag's information: topics with counts, files, start and duration."""
     filled = [extent for _, extent in files if extent.messages]
     start = min((extent.first for extent in filled), default=0)
-    end = max((extent.last for extent in filled), default=0)
     return {
         "version": VERSION,
         "storage_identifier": "mcap",
-        "duration": {"nanoseconds": end - start},
+        "duration": {"nanoseconds": max((extent.last for extent in filled), default=0) - start},
         "starting_time": {"nanoseconds_since_epoch": start},
         "message_count": sum(extent.messages for extent in filled),
         "topics_with_message_count": [
@@ -118,8 +111,8 @@ def bag_metadata(
         "files": [
             {
                 "path": name,
-                "starting_time": {"nanoseconds_since_epoch": extent.start},
-                "duration": {"nanoseconds": extent.duration},
+                "starting_time": {"nanoseconds_since_epoch": extent.first},
+                "duration": {"nanoseconds": extent.last - extent.first},
                 "message_count": extent.messages,
             }
             for name, extent in files
@@ -143,9 +136,7 @@ def yaml_text(content: Mapping[str, Any]) -> str:
 @cache
 def definition_of(kind: str) -> tuple[str, str]:
     """Return the text of a message type (`sensor_msgs/msg/JointState`) and its RIHS01 hash; empty where not known."""
-    from rosbags.typesys import Stores, get_typestore
-
-    store = get_typestore(Stores.ROS2_JAZZY)
+    store = message_types()
     if kind not in store.fielddefs:
         return "", ""
     return store.generate_msgdef(kind, ros_version=2)[0], store.hash_rihs01(kind)

@@ -6,6 +6,7 @@ import shutil
 import sqlite3
 from collections.abc import Collection, Iterator
 from contextlib import closing
+from functools import cached_property
 from pathlib import Path
 
 import numpy as np
@@ -35,15 +36,15 @@ class SqliteFile:
         self._place = path
         self._lost = ""
         self._damaged: set[tuple[int, int]] = set()  # topic and place, so that a second reading counts them once
-        self._counts: tuple[int, ...] | None = None
         try:
             if not path.stat().st_size:
                 raise InputError(f"{path}: the file is empty")
-            if any(_filled(f"{path}{end}") for end in _SIDECARS):
+            sidecars = [Path(f"{path}{end}") for end in _SIDECARS]
+            if any(file.is_file() and file.stat().st_size for file in sidecars):
                 self._roll_back()
             elif missing := _missing_bytes(path):
                 self._lost = f"{path.name} is truncated: its last {missing} bytes are missing; what can be read is used"
-            self._topics, self._numbers = self._read_topics()
+            self.topics, self._numbers = self._read_topics()
         except (*_REFUSALS, OSError) as error:
             raise InputError(f"{path}: is no readable SQLite bag ({one_line(error)})") from error
 
@@ -51,10 +52,8 @@ class SqliteFile:
         """Open without locks and side files: nothing is ever written beside a recording."""
         connection = sqlite3.connect(f"{self._place.absolute().as_uri()}?mode=ro&immutable=1", uri=True)
         connection.text_factory = lambda text: text.decode("utf-8", errors="replace")
-        steps = _STEPS + _STEPS_PER_BYTE * self._place.stat().st_size
-        looks = iter(
-            range(steps // _LOOK)
-        )  # pages that point at each other in a circle would hold more rows than bytes
+        # pages that point at each other in a circle would hold more rows than bytes
+        looks = iter(range((_STEPS + _STEPS_PER_BYTE * self._place.stat().st_size) // _LOOK))
         connection.set_progress_handler(lambda: next(looks, None) is None, _LOOK)
         return connection
 
@@ -101,26 +100,19 @@ class SqliteFile:
                     f"{self.path}: column {one_line(hidden[0])!r} of table {table!r} is computed; no bag's is"
                 )
 
-    @property
-    def topics(self) -> tuple[Topic, ...]:
-        """The topics, in the order of their numbers."""
-        return self._topics
-
-    @property
+    @cached_property
     def counts(self) -> tuple[int, ...]:
         """The number of messages of each topic."""
-        if self._counts is None:
-            try:
-                with closing(self._connect()) as connection:
-                    query = "SELECT topic_id, count(*) FROM messages GROUP BY topic_id"
-                    counted = dict(connection.execute(query).fetchall())
-                self._counts = tuple(int(counted.get(number, 0)) for number in self._numbers)
-            except _REFUSALS:  # damaged further on: count what can be read
-                found = np.zeros(len(self._topics), dtype=np.int64)
-                for batch in self.batches():
-                    found += np.bincount(batch.topic, minlength=len(found))
-                self._counts = tuple(found.tolist())
-        return self._counts
+        try:
+            with closing(self._connect()) as connection:
+                query = "SELECT topic_id, count(*) FROM messages GROUP BY topic_id"
+                counted = dict(connection.execute(query).fetchall())
+            return tuple(int(counted.get(number, 0)) for number in self._numbers)
+        except _REFUSALS:  # damaged further on: count what can be read
+            found = np.zeros(len(self.topics), dtype=np.int64)
+            for batch in self.batches():
+                found += np.bincount(batch.topic, minlength=len(found))
+            return tuple(found.tolist())
 
     @property
     def truncated(self) -> bool:
@@ -135,7 +127,7 @@ class SqliteFile:
 
     def batches(self, wanted: Collection[int] | None = None) -> Iterator[Batch]:
         """Yield the messages of the wanted topics in the order they were written."""
-        indices = range(len(self._topics)) if wanted is None else sorted(wanted)
+        indices = range(len(self.topics)) if wanted is None else sorted(wanted)
         index_of = {self._numbers[index]: index for index in indices}
         marks = ", ".join("?" * len(index_of))
         query = f"SELECT topic_id, timestamp, data FROM messages WHERE topic_id IN ({marks}) ORDER BY id"
@@ -171,14 +163,7 @@ def _missing_bytes(path: Path) -> int:
     return max(0, pages * (65536 if page == 1 else page) - path.stat().st_size)
 
 
-def _filled(path: str) -> bool:
-    return Path(path).is_file() and Path(path).stat().st_size > 0
-
-
 def _batch(rows: list[tuple[int, int, bytes]], index_of: dict[int, int]) -> Batch:
     numbers, stamps, payloads = zip(*rows, strict=True)
-    size = np.array([len(payload) for payload in payloads], dtype=np.int64)
-    stamp = np.array(stamps, dtype=np.int64)
     topic = np.array([index_of[number] for number in numbers], dtype=np.int64)
-    data = np.frombuffer(bytearray().join(payloads), dtype=np.uint8)
-    return Batch(data, np.cumsum(size) - size, size, topic, stamp, stamp)
+    return Batch.of(payloads, topic, np.array(stamps, dtype=np.int64))

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Collection, Iterator
+from collections.abc import Collection, Iterator, Sequence
 from dataclasses import dataclass
 from typing import Protocol
 
@@ -55,6 +55,17 @@ class Batch:
     topic: Integers
     log_time: Integers
     publish_time: Integers
+
+    @classmethod
+    def of(
+        cls, payloads: Sequence[bytes], topic: Integers, log_time: Integers, publish_time: Integers | None = None
+    ) -> Batch:
+        """Return messages whose bytes lie apart; publish_time None: the receive time."""
+        size = np.array([len(payload) for payload in payloads], dtype=np.int64)
+        data = np.frombuffer(bytearray().join(payloads), dtype=np.uint8)
+        return cls(
+            data, np.cumsum(size) - size, size, topic, log_time, log_time if publish_time is None else publish_time
+        )
 
     def __len__(self) -> int:
         """Return the number of messages N."""
@@ -120,23 +131,16 @@ def windows(data: Bytes, start: Integers, size: int, width: int | None = None) -
 
 @dataclass
 class Extent:
-    """What a file holds: messages by topic, and the first and last receive time in ns."""
+    """What a file holds: messages by topic and together, and the first and last receive time in ns, 0 without any."""
 
     counts: dict[str, int]
-    first: int = 2**63 - 1
+    messages: int = 0
+    first: int = 0
     last: int = 0
 
-    @property
-    def messages(self) -> int:
-        """Number of messages."""
-        return sum(self.counts.values())
-
-    @property
-    def start(self) -> int:
-        """First receive time [ns], 0 without messages."""
-        return self.first if self.messages else 0
-
-    @property
-    def duration(self) -> int:
-        """Time from the first to the last message [ns]."""
-        return self.last - self.first if self.messages else 0
+    def add(self, topic: str, log_time: int) -> None:
+        """Count one message."""
+        self.counts[topic] += 1
+        self.first = min(self.first, log_time) if self.messages else log_time
+        self.last = max(self.last, log_time)
+        self.messages += 1

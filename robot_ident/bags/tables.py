@@ -243,22 +243,16 @@ def _recording(path: Path, names: tuple[str, ...], samples: Samples, notes: list
     return Recording(names, t, samples.q, samples.tau, samples.dq, str(path), tuple(notes + order_notes), start_ns)
 
 
-def write_csv(path: Path, recording: Recording) -> None:
-    """Write a recording as the table that `read_csv` reads."""
-    n = recording.names
-    header = ["t", *(f"q_{name}" for name in n), *(f"tau_{name}" for name in n)]
-    columns = [recording.t[:, None], recording.q, recording.tau]
-    if recording.dq is not None:
-        header += [f"dq_{name}" for name in n]
-        columns.append(recording.dq)
-    np.savetxt(path, np.hstack(columns), fmt="%.17g", delimiter=",", header=",".join(header), comments="")
+def write_table(path: Path, form: str, arrays: Mapping[str, Any], digits: int = 17) -> None:
+    """Write arrays as the file that `read_csv` or `read_npz` reads: `t` [N], `names` [n], all others [N, n].
 
-
-def write_npz(path: Path, recording: Recording) -> None:
-    """Write a recording as the archive that `read_npz` reads."""
-    arrays: dict[str, Any] = {"t": recording.t, "q": recording.q, "tau": recording.tau}
-    arrays["names"] = np.array(recording.names)
-    if recording.dq is not None:
-        arrays["dq"] = recording.dq
-    with path.open("wb") as file:
-        np.savez(file, **arrays)
+    form: `.npz` or `.csv`, whose numbers have so many digits.
+    """
+    if form == ".npz":
+        with path.open("wb") as file:
+            np.savez(file, **arrays)
+        return
+    columns = {key: values for key, values in arrays.items() if key not in ("t", "names")}
+    header = ["t", *(f"{key}_{name}" for key in columns for name in arrays["names"])]
+    rows = np.column_stack([arrays["t"], *columns.values()])
+    np.savetxt(path, rows, fmt=f"%.{digits}g", delimiter=",", header=",".join(header), comments="")

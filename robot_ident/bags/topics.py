@@ -27,12 +27,11 @@ def listing(storage: Storage) -> str:
 
 def joint_states(storage: Storage) -> list[int]:
     """Return the indices of the topics that hold JointState messages in the encoding of ROS 2, at least one each."""
-    pairs = enumerate(zip(storage.topics, storage.counts, strict=True))
-    return [index for index, (topic, count) in pairs if count and _is_joint_state(topic)]
+    return [index for index, count in enumerate(storage.counts) if count and _holds(storage.topics[index], JOINT_STATE)]
 
 
-def _is_joint_state(topic: Topic) -> bool:
-    return topic.type == JOINT_STATE and topic.encoding == "cdr"
+def _holds(topic: Topic, kind: str) -> bool:
+    return topic.type == kind and topic.encoding == "cdr"
 
 
 def peek(storage: Storage, index: int) -> tuple[tuple[str, ...], bool]:
@@ -101,7 +100,7 @@ def named_topic(storage: Storage, source: Path | str, topic: str, kind: str = JO
     wanted = topic.strip("/")
     named = [index for index, known in enumerate(storage.topics) if known.name.strip("/") == wanted]
     named = named or [index for index, known in enumerate(storage.topics) if known.name.endswith(f"/{wanted}")]
-    usable = [k for k in named if storage.topics[k].type == kind and storage.topics[k].encoding == "cdr"]
+    usable = [index for index in named if _holds(storage.topics[index], kind)]
     if len(usable) > 1:
         names = one_line(*(storage.topics[index].name for index in usable))
         raise InputError(f"{source}: topic {topic!r} may be any of {names}; give the whole name")

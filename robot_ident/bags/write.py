@@ -14,6 +14,7 @@ from robot_ident.bags.bag_writer import BagWriter
 from robot_ident.bags.read import TABLES
 from robot_ident.bags.rosbag2_metadata import Qos, qos_text
 from robot_ident.bags.storage import JOINT_STATE, Integers, Topic
+from robot_ident.bags.tables import write_table
 from robot_ident.errors import InputError
 from robot_ident.estimation.prediction import Prediction
 from robot_ident.files import whole
@@ -59,7 +60,8 @@ def write_recording(
     path = Path(path)
     with whole(path, force=force) as draft:
         if path.suffix in TABLES:
-            TABLES[path.suffix].write(draft, recording)
+            arrays = {"t": recording.t, "q": recording.q, "tau": recording.tau, "names": np.array(recording.names)}
+            write_table(draft, path.suffix, arrays if recording.dq is None else {**arrays, "dq": recording.dq})
             return
         start = start_ns or max(recording.start_ns, 0) or time.time_ns()
         stamps = start + np.rint(recording.t * 1e9).astype(np.int64)
@@ -107,20 +109,20 @@ def write_prediction(path: Path | str, prediction: Prediction, *, force: bool = 
     /predicted_lower and /predicted_upper, the band's ends. InputError when the path exists (and not `force`).
     """
     path = Path(path)
-    motion = prediction.motion
-    arrays = {"q": motion.q, "dq": motion.dq, "ddq": motion.ddq}
-    arrays |= {"tau": prediction.torque, "tau_std": prediction.std, "tau_band": prediction.band}
-    if path.suffix not in (".npz", ".csv"):
+    if path.suffix not in TABLES:
         write_series(path, _series(prediction), force=force)
         return
+    motion = prediction.motion
+    arrays = {
+        "t": prediction.t,
+        "names": np.array(prediction.joints),
+        "q": motion.q,
+        "dq": motion.dq,
+        "ddq": motion.ddq,
+    }
+    arrays |= {"tau": prediction.torque, "tau_std": prediction.std, "tau_band": prediction.band}
     with whole(path, force=force) as draft:
-        if path.suffix == ".npz":
-            with draft.open("wb") as file:
-                np.savez(file, t=prediction.t, names=np.array(prediction.joints), **arrays)  # type: ignore[arg-type]
-        else:
-            header = ["t", *(f"{key}_{joint}" for key in arrays for joint in prediction.joints)]
-            columns = np.column_stack([prediction.t, *arrays.values()])
-            np.savetxt(draft, columns, fmt="%.12g", delimiter=",", header=",".join(header), comments="")
+        write_table(draft, path.suffix, arrays, digits=12)
 
 
 def _series(prediction: Prediction) -> list[Series]:

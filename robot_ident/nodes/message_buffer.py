@@ -82,15 +82,8 @@ class Snapshot:
         """Yield the messages of the topics with these indices (None: of all), topic by topic."""
         for index, messages in enumerate(self.messages):
             if messages and (wanted is None or index in wanted):
-                yield _batch(messages, index)
-
-
-def _batch(messages: Sequence[Message], index: int) -> Batch:
-    payloads = [data for _, _, data in messages]
-    size = np.array([len(data) for data in payloads], dtype=np.int64)
-    log = np.array([received for _, received, _ in messages], dtype=np.int64)
-    content = np.frombuffer(bytearray().join(payloads), dtype=np.uint8)
-    return Batch(content, np.cumsum(size) - size, size, np.full(len(size), index, dtype=np.int64), log, log)
+                log_time = np.array([received for _, received, _ in messages], dtype=np.int64)
+                yield Batch.of([data for _, _, data in messages], np.full(len(messages), index), log_time)
 
 
 def recording_of(
@@ -106,11 +99,12 @@ def recording_of(
     """
     if not states:
         raise InputError(f"{name}: nothing has been received")
-    if not sources:
-        decoder = JointStateDecoder()
-        return assemble(list(decoder.decode(_batch(states, 0))), tuple(joints), name, name)
     others = others or {}
     storage = Snapshot((Topic(name, JOINT_STATE), *others), (tuple(states), *map(tuple, others.values())))
+    if not sources:
+        decoder = JointStateDecoder()
+        pieces = [piece for batch in storage.batches([0]) for piece in decoder.decode(batch)]
+        return assemble(pieces, tuple(joints), name, name)
     return with_efforts(storage, name, name, sources, joints, joints)
 
 

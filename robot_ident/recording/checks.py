@@ -17,7 +17,7 @@ import numpy as np
 from robot_ident.errors import InputError
 from robot_ident.recording.conditions import Conditions, in_metres, sidecar
 from robot_ident.recording.measurement import Measurement
-from robot_ident.recording.period import AT_REST
+from robot_ident.recording.period import AT_REST, longest_run
 from robot_ident.recording.recording import Recording
 from robot_ident.recording.resolution import position_step
 from robot_ident.robot.robot import Robot
@@ -79,13 +79,12 @@ def without_leaps(recording: Recording) -> Recording:
     """Return a recording without samples whose positions leap and are back within five samples: readings that were lost
     (zeros, say) or spoilt, which no joint has followed. A note names the first; more than a hundredth stay.
     """
-    lost = np.zeros(recording.samples, dtype=bool)
-    for q in recording.q.T:
-        lost |= _leapt(q)
+    leapt = np.column_stack([_leapt(q) for q in recording.q.T])
+    lost: Mask = np.any(leapt, axis=1)
     if not lost.any() or lost.mean() > _FEW:
         return recording
     first = int(np.argmax(lost))
-    joints = [name for name, q in zip(recording.names, recording.q.T, strict=True) if _leapt(q).any()]
+    joints = [name for name, some in zip(recording.names, leapt.T, strict=True) if some.any()]
     size = float(np.abs(np.diff(recording.q, axis=0)[first - 1]).max())
     note = (
         f"positions of {', '.join(joints)} leap by up to {size:.3g} and back in {int(lost.sum())} samples, first at"
@@ -215,11 +214,8 @@ def check_efforts(recording: Recording) -> None:
     others = [name for name in recording.names if name not in silent]
     if not silent:
         return
-    way = (
-        ""
-        if not others
-        else f"; record with {', '.join(silent)} standing still, and identify --joints {','.join(others)}"
-    )
+    way = f"; record with {', '.join(silent)} standing still, and identify --joints {','.join(others)}"
+    way = way if others else ""
     raise InputError(f"{recording.source}: {silent_note(silent)}{way}")
 
 
@@ -252,16 +248,13 @@ def refuse_copies(measurements: Sequence[Measurement]) -> None:
     A torque that was commanded may be the same on different motions.
     """
     for one, other in combinations(measurements, 2):
-        if one is other or (_of_one_torque(one, other) and _of_one_place(one, other)):
+        of_one_torque = np.array_equal(one.torque, other.torque, equal_nan=True) or _of_one_noise(one, other)
+        if one is other or (of_one_torque and _of_one_place(one, other)):
             raise InputError(
                 f"{other.source} holds the samples of {one.source}: a copy of it, or a simulation of the"
                 " same motion without noise; give every one once, since the noise of both would be counted as"
                 " independent, and what is kept aside as not seen"
             )
-
-
-def _of_one_torque(one: Measurement, other: Measurement) -> bool:
-    return bool(np.array_equal(one.torque, other.torque, equal_nan=True)) or _of_one_noise(one, other)
 
 
 def _of_one_place(one: Measurement, other: Measurement) -> bool:
@@ -412,12 +405,7 @@ def still_part(recording: Recording, angles: Mapping[str, float], instead: str =
         return recording
     away = {name: np.abs(recording.q[:, recording.names.index(name)] - angles[name]) > STILL for name in there}
     still = ~np.any(list(away.values()), axis=0)
-    edges = np.flatnonzero(np.diff(np.concatenate([[0], still.astype(np.int8), [0]])))
-    if not len(edges):
-        first = last = 0
-    else:
-        best = int(np.argmax(edges[1::2] - edges[::2]))
-        first, last = int(edges[2 * best]), int(edges[2 * best + 1])
+    first, last = longest_run(still)
     if last - first < _LEAST * recording.samples:
         worst = max(away, key=lambda name: int(away[name].sum()))
         reach = float(np.ptp(recording.q[:, recording.names.index(worst)]))

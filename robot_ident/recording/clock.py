@@ -240,12 +240,14 @@ def fast_share(q: Array, dt: float) -> Array:
     n = q.shape[1]
     if len(q) < _LEAST or _TOP / dt >= _ARM:
         return np.zeros(n)
+    from scipy.ndimage import uniform_filter1d
+
     window = np.hanning(len(q))[:, None]
     ramp = np.linspace(0.0, 1.0, len(q))[:, None]
     rest = q - (q[0] + ramp * (q[-1] - q[0]))
     frequency = np.fft.rfftfreq(len(q), dt)
     power = np.abs(np.fft.rfft((rest - rest.mean(axis=0)) * window, axis=0)) ** 2
-    power = _smoothed(power)
+    power = uniform_filter1d(power, _NEIGHBOURS, axis=0, mode="nearest")  # lest single lines of noise count as motion
     top = (frequency >= _TOP / dt) & (frequency <= _ARM)
     if top.sum() < _NEIGHBOURS:
         return np.zeros(n)
@@ -269,10 +271,3 @@ def rate_note(q: Array, dt: float, joints: tuple[str, ...]) -> str:
         f"{1.0 / dt:.4g} Hz is too low a rate for the motion of {', '.join(slow)}: their acceleration changes"
         " between samples, so that inertia is seen blurred; record faster, or move more gently"
     )
-
-
-def _smoothed(power: Array) -> Array:
-    """Return a spectrum [K, n] averaged over neighbours, so that single lines of noise don't count as motion."""
-    from scipy.ndimage import uniform_filter1d
-
-    return np.asarray(uniform_filter1d(power, _NEIGHBOURS, axis=0, mode="nearest"))

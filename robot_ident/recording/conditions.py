@@ -17,6 +17,7 @@ from robot_ident.signals.motion import Array, Motion
 
 Positive = Annotated[float, Field(gt=0)]
 Vector = tuple[float, float, float]
+Inertia = tuple[float, float, float, float, float, float]
 SCHEMA = "robot_ident/conditions/1"
 _ENDINGS = (".npz", ".csv", ".mcap", ".db3")  # of recordings that are one file
 _FAR = 2.0  # m from the flange: no hand holds a body so far away
@@ -31,7 +32,7 @@ class KnownPayload:
 
     mass: float
     centre: Vector = (0.0, 0.0, 0.0)
-    inertia: tuple[float, float, float, float, float, float] = (0.0,) * 6
+    inertia: Inertia = (0.0,) * 6
 
     def standard(self, robot: Robot) -> Array:
         """Return its ten inertial parameters about and along the last joint's frame.
@@ -40,8 +41,7 @@ class KnownPayload:
         """
         rotation, origin = hand(robot)
         p = origin + rotation @ np.array(self.centre)
-        xx, xy, yy, xz, yz, zz = self.inertia
-        own = rotation @ np.array([[xx, xy, xz], [xy, yy, yz], [xz, yz, zz]]) @ rotation.T
+        own = rotation @ _tensor(self.inertia) @ rotation.T
         about = own + self.mass * (p @ p * np.eye(3) - np.outer(p, p))
         entries = [about[i, j] for i, j in ((0, 0), (0, 1), (1, 1), (0, 2), (1, 2), (2, 2))]
         return np.array([self.mass, *(self.mass * p), *entries])
@@ -57,7 +57,7 @@ class PayloadPart:
 
     mass: float | None = None
     centre: Vector | None = None
-    inertia: tuple[float, float, float, float, float, float] | None = None
+    inertia: Inertia | None = None
 
     @property
     def given(self) -> tuple[str, ...]:
@@ -157,7 +157,6 @@ def _not_a_word(value: Any) -> Any:
 
 
 Part = BeforeValidator(_not_a_word)
-Inertia = tuple[float, float, float, float, float, float]
 _INERTIA = "Ixx, Ixy, Iyy, Ixz, Iyz, Izz about that centre, kg m^2"
 
 
@@ -235,7 +234,11 @@ def read_conditions(bag: Path | str) -> Conditions:
     assumed: tuple[str, ...] = ()
     if isinstance(file.payload, OpenPayloadFile):
         part = PayloadPart(file.payload.mass, file.payload.centre, file.payload.inertia)
-        _check_part(part, path)
+        if part.given == ("mass", "centre", "inertia"):
+            raise InputError(
+                f"{path}: payload.estimate: mass, centre and inertia are all given; leave one out, or the word estimate"
+            )
+        _check_inertia(part, path)
     if isinstance(file.payload, PayloadFile):
         payload = KnownPayload(file.payload.mass, file.payload.centre, file.payload.inertia)
         assumed = tuple(name for name in ("centre", "inertia") if name not in file.payload.model_fields_set)
@@ -268,21 +271,16 @@ def in_metres(centre: Vector) -> str:
     return f"centre: [{told}] m lies {np.linalg.norm(centre):.3g} m from the flange: millimetres? write [{metres}]"
 
 
-def _check_part(part: PayloadPart, path: Path) -> None:
-    """Raise InputError where nothing is left to estimate, or no body has what is known."""
-    if part.mass is not None and part.centre is not None and part.inertia is not None:
-        raise InputError(
-            f"{path}: payload.estimate: mass, centre and inertia are all given; leave one out, or the word estimate"
-        )
-    _check_inertia(part, path)
+def _tensor(inertia: Inertia) -> Array:
+    xx, xy, yy, xz, yz, zz = inertia
+    return np.array([[xx, xy, xz], [xy, yy, yz], [xz, yz, zz]])
 
 
 def _check_inertia(payload: KnownPayload | PayloadPart, path: Path) -> None:
     """Raise InputError where no body has such moments of inertia about its centre."""
     if payload.inertia is None:
         return
-    xx, xy, yy, xz, yz, zz = payload.inertia
-    moments = np.linalg.eigvalsh(np.array([[xx, xy, xz], [xy, yy, yz], [xz, yz, zz]]))
+    moments = np.linalg.eigvalsh(_tensor(payload.inertia))
     if moments[0] < -1e-12 or moments[0] + moments[1] < moments[2] * (1 - 1e-9) - 1e-12:
         raise InputError(f"{path}: payload.inertia = {list(payload.inertia)}: no body has these moments of inertia")
 

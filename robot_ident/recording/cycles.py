@@ -15,6 +15,7 @@ from typing import Any
 import numpy as np
 
 from robot_ident.recording.clock import roughness
+from robot_ident.recording.period import runs
 from robot_ident.signals.motion import Array
 
 _SPAN = 0.04  # s over which speed is judged
@@ -126,16 +127,15 @@ def _moves(q: Array, dt: float) -> list[_Move]:
     noise = _NOISE * roughness(q) / np.sqrt(half + 1.0)
     awake = np.any(step > np.maximum(noise, _SLOW * np.percentile(step, 99.0, axis=0)), axis=1)
     awake = np.concatenate([np.zeros(half, dtype=bool), awake, np.zeros(half, dtype=bool)])
-    edges = np.flatnonzero(np.diff(np.concatenate([[0], awake.astype(np.int8), [0]])))
-    runs: list[list[int]] = []
-    for first, last in zip(edges[::2].tolist(), edges[1::2].tolist(), strict=True):
-        if runs and first - runs[-1][1] < _REST / dt:
-            runs[-1][1] = last
+    moves: list[list[int]] = []
+    for first, last in runs(awake).tolist():
+        if moves and first - moves[-1][1] < _REST / dt:
+            moves[-1][1] = last
         else:
-            runs.append([first, last])
-    runs = [run for run in runs if run[1] - run[0] >= _SHORT / dt]
-    rests = [0, *(run[1] for run in runs)], [*(run[0] for run in runs), len(q)]
-    return [_Move(first, last, first - rests[0][k], rests[1][k + 1] - last) for k, (first, last) in enumerate(runs)]
+            moves.append([first, last])
+    moves = [move for move in moves if move[1] - move[0] >= _SHORT / dt]
+    rests = [0, *(move[1] for move in moves)], [*(move[0] for move in moves), len(q)]
+    return [_Move(first, last, first - rests[0][k], rests[1][k + 1] - last) for k, (first, last) in enumerate(moves)]
 
 
 class _Curve:

@@ -33,7 +33,7 @@ def joint_torque(effort: Array, q: Array, robot: Robot) -> Array:
     for joint, name in enumerate(robot.joints):
         declared = robot.effort.of(name)
         if declared.quantity == "current":
-            drives[:, joint] = _torque_of(drives[:, joint], robot, joint)
+            drives[:, joint] = _by_drive(drives[:, joint], robot, joint, to_torque=True)
         if declared.side == "motor":
             drives[:, joint] *= robot.drives.gear_ratio[joint]
     tau: Array = drives if robot.effort.coupling is None else np.asarray(drives @ robot.effort.coupling.T)
@@ -54,39 +54,22 @@ def as_reported(torque: Array, q: Array, robot: Robot) -> Array:
         if declared.side == "motor":
             tau[:, joint] /= robot.drives.gear_ratio[joint]
         if declared.quantity == "current":
-            tau[:, joint] = _current_of(tau[:, joint], robot, joint)
+            tau[:, joint] = _by_drive(tau[:, joint], robot, joint, to_torque=False)
     return np.asarray(tau / robot.effort.drives(robot.joints))
 
 
-def _torque_of(current: Array, robot: Robot, joint: int) -> Array:
-    """Return the torque [N] of a current [N] A by the drive's constant or curve; the current itself without either."""
-    points = _curve(robot, joint)
-    if points is None:
-        return current * _constant(robot, joint)
-    return _along(current, points[0], points[1])
+def _by_drive(x: Array, robot: Robot, joint: int, *, to_torque: bool) -> Array:
+    """Return the torque [N] Nm of a current [N] A by the drive's curve or its Nm/A, or the current of a torque.
 
-
-def _current_of(torque: Array, robot: Robot, joint: int) -> Array:
-    points = _curve(robot, joint)
-    if points is None:
-        return torque / _constant(robot, joint)
-    return _along(torque, points[1], points[0])
-
-
-def _constant(robot: Robot, joint: int) -> float:
-    """Return a drive's Nm/A; where nobody knows it, its A over the A of the others."""
-    if robot.in_ampere(joint):
-        return robot.effort.of(robot.joints[joint]).relative or 1.0
-    return float(robot.drives.torque_constant[joint])
-
-
-def _curve(robot: Robot, joint: int) -> tuple[Array, Array] | None:
-    """Return currents [K] A and torques [K] Nm of a drive's curve from zero on, or None."""
+    Where nobody knows its Nm/A, it is its A over the A of the others.
+    """
     curve = robot.torque_curves.get(robot.joints[joint])
-    if not curve:
-        return None
-    current, torque = np.array([(0.0, 0.0), *curve]).T
-    return current, torque
+    if curve:
+        current, torque = np.array([(0.0, 0.0), *curve]).T
+        return _along(x, current, torque) if to_torque else _along(x, torque, current)
+    known = not robot.in_ampere(joint)
+    constant = robot.drives.torque_constant[joint] if known else robot.effort.of(robot.joints[joint]).relative or 1.0
+    return x * float(constant) if to_torque else x / float(constant)
 
 
 def _along(x: Array, given: Array, wanted: Array) -> Array:

@@ -58,13 +58,9 @@ class FrequencyResponse:
             if not any(word.strip() for word in row):
                 continue
             try:
-                words = [row[header.index(name)].strip() for name in wanted]
-                values.append(
-                    [
-                        float("nan") if name == "phase" and not w else float(w)
-                        for name, w in zip(wanted, words, strict=True)
-                    ]
-                )
+                words = {name: row[header.index(name)].strip() for name in wanted}
+                words["phase"] = words["phase"] or "nan"
+                values.append([float(word) for word in words.values()])
             except (ValueError, IndexError):
                 raise InputError(f"{path}, line {number}: {','.join(row)}: numbers were expected") from None
         table = np.array(values, dtype=float).reshape(len(values), len(wanted))
@@ -97,7 +93,9 @@ def between(with_filter: Measurement, without: Measurement, joint: int | None = 
         raise InputError(f"{b.source} and {a.source} are of different motions or sample rates")
     of = slice(None) if joint is None else slice(joint, joint + 1)
     lines_a, lines_b = (np.fft.rfft(one.torque[:, of], axis=0) / one.motion.samples for one in (a, b))
-    noise_a, noise_b = (_line_noise(one)[:, of] for one in (a, b))
+    # E |n_k|^2 of the averaged torque's lines c_k = (1 / N) sum x exp(-i w k t)
+    noise_a = a.noise.power[:, of] / a.periods / a.noise.samples
+    noise_b = b.noise.power[:, of] / b.periods / b.noise.samples
     strong = (np.abs(lines_a) ** 2 > _STRONG * noise_a) & (np.abs(lines_b) ** 2 > _STRONG * noise_b)
     strong[0] = False
     weight = np.where(strong, 1.0 / noise_b, 0.0)
@@ -119,21 +117,13 @@ def between(with_filter: Measurement, without: Measurement, joint: int | None = 
     )
 
 
-def _line_noise(measured: Measurement) -> Array:
-    """Return E |n_k|^2 [K + 1, n] of the averaged torque's lines c_k = (1 / N) sum x exp(-i w k t)."""
-    assert measured.noise is not None
-    power = np.real(np.einsum("kii->ki", measured.noise.density))
-    return np.asarray(power / measured.periods / measured.noise.samples)
-
-
 def _noise_gain(b: Measurement, a: Measurement, of: slice) -> tuple[Array, Array, Array]:
     """Return |H| [M] by the noise of both at frequencies [M] Hz, and its relative deviation [M].
 
     Smoothed lines are taken one smoothing width apart, so that they are independent.
     """
     assert a.noise is not None and b.noise is not None and a.base_frequency is not None
-    densities = (one.noise.density for one in (a, b) if one.noise is not None)
-    power_a, power_b = (np.real(np.einsum("kii->ki", density))[:, of] for density in densities)
+    power_a, power_b = a.noise.power[:, of], b.noise.power[:, of]
     dof = min(a.noise.dof, b.noise.dof)
     apart = max(1, round(dof / (2.0 * max(1, min(a.periods, b.periods) - 1))))
     at = np.arange(apart, len(power_a) - apart, apart)
@@ -236,9 +226,8 @@ def _fitted(response: FrequencyResponse, start: Array, shape: Sequence[int]) -> 
         turned = (np.angle(ratio) * scale)[phase]
         return np.concatenate([told, turned])
 
-    span = np.concatenate(
-        [[np.inf], np.full(len(shape), _FREQUENCIES), np.full(len(start) - 1 - len(shape), _QUALITIES)]
-    )
+    span = np.full(len(start), _QUALITIES)
+    span[0], span[1 : 1 + len(shape)] = np.inf, _FREQUENCIES
     bounds = (start - span, start + span)
     return least_squares(residual, start, bounds=bounds, method="trf", x_scale="jac", max_nfev=200)
 
@@ -258,11 +247,9 @@ def _described(
     )
     order = sorted(range(count), key=lambda k: sections[k][-1] if len(sections[k]) == 2 else 0.0)
     gain = float(np.exp(found.x[0]))
-    residual = found.fun * (
-        1.0
-        if response.deviation is None
-        else np.concatenate([response.deviation, response.deviation[response.with_phase]])
-    )
+    residual = found.fun
+    if response.deviation is not None:
+        residual = residual * np.concatenate([response.deviation, response.deviation[response.with_phase]])
     return IdentifiedFilter(
         AntiAlias.of_sections([sections[k] for k in order]),
         tuple(spread[k] for k in order),

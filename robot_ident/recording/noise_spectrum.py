@@ -45,6 +45,11 @@ class NoiseSpectrum:
         """Whether every joint's noise is white and independent of the others'."""
         return not (self.correlated or any(self.coloured))
 
+    @property
+    def power(self) -> Array:
+        """The density [K + 1, n] (Nm)^2 of each joint by itself."""
+        return _diagonal(self.density)
+
     def autocovariance(self) -> Array:
         """Return E[n_i(t) n_j(t + lag)] of one sample's noise [samples, n, n] (Nm)^2, circular in the lag."""
         out: Array = np.fft.irfft(self.density, self.samples, axis=0)
@@ -56,7 +61,7 @@ class NoiseSpectrum:
 
     def passed_variance(self, gain: Array) -> Array:
         """Return the variance [n] of one sample's noise behind a low pass with a gain [K + 1] at the period's lines."""
-        power = np.real(np.einsum("kii->ki", self.density)) * (gain**2)[:, None]
+        power = self.power * (gain**2)[:, None]
         last = power[-1] if self.samples % 2 == 0 else 0.0
         return np.asarray((2.0 * power.sum(axis=0) - power[0] - last) / self.samples)
 
@@ -84,6 +89,10 @@ class NoiseSpectrum:
         """Return S x for signals x [N, n, p] over a whole period: each line times its density."""
         spectrum = np.fft.rfft(x, axis=0)
         return np.fft.irfft(np.einsum("kij,kjp->kip", self.density.conj(), spectrum), self.samples, axis=0)
+
+
+def _diagonal(density: Density) -> Array:
+    return np.real(np.einsum("kii->ki", density))
 
 
 def mean_of_periods(periods: Array) -> Array:
@@ -120,7 +129,7 @@ def noise_spectrum(
     inner = cross[1 : last + 1]
     coloured = tuple(_is_coloured(np.real(inner[:, j, j]), count - 1) for j in range(n))
     correlated = n > 1 and _is_correlated(inner, count - 1)
-    power = np.real(np.einsum("kii->ki", cross))
+    power = _diagonal(cross)
     found = (power[0] + 2.0 * power[1 : last + 1].sum(axis=0)) / (2 * last + 1)
     width = min(_LINES, len(inner))
     first = [
@@ -202,7 +211,7 @@ def _shaped(smooth: Density, coloured: tuple[bool, ...], correlated: bool) -> De
 
 
 def _scaled(smooth: Density, variance: Array) -> Density:
-    power = np.real(np.einsum("kii->ki", smooth)).mean(axis=0)
+    power = _diagonal(smooth).mean(axis=0)
     scale = np.sqrt(variance / np.where(power > 0, power, 1.0))
     return np.asarray(smooth * scale[:, None] * scale[None, :])
 

@@ -6,6 +6,7 @@ from collections.abc import Sequence
 from dataclasses import dataclass
 
 import numpy as np
+from numpy.typing import NDArray
 
 from robot_ident.errors import InputError
 from robot_ident.recording.clock import roughness
@@ -98,10 +99,8 @@ def _shortest(columns: Sequence[Array]) -> int | None:
 
 
 def refine_period(q: Array, period: float, dt: float) -> float:
-    """Return the period [samples] to a small part of a sample, from the shift between distant periods.
-
-    shift = - sum dq (q(t + L) - q(t)) / sum dq^2, over the steady samples; lags L of 1, 2, 4... periods, each
-    refining the last.
+    """Return the period [samples] to a small part of a sample, from the shift between distant periods over the steady
+    samples; lags of 1, 2, 4... periods, each refining the last.
     """
     columns = _columns(q, _moving(q))
     weights = [1.0 / max(float(np.gradient(column).std()), 1e-12) ** 2 for column in columns]
@@ -120,13 +119,7 @@ def refine_period(q: Array, period: float, dt: float) -> float:
             break
         least = min(least, quiet)
         calm = rows & (gap <= 4.0 * quiet + 1e-12)
-        moved, size = 0.0, 0.0
-        for weight, column in zip(weights, columns, strict=True):
-            velocity = np.gradient(column)
-            slope = 0.5 * (velocity[lag:] + velocity[:-lag])[calm]
-            moved += weight * float(slope @ (column[lag:] - column[:-lag])[calm])
-            size += weight * float(slope @ slope)
-        shift = -moved / size
+        shift = _shift(columns, weights, lag, calm)
         if abs(shift) < 0.5 * period:
             period = (lag + shift) / repeats
         repeats *= 2
@@ -156,8 +149,8 @@ def steady_part(q: Array, period: float, step: Array, source: str) -> Steady:
         # 16 = (4 sigma)^2 over the calm quarter; tremor of 1e-4 of the motion still counts as repeating
         noise = np.maximum(rough**2, _local_noise(column, kernel)[: len(smooth)])
         good &= smooth <= 16.0 * np.percentile(smooth[rows], 25.0) + 4.0 * noise + (1e-4 * column.std()) ** 2
-    first, last = _longest(good)
-    last = last + lag
+    first, end = longest_run(good)
+    last = end - 1 + lag
     periods = int((last - first + 1 + 1e-6 * period) / period)
     if periods < 2:
         found = (last - first + 1) / period
@@ -186,13 +179,18 @@ def _local_noise(q: Array, kernel: Array) -> Array:
     return np.asarray(np.convolve(rough, kernel, mode="same"))
 
 
-def _longest(good: np.ndarray) -> tuple[int, int]:
-    edges = np.flatnonzero(np.diff(np.concatenate([[0], good.astype(np.int8), [0]])))
-    if not len(edges):
-        return 0, -1
-    starts, ends = edges[::2], edges[1::2]
-    best = int(np.argmax(ends - starts))
-    return int(starts[best]), int(ends[best]) - 1
+def runs(there: Mask) -> NDArray[np.int64]:
+    """Return where each run of samples that are `there` [N] begins, and the first sample after it [K, 2]."""
+    return np.flatnonzero(np.diff(np.concatenate([[0], there.astype(np.int8), [0]]))).reshape(-1, 2)
+
+
+def longest_run(there: Mask) -> tuple[int, int]:
+    """Return where the longest of `runs` begins, and the first sample after it; 0, 0 where there is none."""
+    found = runs(there)
+    if not len(found):
+        return 0, 0
+    first, end = found[np.argmax(found[:, 1] - found[:, 0])]
+    return int(first), int(end)
 
 
 def _dips(columns: Sequence[Array], awake: Mask) -> np.ndarray:
@@ -210,9 +208,7 @@ def _dips(columns: Sequence[Array], awake: Mask) -> np.ndarray:
 
 
 def _sharpen(columns: Sequence[Array], awake: Mask, lag: int) -> int:
-    """Return the lag nearby at which they repeat best: shift = - sum dx (x(t + lag) - x(t)) / sum dx^2, over the calm
-    half.
-    """
+    """Return the lag nearby at which they repeat best, by their shift over the calm half."""
     for _ in range(3):
         if not 1 <= lag < len(awake):
             return lag
@@ -221,14 +217,21 @@ def _sharpen(columns: Sequence[Array], awake: Mask, lag: int) -> int:
         if not rows.any():
             return lag
         calm = rows & (size <= np.median(size[rows]))
-        moved, power = 0.0, 0.0
-        for column in columns:
-            slope = np.gradient(column)
-            mean = 0.5 * (slope[lag:] + slope[:-lag])[calm]
-            moved += float(mean @ (column[lag:] - column[:-lag])[calm])
-            power += float(mean @ mean)
-        lag += round(-moved / max(power, 1e-300))
+        lag += round(_shift(columns, [1.0] * len(columns), lag, calm))
     return lag
+
+
+def _shift(columns: Sequence[Array], weights: Sequence[float], lag: int, calm: Mask) -> float:
+    """Return by how much more than `lag` [samples] columns repeat, over some rows: - sum dx (x(t + lag) - x(t)) / sum
+    dx^2, each column by its weight.
+    """
+    moved, size = 0.0, 0.0
+    for weight, column in zip(weights, columns, strict=True):
+        slope = np.gradient(column)
+        mean = 0.5 * (slope[lag:] + slope[:-lag])[calm]
+        moved += weight * float(mean @ (column[lag:] - column[:-lag])[calm])
+        size += weight * float(mean @ mean)
+    return -moved / max(size, 1e-300)
 
 
 def _median_difference(columns: Sequence[Array], awake: Mask, lag: int, units: Sequence[float] | None = None) -> float:

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from dataclasses import replace
 
 import numpy as np
@@ -56,9 +57,7 @@ def _told(t: Array, start: float, end: float, period: float, where: str) -> str:
 
 
 STANDSTILL = 0.02  # rad/s: below it, stiction leaves the torque undetermined
-_SILENT = (
-    1e-5  # of a joint's torque: no sensor has less noise; what is below is rounding, or a simulation without noise
-)
+_SILENT = 1e-5  # of a joint's torque: no sensor has less noise; below it is rounding, or a simulation without noise
 _WHITE = 0.1  # share of rounding in the error of a position from which on that error is not white
 _FEW = 5  # periods, below which a drift can't be told from chance
 _CHANCE = 1e-4  # of a drift of the mean effort where there is none
@@ -76,8 +75,14 @@ def averaged(recording: Recording, clock: Clock, period: float, robot: Robot, pr
     notes = [f"{mean.periods} periods of {period * clock.dt:.6g} s averaged"]
     notes += set_aside(clock, period * clock.dt, max(start, 0) * clock.dt, max(mean.after, 0) * clock.dt)
     out = of_mean(recording, mean, period, 1.0 / clock.dt, robot, processing)
-    began = _began(start, period, clock.dt, steady.periods, mean.left_out)
-    return replace(out, motion=replace(out.motion, began=began), notes=(*notes, *out.notes, *_unused(processing)))
+    notes += out.notes
+    if processing.derivative_bandwidth is not None:
+        notes.append(
+            "--derivative-bandwidth is for what does not repeat; here velocity and acceleration come from the lines"
+        )
+    kept = [number for number in range(steady.periods) if number + 1 not in mean.left_out]
+    began = tuple((start + number * period) * clock.dt for number in kept)
+    return replace(out, motion=replace(out.motion, began=began), notes=tuple(notes))
 
 
 def of_mean(
@@ -118,12 +123,7 @@ def of_mean(
         low_pass=None if cutoff is None else PeriodicLowPass(cutoff, frequency, len(mean.q)),
         decimate=processing.decimate,
         period_torque=mean.periods_of_tau,
-        notes=(
-            *_notes(mean, chain, noise, robot),
-            *_drifting(mean, robot),
-            *_silence(silent),
-            *_undirected(trust & ~directed, robot),
-        ),
+        notes=(*_notes(mean, chain, noise, robot, silent), *_undirected(trust & ~directed, robot)),
         noise=noise,
         quantisation=rounding if rounding.any() else None,
         position_lines=strong,
@@ -134,12 +134,8 @@ def of_mean(
     )
 
 
-def _began(start: int, period: float, dt: float, periods: int, left_out: tuple[int, ...]) -> tuple[float, ...]:
-    """Return when each averaged period began, s after the first sample; start, period: in samples of dt [s]."""
-    return tuple((start + number * period) * dt for number in range(periods) if number + 1 not in left_out)
-
-
-def _notes(mean: Average, chain: Chain, noise: NoiseSpectrum, robot: Robot) -> tuple[str, ...]:
+def _notes(mean: Average, chain: Chain, noise: NoiseSpectrum, robot: Robot, silent: Sequence[str]) -> list[str]:
+    """Return a line for each thing that was left out, undone or found of the noise; silent: joints without any."""
     notes = []
     if mean.left_out:
         which = ", ".join(str(m) for m in mean.left_out)
@@ -154,7 +150,13 @@ def _notes(mean: Average, chain: Chain, noise: NoiseSpectrum, robot: Robot) -> t
         notes.append(f"the torque noise of {', '.join(coloured)} is not white; its spectrum is taken into account")
     if noise.correlated:
         notes.append("the torque noise of the joints is correlated; its covariance is taken into account")
-    return tuple(notes)
+    notes += _drifting(mean, robot)
+    if silent:
+        notes.append(
+            f"the torque of {', '.join(silent)} repeats without noise; a hundred-thousandth of it is taken for its"
+            " noise, so that sigma and what exceeds it mean little"
+        )
+    return notes
 
 
 def _drifting(mean: Average, robot: Robot) -> list[str]:
@@ -180,21 +182,6 @@ def _drifting(mean: Average, robot: Robot) -> list[str]:
         for k, name in enumerate(robot.joints)
         if chance[k] < _CHANCE
     ]
-
-
-def _silence(joints: list[str]) -> list[str]:
-    if not joints:
-        return []
-    return [
-        f"the torque of {', '.join(joints)} repeats without noise; a hundred-thousandth of it is taken for its noise,"
-        " so that sigma and what exceeds it mean little"
-    ]
-
-
-def _unused(processing: Processing) -> list[str]:
-    if processing.derivative_bandwidth is None:
-        return []
-    return ["--derivative-bandwidth is for what does not repeat; here velocity and acceleration come from the lines"]
 
 
 def _undone(mean: Average, chain: Chain, frequency: float, samples: int) -> tuple[Average, NoiseSpectrum]:

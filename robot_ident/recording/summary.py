@@ -12,9 +12,9 @@ from typing import Any
 import numpy as np
 
 from robot_ident.errors import InputError
-from robot_ident.recording.averaging import Average, average
+from robot_ident.recording.averaging import average
 from robot_ident.recording.checks import silent_efforts, silent_note, without_leaps
-from robot_ident.recording.clock import Clock, Stamps, even_positions, rate_note, read_clock
+from robot_ident.recording.clock import Stamps, even_positions, rate_note, read_clock
 from robot_ident.recording.cycle_average import cycle_notes, mean_cycle
 from robot_ident.recording.cycles import Cycles, find_cycles
 from robot_ident.recording.period import find_period
@@ -90,7 +90,11 @@ def summarise(recording: Recording) -> Summary:
     silent = silent_note(silent_efforts(recording))
     notes += [line for line in (slow, silent, *clipped_notes(recording, find_clipped(recording)).values()) if line]
     if period is not None:
-        mean, periods, trouble = _mean_period(recording, clock, period)
+        try:
+            steady, mean = average(recording, clock, period)
+            periods = steady.periods
+        except InputError as error:
+            trouble = str(error)
     if mean is None or doubtful(mean.q_variance, mean.periods * len(mean.q), q):
         found = find_cycles(q, clock.dt, float(clock.t[0]))
         other = None if found is None else mean_cycle(recording, clock, found)
@@ -129,15 +133,6 @@ def summarise(recording: Recording) -> Summary:
         position_step=position_step(recording.q),
         notes=tuple(notes),
     )
-
-
-def _mean_period(recording: Recording, clock: Clock, period: float) -> tuple[Average | None, int | None, str]:
-    """Return the mean period, how many there are, and why there is none."""
-    try:
-        steady, mean = average(recording, clock, period)
-    except InputError as error:
-        return None, None, str(error)
-    return mean, steady.periods, ""
 
 
 _SAME = 5e-3  # share by which a period may be off without a word

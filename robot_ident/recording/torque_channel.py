@@ -53,12 +53,9 @@ class Chain:
         pad = min(len(x) - 1, int(2.0 * rate))
         long = np.concatenate([2.0 * x[0] - x[pad:0:-1], x, 2.0 * x[-1] - x[-2 : -pad - 2 : -1]])
         frequency = np.asarray(np.fft.rfftfreq(len(long), 1.0 / rate), dtype=float)
-        return np.fft.irfft(np.fft.rfft(long, axis=0) / self._bounded(frequency), len(long), axis=0)[pad : pad + len(x)]
-
-    def _bounded(self, frequency: Array) -> Response:
-        """Return H, its size kept at that of the bandwidth beyond it."""
         h = self.response(frequency)
-        return np.asarray(h / np.minimum(1.0, np.abs(h) / LEAST_GAIN))
+        bounded = h / np.minimum(1.0, np.abs(h) / LEAST_GAIN)  # beyond the bandwidth as large as at its edge
+        return np.fft.irfft(np.fft.rfft(long, axis=0) / bounded, len(long), axis=0)[pad : pad + len(x)]
 
     def check_low_pass(self, cutoff: float, source: str) -> None:
         """Raise InputError where a low pass [Hz] keeps more than can be undone."""
