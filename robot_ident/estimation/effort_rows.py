@@ -17,18 +17,16 @@ import numpy as np
 from robot_ident.estimation.declaration import Declared, by_clock
 from robot_ident.recording.measurement import Measurement
 from robot_ident.recording.payload_torque import beyond_base
+from robot_ident.recording.unsigned import EXPLAINED, folded_back, one_sided
 from robot_ident.robot.robot import Robot
 from robot_ident.signals.motion import Array
 
 _ROWS = 4000  # that are looked at, at most
 _MOVES = 0.02  # rad or m
 _BLOCK = 0.5  # s within which residuals depend on each other
-_NEGATIVE = 0.02  # of the largest effort, by which a filtered absolute value may fall below zero
 _TURNED = 0.1  # share of the samples whose sign is lost
-_EXPLAINED = 0.8  # of an effort that must be explained before anything is said about what it is
 _BETTER = 0.3  # of the power left over before, that may be left over by a better reading
 _TOUCHES = 0.05  # of the largest effort, to which an absolute value falls where its torque turns
-_ROUNDS = 20
 _NEAR = 0.25  # s; a delay or a drive's lag up to that is an effect of the robot, not another time
 _OF_CLOCK = 0.1  # of what inertia in common leaves beyond own ones, that the pace of a clock must explain
 _TIMELESS, _TIMED = [0, 3, 5], [1, 2, 4]  # columns of a joint
@@ -99,9 +97,9 @@ def unsigned_joints(rows: EffortRows) -> list[int]:
     joint, or another of its kind, it is enough that an effort falls to zero and never below it although weight and
     inertia of the URDF turn: a driver treats its joints alike.
     """
-    one_sided = [joint for joint in rows.moving if _one_sided(rows.of(joint)[1])]
-    sure = [joint for joint in one_sided if _fits_better(*rows.of(joint))]
-    alike = [joint for joint in one_sided if joint in sure or _folded(*rows.of(joint))]
+    never_turns = [joint for joint in rows.moving if one_sided(rows.of(joint)[1])]
+    sure = [joint for joint in never_turns if _fits_better(*rows.of(joint))]
+    alike = [joint for joint in never_turns if joint in sure or _folded(*rows.of(joint))]
     return alike if sure or len(alike) > 1 else []
 
 
@@ -111,7 +109,8 @@ def in_words(joints: Sequence[str], *, all_moving: bool) -> str:
     which = f"all {len(joints)} joints that move ({listed})" if all_moving and len(joints) > 1 else listed
     return (
         f"the effort of {which} never changes its sign although the motion's torque does: the driver reports absolute"
-        " values; record effort with its sign (effort: {sign: -1} in the robot YAML can't put that right)"
+        " values; record effort with its sign, or write effort: {unsigned: true} in the robot YAML: its sign is then"
+        " taken from the motion"
     )
 
 
@@ -121,20 +120,12 @@ def _left(columns: Array, tau: Array) -> float:
     return float(np.sum((tau - columns @ solved) ** 2))
 
 
-def _one_sided(tau: Array) -> bool:
-    sign = np.sign(tau.mean()) or 1.0
-    return bool((sign * tau).min() >= -_NEGATIVE * np.abs(tau).max())
-
-
 def _fits_better(columns: Array, tau: Array) -> bool:
     """Return whether the motion explains an effort that turns, and not the one-sided one."""
-    turn = np.sign(columns[:, 0] + columns[:, 1])
-    for _ in range(_ROUNDS):
-        solved, *_ = np.linalg.lstsq(columns, np.abs(tau) * turn, rcond=1e-9)
-        turn = np.sign(columns @ solved)
-    after, power = _left(columns, np.abs(tau) * turn), float(np.sum(tau**2))
-    turned = min(np.mean(turn > 0), np.mean(turn < 0))
-    return bool(turned > _TURNED and after < _BETTER * _left(columns, tau) and after < (1.0 - _EXPLAINED) * power)
+    made, left = folded_back(columns, np.abs(tau))
+    after, power = float(left @ left), float(np.sum(tau**2))
+    turned = min(np.mean(made > 0), np.mean(made < 0))
+    return bool(turned > _TURNED and after < _BETTER * _left(columns, tau) and after < (1.0 - EXPLAINED) * power)
 
 
 def _folded(columns: Array, tau: Array) -> bool:

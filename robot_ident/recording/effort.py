@@ -8,14 +8,21 @@ import numpy as np
 from numpy.typing import NDArray
 
 from robot_ident.recording.recording import Recording
+from robot_ident.recording.unsigned import with_signs
 from robot_ident.robot.robot import Robot
 from robot_ident.signals.motion import Array, Motion
 
 
-def at_the_joints(recording: Recording, robot: Robot) -> Recording:
-    """Return a recording whose effort is the torque at the joints, and notes on what was made of it."""
+def at_the_joints(recording: Recording, robot: Robot, *, motion_only: bool = False) -> Recording:
+    """Return a recording whose effort is the torque at the joints, and notes on what was made of it.
+
+    motion_only: its efforts aren't used, so that they may say nothing. Raises InputError where efforts are declared
+    unsigned and can't be given a sign.
+    """
     if robot.effort.plain(robot.joints):
         return recording
+    if not motion_only:
+        recording = with_signs(recording, robot)
     tau = joint_torque(recording.tau, recording.q, robot)
     return replace(recording, tau=tau, notes=(*recording.notes, *_notes(robot, _without_gravity(robot))))
 

@@ -87,7 +87,7 @@ def process(
     check_samples(recording, motion_only=motion_only)
     recording = without_leaps(recording)
     published = recording
-    recording = at_the_joints(recording, robot)
+    recording = at_the_joints(recording, robot, motion_only=motion_only)
     check_plausible(recording, robot)
     clock = read_clock(recording)
     if processing.low_pass is not None and not 0 < processing.low_pass < 0.5 / clock.dt:

@@ -24,6 +24,7 @@ class Effort:
     """What one joint reports: reported * sign * gain is a torque Nm (a force N) or a current A, measured at a side.
 
     gravity: whether it holds the torque of the arm's weight (`included`) or the driver took that out (`removed`).
+    unsigned: whether it is an absolute value, as hobby servos report it.
     relative: what makes a drive of unknown gain comparable with the others (A over A, or Nm/A that stand in for it),
     None: nothing does.
     """
@@ -33,6 +34,7 @@ class Effort:
     sign: Literal[1, -1] = 1
     gain: float = 1.0
     gravity: Literal["included", "removed"] = "included"
+    unsigned: bool = False
     relative: float | None = None
 
 
@@ -99,7 +101,7 @@ def in_ampere(unit: str) -> str:
 
 Positive = Annotated[float, Field(gt=0)]
 _FIELD = re.compile(r"effort|velocity|position|data(\[\d+\])?")
-_WORDS = ("quantity", "side", "sign", "gain", "gravity")
+_WORDS = ("quantity", "side", "sign", "gain", "gravity", "unsigned")
 
 
 def _known_field(value: Any) -> Any:
@@ -123,6 +125,9 @@ class EffortFile(Closed):
     gain: Positive | None = Field(None, description="Nm or A that one reported unit is (mA: 0.001)")
     gravity: Literal["included", "removed"] | None = Field(
         None, description="removed: the driver takes the arm's weight out of what it reports"
+    )
+    unsigned: bool | None = Field(
+        None, description="true: the driver reports absolute values; their sign is taken from the motion"
     )
     relative_gain: Positive | None = Field(
         None, description="current: gain over that of the other drives, where no torque_constant is known; unit A stays"
@@ -162,6 +167,8 @@ def efforts_of(common: EffortsFile, single: Mapping[str, EffortFile], joints: tu
         one = by_joint.get(name, base)
         if one.quantity == "current" and one.side == "link":
             raise InputError(f"{path}: effort of {name}: a link-side sensor reports a torque, not a current")
+        if one.unsigned and one.sign == -1:
+            raise InputError(f"{path}: effort of {name}: unsigned, so that sign: -1 says nothing; leave it out")
     coupling = None
     if common.coupling is not None:
         n = len(joints)
@@ -170,6 +177,8 @@ def efforts_of(common: EffortsFile, single: Mapping[str, EffortFile], joints: tu
         coupling = frozen_array(common.coupling, n, n)
         if np.linalg.matrix_rank(coupling) < n:
             raise InputError(f"{path}: effort.coupling = {common.coupling}: the drives don't move all joints")
+        if any(by_joint.get(name, base).unsigned for name in joints):
+            raise InputError(f"{path}: effort.coupling: the sign of an unsigned effort is unknown behind a coupling")
         if any(by_joint.get(name, base).side == "link" for name in joints):
             raise InputError(f"{path}: effort.coupling: a link-side sensor stands behind the coupling already")
     topic = common.topic if common.field in (None, "effort") else None
