@@ -26,6 +26,13 @@ from robot_ident.signals.motion import Array
 from robot_ident.workflow.steps import find_missing
 
 DATA = Path(__file__).resolve().parents[2] / "shared/data"
+BEGINNINGS = (
+    *(("EMPS tracking -> pulses", seconds) for seconds in (4.0, 6.24, 10.0)),
+    *(("EMPS half 1 -> half 2", seconds) for seconds in (4.0, 10.0)),
+    *(("Panda first half -> rest", seconds) for seconds in (4.0, 10.0)),
+    *(("LWR runs 1, 3 -> run 2", seconds) for seconds in (4.0, 10.0)),
+)
+"""Cases and seconds; the TX40's recordings take 3.8 s as they are, those of the KR300 ten."""
 WORSE, WORSE_JOINT = 1.02, 1.10  # times the plain fit's error, in all and at any joint
 
 
@@ -141,6 +148,20 @@ def test_base_models_of_real_arms(lines: list[Line], capsys: pytest.CaptureFixtu
     assert sum(line.ours[1] for line in lines) < sum(line.plain[1] for line in lines)
     of = {line.case.name: line.ours[1] for line in lines}
     assert of["Panda first half -> rest"] <= 0.0130 * 1.01
+
+
+def test_beginnings_of_real_recordings(lines: list[Line], capsys: pytest.CaptureFixture[str]) -> None:
+    """The first seconds alone, and a single period (EMPS, 6.24 s), judged on the same motion as the whole."""
+    rows = []
+    for name, seconds in BEGINNINGS:
+        whole = next(line.case for line in lines if line.case.name == name)
+        few = tuple(one[: int(np.searchsorted(one.t - one.t[0], seconds))] for one in whole.train)
+        case = replace(whole, train=few)
+        plain, ours = (error(fit, case) for fit in (plain_fit(case), identify(few, case.robot, as_declared=True)))
+        rows.append((name, f"{seconds:g}", f"{100 * plain[1]:.2f}", f"{100 * ours[1]:.2f}"))
+        assert ours[1] <= WORSE * plain[1], (name, seconds)
+    with capsys.disabled():
+        print("\n" + table(("fitted to the beginning of", "s", "plain, %", "ours, %"), rows))
 
 
 def test_names_on_real_arms(named: list[Named], capsys: pytest.CaptureFixture[str]) -> None:

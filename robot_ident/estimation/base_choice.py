@@ -52,11 +52,12 @@ class Candidate:
         return float(np.sqrt(self.error.sum() / max(float(self.torque.sum()), 1e-300)))
 
     def worse(self, best: Candidate) -> float:
-        """Return by how many standard errors it predicts worse than another, over the pieces."""
-        scale = np.maximum(best.error.sum(axis=0), 1e-300)
-        difference = np.sum((self.error - best.error) / scale, axis=1)
-        spread = float(np.std(difference, ddof=1) * np.sqrt(len(difference)))
-        return float(difference.sum() / spread) if spread > 0.0 else 0.0
+        """Return by how many standard errors it predicts worse than another, over the pieces: of squared errors or of
+        their logarithms, whichever says more. Where one piece is far worse than the others, it alone makes the spread.
+        """
+        mine, other = (np.maximum(one.error, 1e-300) for one in (self, best))
+        difference = np.sum((mine - other) / other.sum(axis=0), axis=1)
+        return max(_standard_errors(difference), _standard_errors(np.sum(np.log(mine / other), axis=1)))
 
 
 @dataclass(frozen=True)
@@ -176,6 +177,11 @@ def torque_scale_notes(choice: Choice, scales: Mapping[str, tuple[float, float]]
             " effort, the gear ratio and the URDF there before anything else"
         )
     return lines
+
+
+def _standard_errors(differences: Array) -> float:
+    spread = float(np.std(differences, ddof=1) * np.sqrt(len(differences)))
+    return float(differences.sum() / spread) if spread > 0.0 else 0.0
 
 
 def _one_pass(processing: Processing) -> str:

@@ -8,9 +8,10 @@ from pathlib import Path
 import numpy as np
 import pytest
 
+from robot_ident.estimation.base_choice import Candidate
 from robot_ident.estimation.base_model import choose_base
 from robot_ident.estimation.extend import extend
-from robot_ident.estimation.held_out import FAINT, Grams, held_out
+from robot_ident.estimation.held_out import FAINT, Fitted, Grams, held_out
 from robot_ident.estimation.identify import estimate, identify
 from robot_ident.estimation.prediction import predict
 from robot_ident.estimation.validation import validate
@@ -101,6 +102,20 @@ def test_a_joint_without_rows_weighs_nothing() -> None:
     error, fitted = held_out(sums, sums, 1.0, np.ones(3, dtype=bool), np.array([False, True]))
     np.testing.assert_allclose(fitted.theta, [1.0, -2.0, 0.5], atol=0.02)
     assert np.all(error[:, 1] == 0.0) and np.all(error[:, 0] > 0.0)
+
+
+def test_a_piece_that_is_far_worse_does_not_hide_that_all_are() -> None:
+    rng = np.random.default_rng(4)
+    good = rng.uniform(0.5, 2.0, (8, 3))
+    far = 4.0 * good
+    far[2] *= 50.0
+    best, worse, alike = (
+        Candidate(Processing(), (), False, error, np.ones(3), np.zeros(0), Fitted(np.zeros(0), np.ones(3), np.ones(3)))
+        for error in (good, far, rng.permutation(good))
+    )
+    assert worse.worse(best) > 5.0
+    assert best.worse(worse) < 0.0
+    assert abs(alike.worse(best)) < 2.0
 
 
 def test_offsets_are_found_and_named(robot: Robot) -> None:
