@@ -8,6 +8,7 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from dataclasses import dataclass
+from functools import cached_property
 
 import numpy as np
 
@@ -157,6 +158,14 @@ class FittedSet:
                 excess += float(before @ before) - data.dof[f, joint] * kept.sum() / used
                 fall += float(before @ before) - float(after @ after)
         return fall, excess
+
+    @cached_property
+    def fitted_dispersion(self) -> Array:
+        """Squared error [n] of the training folds in the fit to all of them, over the degrees of freedom it leaves."""
+        some, values = slice(0, self.data.training), self.whole.values
+        left = self.data.power[some] - 2.0 * self.torque[some] @ values + (self.own[some] @ values) @ values
+        free = np.maximum(self.data.dof[some].sum(axis=0) - self.parameters_of(), 1.0)
+        return np.asarray(np.maximum(left.sum(axis=0), 1e-300) / free)
 
     def parameters_of(self) -> Array:
         """Return the number of parameters [n] that the fit to all training folds spends on each joint."""

@@ -170,6 +170,8 @@ class Search:
         by_joint = np.minimum(gain.sum(axis=0), given.largest_excess()) * counts
         beyond = by_joint - np.clip(by_joint, 0.0, self.formula_error(beside))
         beyond -= np.clip(beyond, 0.0, self.least)
+        if not self.data.floor:  # squared errors are in no unit of noise
+            beyond = beyond / self.dispersion[0]
         least = PARTIAL_SHARE if h.own_friction or not self.data.floor else SHARE
         if beyond.sum() <= cost or self._most_share(h, beside) < least:
             return False
@@ -272,7 +274,7 @@ class Search:
         given = self.given(beside)
         out = []
         for h in self.best_values(given):
-            if self._open(h, beside) and given.gain(h) >= self.cost(h):
+            if self._open(h, beside) and self._score(given, h) >= self.cost(h):
                 out.append((self._held_out(given, h) - self.cost(h), h))
         out.sort(key=lambda pair: -pair[0])
         if refine and out and out[0][0] > 0.0:
@@ -286,6 +288,15 @@ class Search:
             ]
             out.sort(key=lambda pair: -pair[0])
         return [(g, h) for g, h in out if g <= 0.0 or self._makes_sense(h, given)]
+
+    def _score(self, given: FittedSet, h: Hypothesis) -> float:
+        """Return what a hypothesis gains on the fitted data themselves. Where noise is not known, in units of what the
+        fit leaves of these, the most of its joints: with few rows, motion that was not fitted is left several times it.
+        """
+        gain = given.gain(h)
+        if not self.data.floor:
+            gain *= max(1.0, float(np.max((self.dispersion[0] / given.fitted_dispersion)[list(h.joints)])))
+        return gain
 
     def _held_out(self, given: FittedSet, *new: Hypothesis) -> float:
         return float((given.held_out_gain(*new) / self.dispersion).sum())
