@@ -17,6 +17,7 @@ from robot_ident.signals.motion import Array, Motion
 
 _FINER = 0.84  # from one bandwidth to the next
 _LEAST = 0.02  # of the widest bandwidth, where the search ends
+_IDLE = 1e-6  # of the largest variance of a joint's torque: a joint that does less counts as if it did so much
 _ROWS = 200  # of the motion, over which the torque's derivatives are averaged
 
 
@@ -44,7 +45,7 @@ def prediction_bandwidth(
     inertia = torque_derivatives(structure, motion, values).acceleration
     torque = (structure.columns(motion, values) @ values).var(axis=0)
     # what an error of each joint's acceleration is worth, in shares of all joints' torque
-    worth = np.mean(inertia**2, axis=0).T @ (1.0 / np.maximum(torque, 1e-300))
+    worth = np.mean(inertia**2, axis=0).T @ (1.0 / np.maximum(torque, max(_IDLE * torque.max(), 1e-300)))
     window = np.hanning(len(q))[:, None]
     power = np.abs(np.fft.rfft((q - q.mean(axis=0)) * window, axis=0)) ** 2 / np.sum(window**2)
     frequency = np.fft.rfftfreq(len(q), clock.dt)

@@ -49,7 +49,9 @@ def joint_torque(effort: Array, q: Array, robot: Robot) -> Array:
 
 
 def as_reported(torque: Array, q: Array, robot: Robot) -> Array:
-    """Return what the drives report [N, n] of a torque at the joints [N, n] Nm: the inverse of `at_the_joints`."""
+    """Return what the drives report [N, n] of a torque at the joints [N, n] Nm: the inverse of `at_the_joints`,
+    absolute where they report no sign.
+    """
     if robot.effort.plain(robot.joints):
         return torque
     removed = _without_gravity(robot)
@@ -62,7 +64,9 @@ def as_reported(torque: Array, q: Array, robot: Robot) -> Array:
             tau[:, joint] /= robot.drives.gear_ratio[joint]
         if declared.quantity == "current":
             tau[:, joint] = _by_drive(tau[:, joint], robot, joint, to_torque=False)
-    return np.asarray(tau / robot.effort.drives(robot.joints))
+    reported = tau / robot.effort.drives(robot.joints)
+    unsigned = [robot.effort.of(name).unsigned for name in robot.joints]
+    return np.where(unsigned, np.abs(reported), reported)
 
 
 def _by_drive(x: Array, robot: Robot, joint: int, *, to_torque: bool) -> Array:

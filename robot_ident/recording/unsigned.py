@@ -15,9 +15,8 @@ from robot_ident.signals.motion import Array, Motion
 
 EXPLAINED = 0.8
 """Share of an effort's power that the motion must explain before anything is said about what the effort is."""
-NEGATIVE = 0.02
-"""Of the largest effort, by which an absolute value that was filtered may fall below zero."""
 
+_NEGATIVE = 0.02  # of the largest effort, by which an absolute value that was filtered may fall below zero
 _ROUNDS = 20
 _BAND = 10.0  # Hz to which positions are differentiated
 _SPACING = 0.01  # s between rows at which the URDF's torque is computed
@@ -36,19 +35,18 @@ def folded_back(columns: Array, size: Array) -> tuple[Array, Array]:
     for turn in (np.sign(columns[:, 0] + columns[:, 1]), np.sign(columns[:, 2])):
         for _ in range(_ROUNDS):
             solved, *_ = np.linalg.lstsq(columns, size * turn, rcond=1e-9)
-            before, turn = turn, np.sign(columns @ solved)
+            made = columns @ solved
+            left, before, turn = size * turn - made, turn, np.sign(made)
             if np.array_equal(before, turn):
                 break
-        solved, *_ = np.linalg.lstsq(columns, size * turn, rcond=1e-9)
-        made = columns @ solved
-        found.append((made, size * turn - made))
+        found.append((made, left))
     return min(found, key=lambda one: float(one[1] @ one[1]))
 
 
 def one_sided(tau: Array) -> bool:
     """Return whether an effort [K] never changes its sign."""
     sign = np.sign(tau.mean()) or 1.0
-    return bool((sign * tau).min() >= -NEGATIVE * np.abs(tau).max())
+    return bool((sign * tau).min() >= -_NEGATIVE * np.abs(tau).max())
 
 
 def with_signs(recording: Recording, robot: Robot) -> Recording:

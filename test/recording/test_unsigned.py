@@ -12,6 +12,7 @@ from robot_ident.errors import InputError
 from robot_ident.estimation.identify import identify
 from robot_ident.estimation.validation import validate
 from robot_ident.recording import Recording
+from robot_ident.recording.effort import as_reported
 from robot_ident.recording.process import process
 from robot_ident.robot import Robot, load_robot
 from robot_ident.testbed.like_real import LikeReal, like_real
@@ -47,6 +48,11 @@ def test_the_model_is_that_of_signed_efforts(case: LikeReal, unsigned: Robot) ->
     for joint, found in validate(folded, absolute(case.test)).residual.items():
         assert found.rms < 1.05 * truth[joint].rms
     np.testing.assert_array_less(np.abs(folded.values - signed.values), 3.0 * signed.std)
+
+
+def test_a_robot_that_reports_no_sign_is_simulated_so(case: LikeReal, unsigned: Robot) -> None:
+    reported = as_reported(case.train.tau, case.train.q, unsigned)
+    np.testing.assert_array_equal(reported, np.abs(case.train.tau))
 
 
 def test_an_effort_that_has_a_sign_is_refused(case: LikeReal, unsigned: Robot) -> None:
