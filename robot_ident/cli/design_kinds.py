@@ -146,8 +146,7 @@ def run_validation(args: argparse.Namespace, target: Target, files: Sequence[str
     motion = validation_motion(target.robot, seed=args.seed)
     margins = certify(motion, target.robot)
     t = np.arange(int(motion.duration * args.sample_rate) + 1) / args.sample_rate
-    columns = target.structure.columns(motion.reference(t), target.values) / np.sqrt(target.torque_variance)[:, None]
-    values = evaluate_rows(np.asarray(columns.reshape(-1, columns.shape[2])))
+    values = evaluate_rows(target.weighted(motion.reference(t), target.torque_variance))
     write_motions(args, files, motion)
     points, seconds = len(motion.points), time.monotonic() - started
     drawn = {"points": points, "duration": motion.duration}

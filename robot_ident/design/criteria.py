@@ -1,10 +1,9 @@
-"""What a motion tells when positions are noisy too: the Cramer-Rao bound (Swevers et al. 1997, eq. 6, with J' W J).
+"""How much a motion tells about the parameters: determinant and condition number as the paper defines them.
 
-The coefficients delta of the motion's Fourier lines are estimated beside theta, as maximum likelihood does. The noise
-of the positions is white, so their samples tell each line independently, with the variance 2 s^2 / N of an amplitude
-(s^2 / N of the mean). What is left for theta is the Schur complement F_tt - F_td F_dd^-1 F_dt.
-
-How much a motion tells about the parameters: determinant and condition number as the paper defines them.
+Where positions are noisy too, by the Cramer-Rao bound (Swevers et al. 1997, eq. 6, with J' W J): the coefficients delta
+of the motion's Fourier lines are estimated beside theta, as maximum likelihood does. The noise of the positions is
+white, so their samples tell each line independently, with the variance 2 s^2 / N of an amplitude (s^2 / N of the mean).
+What is left for theta is the Schur complement F_tt - F_td F_dd^-1 F_dt.
 """
 
 from __future__ import annotations
@@ -37,61 +36,40 @@ class Evaluation(NamedTuple):
     sigma: Array
 
 
-def _weighted(columns: Array, variances: Array) -> tuple[Array, Array]:
-    """Return S^-1/2 F [N n, p] with columns of length one, and their lengths [p]."""
-    weighted = (columns / np.sqrt(variances)[:, None]).reshape(-1, columns.shape[-1])
-    length = np.linalg.norm(weighted, axis=0)
-    return weighted / np.where(length > 0, length, 1.0), length
+def _normalised(rows: Array) -> tuple[Array, Array]:
+    """Return rows [R, p] with columns of length one, and their lengths [p]."""
+    length = np.linalg.norm(rows, axis=0)
+    return rows / np.where(length > 0, length, 1.0), length
 
 
-def _singular_values(normalised: Array) -> Array:
+def _rounding(values: Any, rows: Array) -> float:
+    """Return below what a singular value of rows [R, p] is rounding."""
+    return float(values[0] * max(rows.shape) * np.finfo(float).eps)
+
+
+def evaluate_rows(rows: Array) -> Evaluation:
+    """Return what weighted rows S^-1/2 F [R, p] tell; all are inf where parameters can't be told apart.
+
+    log10 det (F' S^-1 F)^-1 (Swevers et al. 1997, eq. 9), s_max / s_min of the rows with columns divided by their
+    length, and the standard deviations sqrt diag (F' S^-1 F)^-1.
+    """
+    normalised, length = _normalised(rows)
     values = np.linalg.svd(normalised, compute_uv=False)
-    rounding = values[0] * max(normalised.shape) * np.finfo(float).eps
-    return np.asarray(np.where(values > rounding, values, 0.0))
+    if len(values) < len(length) or not (values[-1] > _rounding(values, normalised) and np.all(length > 0)):
+        return Evaluation(float("inf"), float("inf"), np.full(len(length), np.inf))
+    _, sizes, vt = np.linalg.svd(normalised, full_matrices=False)
+    return Evaluation(
+        log10_det_covariance=float(-2.0 * (np.log10(values).sum() + np.log10(length).sum())),
+        condition_number=float(values[0] / values[-1]),
+        sigma=np.asarray(np.linalg.norm(vt / sizes[:, None], axis=0) / length),
+    )
 
 
-def log10_det_covariance(columns: Array, variances: Array) -> float:
-    """Return log10 det (F' S^-1 F)^-1 (Swevers et al. 1997, eq. 9); inf where parameters can't be told apart.
-
-    columns F [N, n, p], variances [n] (Nm)^2 of the noise of those N rows.
-    """
-    normalised, length = _weighted(columns, variances)
-    values = _singular_values(normalised)
-    if len(values) < len(length) or not np.all(values > 0) or not np.all(length > 0):
-        return float("inf")
-    return float(-2.0 * (np.log10(values).sum() + np.log10(length).sum()))
-
-
-def condition_number(columns: Array, variances: Array) -> float:
-    """Return s_max / s_min of S^-1/2 F with columns divided by their length; inf where it hasn't full rank.
-
-    columns F [N, n, p], variances [n] (Nm)^2.
-    """
-    normalised, length = _weighted(columns, variances)
-    values = _singular_values(normalised)
-    if len(values) < len(length) or values[-1] == 0.0 or not np.all(length > 0):
-        return float("inf")
-    return float(values[0] / values[-1])
-
-
-def standard_deviations(columns: Array, variances: Array) -> Array:
-    """Return the standard deviations [p] of the estimate, sqrt diag (F' S^-1 F)^-1; inf where it hasn't full rank."""
-    normalised, length = _weighted(columns, variances)
-    _, values, vt = np.linalg.svd(normalised, full_matrices=False)
-    if len(values) < len(length) or not np.isfinite(log10_det_covariance(columns, variances)):
-        return np.full(len(length), np.inf)
-    return np.asarray(np.linalg.norm(vt / values[:, None], axis=0) / length)
-
-
-def unidentifiable(columns: Array, variances: Array) -> Array:
-    """Return which parameters [p] a motion leaves open: those that some direction v with F v = 0 moves.
-
-    columns F [N, n, p], variances [n] (Nm)^2.
-    """
-    normalised, length = _weighted(columns, variances)
+def unidentifiable(rows: Array) -> Array:
+    """Return which parameters [p] weighted rows F [R, p] leave open: those that some direction v with F v = 0 moves."""
+    normalised, length = _normalised(rows)
     _, values, vt = np.linalg.svd(np.linalg.qr(normalised, mode="r"), full_matrices=True)
-    rounding = values[0] * max(normalised.shape) * np.finfo(float).eps
-    rank = int(np.count_nonzero(values > rounding))
+    rank = int(np.count_nonzero(values > _rounding(values, normalised)))
     return np.asarray((np.abs(vt[rank:]) > _OPEN).any(axis=0) | (length == 0))
 
 
@@ -122,23 +100,13 @@ def noise_variances(robot: Robot) -> tuple[Array, tuple[str, ...]]:
 
 
 def evaluate(structure: Structure, excitation: Excitation, periods: int = PERIODS) -> Evaluation:
-    """Return what one averaged period tells about the parameters: the covariance (F' S^-1 F)^-1.
+    """Return what one period, the mean of `periods`, tells about the parameters: the covariance (F' S^-1 F)^-1.
 
-    S: the noise variance over the number of periods.
-
-    Rows are the samples of one period, in SI units, with the exact sign function.
+    S: the noise variance over the number of periods. F: the samples of one period, with the exact sign function.
     """
     columns = structure.columns(excitation.samples())
     variances = noise_variances(structure.robot)[0] / periods
     return evaluate_rows((columns / np.sqrt(variances)[:, None]).reshape(-1, columns.shape[-1]))
-
-
-def evaluate_rows(rows: Array) -> Evaluation:
-    """Return what weighted rows S^-1/2 F [R, p] tell."""
-    columns, one = rows[:, None, :], np.ones(1)
-    return Evaluation(
-        log10_det_covariance(columns, one), condition_number(columns, one), standard_deviations(columns, one)
-    )
 
 
 def line_bases(orders: Sequence[int], base_frequency: float, t: Array) -> tuple[Array, Array, Array]:
@@ -148,11 +116,8 @@ def line_bases(orders: Sequence[int], base_frequency: float, t: Array) -> tuple[
     w = 2.0 * np.pi * base_frequency * np.asarray(orders, dtype=float)
     c, s = np.cos(np.outer(t, w)), np.sin(np.outer(t, w))
     one, zero = np.ones((len(t), 1)), np.zeros((len(t), 1))
-    return (
-        np.hstack([one, c, s]),
-        np.hstack([zero, -w * s, w * c]),
-        np.hstack([zero, -w * w * c, -w * w * s]),
-    )
+    speed, acceleration = np.hstack([zero, -w * s, w * c]), np.hstack([zero, -w * w * c, -w * w * s])
+    return np.hstack([one, c, s]), speed, acceleration
 
 
 def line_deviations(orders: Sequence[int], variances: Array, samples: int) -> Array:
@@ -192,9 +157,9 @@ def line_rows(
     symbols = [ca.SX.sym("x", n) for _ in range(slopes.n_in())]
     waves = [ca.SX.sym("b", width) for _ in bases]
     parts = ca.horzsplit(ca.mtimes(ca.diag(ca.DM(size)), slopes(*symbols)), n)
-    columns = []
-    for joint in range(n):
-        columns.append(sum(ca.mtimes(part[:, joint], wave.T) for part, wave in zip(parts, waves, strict=True)))
+    columns = [
+        sum(ca.mtimes(part[:, joint], wave.T) for part, wave in zip(parts, waves, strict=True)) for joint in range(n)
+    ]
     one = ca.mtimes(ca.horzcat(*columns), ca.diag(ca.DM(deviations)))
     rows = ca.Function("lines", [*symbols, *waves], [ca.densify(one)]).map(points)
     found = rows(*states[: slopes.n_in()], *(ca.DM(base.T) for base in bases))

@@ -1,6 +1,4 @@
-"""What a design is for: the parameters of a model, or of what a known arm carries, the noise through which they are
-seen,\nand how many periods make one so precise.
-"""
+"""What a design is for: a model's parameters or a payload's, their noise, and how many periods make them precise."""
 
 from __future__ import annotations
 
@@ -24,7 +22,7 @@ from robot_ident.model.derivatives import torque_derivatives
 from robot_ident.model.model import Model
 from robot_ident.model.structure import Structure
 from robot_ident.robot.robot import Robot
-from robot_ident.signals.motion import Array
+from robot_ident.signals.motion import Array, Motion
 from robot_ident.trajectories.excitation import Excitation
 
 
@@ -116,7 +114,11 @@ class Target:
 
     def rows(self, excitation: Excitation) -> Array:
         """Return S^-1/2 F [N n, p] of one averaged period."""
-        columns = self.structure.columns(excitation.samples(), self.values) / np.sqrt(self.variances)[:, None]
+        return self.weighted(excitation.samples(), self.variances)
+
+    def weighted(self, motion: Motion, variances: Array) -> Array:
+        """Return S^-1/2 F [N n, p] along a motion, for noise of given variances [n] (Nm)^2 of the torque."""
+        columns = self.structure.columns(motion, self.values) / np.sqrt(variances)[:, None]
         return np.asarray(columns.reshape(-1, columns.shape[2]))
 
     def bound(self, excitation: Excitation) -> Array:

@@ -126,9 +126,8 @@ def plan_tour(
     Only moves that keep every limit, certified over continuous time, are taken, at full speed or slower. Raises
     InputError where the approved moves form no closed tour.
     """
-    robot = target.robot
+    robot, certifier = target.robot, Certifier(target.robot)
     require_limits(robot)
-    certifier = Certifier(robot)
     legs, refused = _legs(target, waypoints, certifier, sample_rate)
     if not legs:
         raise InputError(
@@ -142,7 +141,7 @@ def plan_tour(
     motion = replace(cycle, points=again, pace=np.tile(paces, repeats), seed=seed)
     rows = np.concatenate([leg.rows for leg in best]) * np.sqrt(repeats)
     names = (*(leg.start for leg in best), best[0].start)
-    open_ = unidentifiable(rows[:, None, :], np.ones(1))
+    open_ = unidentifiable(rows)
     return Tour(
         names,
         tuple(paces.tolist()),
@@ -173,7 +172,6 @@ def _legs(
     """Return every approved move that is certified, at the paces at which it is, and those that are not."""
     legs: list[_Leg] = []
     refused = []
-    root = np.sqrt(target.torque_variance)
     for start, goal in waypoints.moves:
         pair = np.array([waypoints.poses[start], waypoints.poses[goal]])
         kept = []
@@ -187,8 +185,7 @@ def _legs(
             refused.append((start, goal))
         for pace, move in kept:
             t = np.arange(0.5 / sample_rate, move.duration, 1.0 / sample_rate)
-            columns = target.structure.columns(move.reference(t), target.values) / root[:, None]
-            rows = np.asarray(columns.reshape(-1, columns.shape[2]))
+            rows = target.weighted(move.reference(t), target.torque_variance)
             legs.append(_Leg(start, goal, pace, rows.T @ rows, move.duration + waypoints.pause, rows))
     return legs, tuple(refused)
 
@@ -196,17 +193,21 @@ def _legs(
 def _annealed(
     legs: list[_Leg], length: int, parameters: int, seed: int, progress: Callable[[float], None] | None
 ) -> list[_Leg]:
-    """Return the best closed tour that annealing finds: stretches of it are replaced by other ways between their
-    ends.
-    """
+    """Return the best closed tour by annealing, which replaces stretches of it by other ways between their ends."""
     rng = np.random.default_rng(seed)
     leaving: dict[str, list[_Leg]] = {}
     for leg in legs:
         leaving.setdefault(leg.start, []).append(leg)
     ways = _Ways(leaving)
-    total = np.sum([leg.information for leg in legs], axis=0) if legs else np.zeros((parameters, parameters))
+    total = np.sum([leg.information for leg in legs], axis=0)
     scale = np.sqrt(np.maximum(np.diag(total), 1e-300))
-    value = _Value(np.outer(scale, scale), parameters)
+    unit, ridge = np.outer(scale, scale), _RIDGE * np.eye(parameters)
+
+    def value(tour: list[_Leg]) -> float:
+        """Return log det of a tour's information less p log of its duration."""
+        information = np.sum([leg.information for leg in tour], axis=0) / unit + ridge
+        return float(np.linalg.slogdet(information)[1] - parameters * np.log(sum(leg.seconds for leg in tour)))
+
     best: tuple[float, list[_Leg]] = -np.inf, []
     for start in range(_STARTS):
         tour = ways.closed(length, rng)
@@ -230,19 +231,6 @@ def _annealed(
     return best[1]
 
 
-class _Value:
-    """log det of a tour's information less p log of its duration."""
-
-    def __init__(self, unit: Array, parameters: int) -> None:
-        self._unit, self._ridge = unit, _RIDGE * np.eye(parameters)
-        self._parameters = parameters
-
-    def __call__(self, tour: list[_Leg]) -> float:
-        information = np.sum([leg.information for leg in tour], axis=0) / self._unit + self._ridge
-        seconds = sum(leg.seconds for leg in tour)
-        return float(np.linalg.slogdet(information)[1] - self._parameters * np.log(seconds))
-
-
 class _Ways:
     """Ways over approved moves from one pose to another."""
 
@@ -259,9 +247,7 @@ class _Ways:
         return None
 
     def changed(self, tour: list[_Leg], length: int, rng: np.random.Generator) -> list[_Leg]:
-        """Return the tour with another pace of one move, or with a stretch replaced by another way; itself where that
-        fails.
-        """
+        """Return the tour with one move at another pace, or another way for a stretch; itself where there is none."""
         place = int(rng.integers(len(tour)))
         if rng.random() < 0.3:
             leg = tour[place]

@@ -1,6 +1,4 @@
-"""Certifies that a motion keeps a robot's limits at every time, not only at samples, and says how far it stays from
-them.
-"""
+"""Certifies that a motion keeps a robot's limits at every time, not only at samples, and by how much."""
 
 from __future__ import annotations
 
@@ -12,7 +10,7 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 
 from robot_ident.errors import InputError
-from robot_ident.limits.feasibility import PoseLimits
+from robot_ident.limits.feasibility import PoseLimits, joints_without_limit
 from robot_ident.limits.self_collision import LinkPairs, keeps_apart, link_pairs, self_separation
 from robot_ident.limits.workspace_distance import FrameKinematics, keeps_rule, workspace_margin
 from robot_ident.robot.robot import Robot
@@ -138,9 +136,6 @@ def worst_of(parts: Iterable[Margins]) -> Margins:
     return Margins(items, parts[0].unknown, parts[0].notes)
 
 
-__all__ = ["Certifier", "Margin", "Margins", "certify"]
-
-
 class Certifier:
     """Certifies motions of one robot over continuous time.
 
@@ -168,18 +163,8 @@ class Certifier:
     @cached_property
     def unknown(self) -> tuple[str, ...]:
         """What no motion of the robot is checked for, in words: the robot's files don't give it."""
-        robot, limits = self._robot, self._robot.limits
-        known = {
-            "position": np.isfinite(limits.lower) & np.isfinite(limits.upper),
-            "velocity": np.isfinite(limits.velocity),
-            "acceleration": np.isfinite(limits.acceleration),
-            "torque": np.isfinite(limits.torque),
-        }
-        missing = {
-            what: [name for name, is_known in zip(robot.joints, of, strict=True) if not is_known]
-            for what, of in known.items()
-        }
-        out = [f"{what} of {', '.join(names)}" for what, names in missing.items() if names]
+        robot = self._robot
+        out = [f"{what} of {', '.join(names)}" for what, names in joints_without_limit(robot).items()]
         if not np.any(robot.rigid.parameters):
             out.append("torque (the URDF has no inertias)")
         return (*out, *self._links[1], *robot.unchecked)
@@ -201,19 +186,17 @@ class Certifier:
 
     def _margins(self, pieces: Sequence[Piece]) -> Margins:
         items = _joint_margins(pieces, self._robot)
-        items += self._workspace_margins(pieces)
-        items += self._link_margins(pieces)
-        items += self._torque_margins(pieces)
-        shapes = self._links[0].shapes if self._links[0] is not None else None
-        return Margins(tuple(items), self.unknown, shapes.notes if shapes is not None else ())
+        items += self._workspace_margins(pieces) + self._link_margins(pieces) + self._torque_margins(pieces)
+        links = self._links[0]
+        return Margins(tuple(items), self.unknown, () if links is None else links.shapes.notes)
 
     def keeps(self, motion: Excitation | Certifiable, *, torque: bool = True) -> bool:
         """Return whether a motion keeps all limits, without the rest of the work once one is broken."""
         pieces = _pieces(motion, self._robot)
         if not Margins(tuple(_joint_margins(pieces, self._robot))).kept:
             return False
-        rules = [(rule, self._kinematics[rule.frame]) for rule in self._robot.workspace]
-        if not all(keeps_rule(rule, kinematics, piece) for rule, kinematics in rules for piece in pieces):
+        rules = self._robot.workspace
+        if not all(keeps_rule(rule, self._kinematics[rule.frame], piece) for rule in rules for piece in pieces):
             return False
         links = self._links[0]
         if links is not None and not all(keeps_apart(links, piece) for piece in pieces):
@@ -235,15 +218,13 @@ class Certifier:
         if self._torque is None:
             return []
         found = [self._torque.extreme(piece) for piece in pieces]
-        items = []
-        for joint, name in enumerate(self._robot.joints):
-            limit = float(self._robot.limits.torque[joint])
-            if np.isfinite(limit):
-                worst = max(found, key=lambda extreme: extreme.bound[joint])
-                margin, unit = limit - float(worst.bound[joint]), self._robot.torque_unit(joint)
-                value, time = float(worst.value[joint]), float(worst.time[joint])
-                proven = all(extreme.proven for extreme in found)
-                items.append(Margin("torque", name, margin, value, limit, time, unit, margin / limit, proven))
+        items, proven = [], all(extreme.proven for extreme in found)
+        for joint in np.flatnonzero(np.isfinite(self._robot.limits.torque)).tolist():
+            name, limit = self._robot.joints[joint], float(self._robot.limits.torque[joint])
+            worst = max(found, key=lambda extreme: extreme.bound[joint])
+            margin, unit = limit - float(worst.bound[joint]), self._robot.torque_unit(joint)
+            value, time = float(worst.value[joint]), float(worst.time[joint])
+            items.append(Margin("torque", name, margin, value, limit, time, unit, margin / limit, proven))
         return items
 
     def _link_margins(self, pieces: Sequence[Piece]) -> list[Margin]:
@@ -257,18 +238,14 @@ class Certifier:
     def _workspace_margins(self, pieces: Sequence[Piece]) -> list[Margin]:
         items = []
         for rule in self._robot.workspace:
-            kinematics = self._kinematics[rule.frame]
-            worst = min(
-                (workspace_margin(rule, kinematics, piece) for piece in pieces), key=lambda minimum: minimum.lower
-            )
+            found = [workspace_margin(rule, self._kinematics[rule.frame], piece) for piece in pieces]
+            worst = min(found, key=lambda minimum: minimum.lower)
             items.append(Margin("workspace", rule.text, worst.lower, worst.value, 0.0, worst.time, "m", worst.lower))
         return items
 
 
 def certify(motion: Excitation | Certifiable, robot: Robot) -> Margins:
-    """Return the margins of a motion over continuous time (see `Certifier`); InputError for the motion of another
-    robot.
-    """
+    """Return the margins of a motion over continuous time (see `Certifier`); InputError where it is another robot's."""
     return Certifier(robot).margins(motion)
 
 
@@ -287,24 +264,19 @@ def _pieces(motion: Excitation | Certifiable, robot: Robot) -> Sequence[Piece]:
 
 def _joint_margins(pieces: Sequence[Piece], robot: Robot) -> list[Margin]:
     limits, items = robot.limits, []
-    ranges = {
-        "position": (limits.lower, limits.upper),
-        "velocity": (-limits.velocity, limits.velocity),
-        "acceleration": (-limits.acceleration, limits.acceleration),
-    }
-    for (quantity, (lower, upper)), index in zip(ranges.items(), range(3), strict=True):
-        for joint, name in enumerate(robot.joints):
-            if not (np.isfinite(lower[joint]) and np.isfinite(upper[joint])):
-                continue
-            found = [
-                _range_margin(piece.extremes[index], joint, float(lower[joint]), float(upper[joint]))
-                for piece in pieces
-            ]
-            nearest = min(found, key=lambda entry: entry[0])
-            margin, value, limit, time = nearest
-            unit = ("m" if robot.prismatic[joint] else "rad") + ("", "/s", "/s^2")[index]
-            relative = margin / (0.5 * float(upper[joint] - lower[joint]))
-            items.append(Margin(quantity, name, margin, value, limit, time, unit, relative))
+    ranges = (
+        ("position", "", limits.lower, limits.upper),
+        ("velocity", "/s", -limits.velocity, limits.velocity),
+        ("acceleration", "/s^2", -limits.acceleration, limits.acceleration),
+    )
+    for index, (quantity, rate, lower, upper) in enumerate(ranges):
+        for joint in np.flatnonzero(np.isfinite(lower) & np.isfinite(upper)).tolist():
+            low, high = float(lower[joint]), float(upper[joint])
+            found = [_range_margin(piece.extremes[index], joint, low, high) for piece in pieces]
+            margin, value, limit, time = min(found, key=lambda entry: entry[0])
+            unit = ("m" if robot.prismatic[joint] else "rad") + rate
+            relative = margin / (0.5 * (high - low))
+            items.append(Margin(quantity, robot.joints[joint], margin, value, limit, time, unit, relative))
     return items
 
 

@@ -16,28 +16,29 @@ _TOGETHER = "limits that can't be met together: the position limits and"
 
 
 def require_limits(robot: Robot) -> None:
-    """Raise InputError that names the joints which lack a limit of position, velocity or acceleration; none is
-    invented.
-    """
+    """Raise InputError that names the joints which lack a limit of position, velocity or acceleration."""
+    lacking = joints_without_limit(robot)
+    lacking.pop("torque", None)
+    if lacking:
+        words = "; ".join(f"no {name} limit for {', '.join(joints)}" for name, joints in lacking.items())
+        raise InputError(f"{robot.source}: {words}: give {next(iter(lacking))}: under joints in a robot YAML")
+    for joint, lower, upper in zip(robot.joints, robot.limits.lower, robot.limits.upper, strict=True):
+        if not lower < upper:
+            raise InputError(
+                f"{robot.source}: joint {joint!r}: its lower position limit {lower:g} is not below its upper {upper:g}"
+            )
+
+
+def joints_without_limit(robot: Robot) -> dict[str, list[str]]:
+    """Return the joints that lack a limit, by its name: position, velocity, acceleration, torque; those with any."""
     limits = robot.limits
     given = {
         "position": np.isfinite(limits.lower) & np.isfinite(limits.upper),
         "velocity": np.isfinite(limits.velocity),
         "acceleration": np.isfinite(limits.acceleration),
+        "torque": np.isfinite(limits.torque),
     }
-    lacking = {
-        name: [joint for joint, known in zip(robot.joints, there, strict=True) if not known]
-        for name, there in given.items()
-    }
-    words = [f"no {name} limit for {', '.join(joints)}" for name, joints in lacking.items() if joints]
-    if words:
-        first = next(name for name, joints in lacking.items() if joints)
-        raise InputError(f"{robot.source}: {'; '.join(words)}: give {first}: under joints in a robot YAML")
-    for joint, lower, upper in zip(robot.joints, limits.lower, limits.upper, strict=True):
-        if not lower < upper:
-            raise InputError(
-                f"{robot.source}: joint {joint!r}: its lower position limit {lower:g} is not below its upper {upper:g}"
-            )
+    return {name: [robot.joints[j] for j in np.flatnonzero(~there)] for name, there in given.items() if not there.all()}
 
 
 def overloaded(robot: Robot, count: int = 400) -> str:

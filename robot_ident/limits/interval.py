@@ -1,6 +1,4 @@
-"""Ranges of a CasADi function over boxes, by interval arithmetic on its instructions (Moore 1966), and its values at
-many\nstates, straight between numpy arrays.
-"""
+"""Ranges of a CasADi function over boxes by interval arithmetic (Moore 1966), and its values at many states."""
 
 from __future__ import annotations
 
@@ -9,6 +7,7 @@ from typing import Any
 
 import casadi as ca
 import numpy as np
+from scipy.special import erf
 
 from robot_ident.signals.motion import Array, Motion
 
@@ -34,12 +33,9 @@ class RangeFunction:
             (f.instruction_id(k), tuple(f.instruction_input(k)), tuple(f.instruction_output(k)))
             for k in range(f.n_instructions())
         ]
-        self._constants = [
-            float(f.instruction_constant(k)) if code == ca.OP_CONST else 0.0
-            for k, (code, _, _) in enumerate(self._program)
-        ]
-        unknown = {code for code, _, _ in self._program} - {*_BINARY, *_UNARY, *_MOVES}
-        if unknown:
+        codes = [code for code, _, _ in self._program]
+        self._constants = [f.instruction_constant(k) if code == ca.OP_CONST else 0.0 for k, code in enumerate(codes)]
+        if unknown := set(codes) - {*_BINARY, *_UNARY, *_MOVES}:
             raise Unbounded(f"operations {sorted(unknown)}")
 
     def __call__(self, boxes: list[Range]) -> list[Range]:
@@ -85,18 +81,20 @@ def _times(x: Range, y: Range) -> Range:
 
 def _inverse(x: Range) -> Range:
     through = (x[0] <= 0.0) & (x[1] >= 0.0)
-    a, b = np.where(through, -np.inf, 1.0 / x[1]), np.where(through, np.inf, 1.0 / x[0])
-    return a, b
+    return np.where(through, -np.inf, 1.0 / x[1]), np.where(through, np.inf, 1.0 / x[0])
 
 
-def _square(x: Range) -> Range:
-    a, b = x[0] * x[0], x[1] * x[1]
-    return np.where((x[0] < 0.0) & (x[1] > 0.0), 0.0, np.minimum(a, b)), np.maximum(a, b)
+def _even(function: Callable[[Array], Array]) -> Callable[[Range], Range]:
+    """Return the range of an even function that rises from 0 at 0."""
+
+    def enclosed(x: Range) -> Range:
+        a, b = function(x[0]), function(x[1])
+        return np.where((x[0] < 0.0) & (x[1] > 0.0), 0.0, np.minimum(a, b)), np.maximum(a, b)
+
+    return enclosed
 
 
-def _size(x: Range) -> Range:
-    a, b = np.abs(x[0]), np.abs(x[1])
-    return np.where((x[0] < 0.0) & (x[1] > 0.0), 0.0, np.minimum(a, b)), np.maximum(a, b)
+_square, _size = _even(np.square), _even(np.abs)
 
 
 def _cosine(x: Range) -> Range:
@@ -105,10 +103,6 @@ def _cosine(x: Range) -> Range:
     crest = np.floor(x[1] / turn) >= np.ceil(x[0] / turn)
     trough = np.floor((x[1] - np.pi) / turn) >= np.ceil((x[0] - np.pi) / turn)
     return np.where(trough, -1.0, np.minimum(a, b)), np.where(crest, 1.0, np.maximum(a, b))
-
-
-def _sine(x: Range) -> Range:
-    return _cosine((x[0] - 0.5 * np.pi, x[1] - 0.5 * np.pi))
 
 
 def _power(x: Range, y: Range) -> Range:
@@ -124,23 +118,19 @@ def _power(x: Range, y: Range) -> Range:
     return x[0] ** exponent, x[1] ** exponent
 
 
-def _negative(x: Range) -> Range:
-    return -x[1], -x[0]
-
-
 _MOVES = (ca.OP_CONST, ca.OP_INPUT, ca.OP_OUTPUT)
 _UNARY: dict[int, Callable[[Range], Range]] = {
     ca.OP_ASSIGN: lambda x: x,
-    ca.OP_NEG: _negative,
+    ca.OP_NEG: lambda x: (-x[1], -x[0]),
     ca.OP_SQ: _square,
     ca.OP_TWICE: _rising(lambda x: 2.0 * x),
-    ca.OP_SIN: _sine,
+    ca.OP_SIN: lambda x: _cosine((x[0] - 0.5 * np.pi, x[1] - 0.5 * np.pi)),
     ca.OP_COS: _cosine,
     ca.OP_TANH: _rising(np.tanh),
     ca.OP_SINH: _rising(np.sinh),
     ca.OP_ATAN: _rising(np.arctan),
     ca.OP_ASINH: _rising(np.arcsinh),
-    ca.OP_ERF: _rising(lambda x: np.vectorize(_erf)(x)),
+    ca.OP_ERF: _rising(erf),
     ca.OP_EXP: _rising(np.exp),
     ca.OP_LOG: _rising(np.log),
     ca.OP_SQRT: _rising(np.sqrt),
@@ -158,12 +148,6 @@ _BINARY: dict[int, Callable[[Range, Range], Range]] = {
     ca.OP_FMIN: lambda x, y: (np.minimum(x[0], y[0]), np.minimum(x[1], y[1])),
     ca.OP_FMAX: lambda x, y: (np.maximum(x[0], y[0]), np.maximum(x[1], y[1])),
 }
-
-
-def _erf(x: float) -> float:
-    from math import erf
-
-    return erf(x)
 
 
 class Batch:

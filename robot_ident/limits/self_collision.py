@@ -20,6 +20,7 @@ from robot_ident.robot.robot import Robot
 from robot_ident.robot.symbolic import placements_function
 from robot_ident.signals.motion import Array
 from robot_ident.trajectories.excitation import Piece
+from robot_ident.trajectories.extremes import halved, intervals
 
 
 class Capsule(NamedTuple):
@@ -197,20 +198,15 @@ class LinkPairs:
 
     def _inward(self, a: Body, b: Body, travel: Array) -> Array:
         """Return the largest distance of b's points from each joint's origin, from the joint after a to that of b."""
-        links = self._links(travel)
-        reach = [float(np.linalg.norm(b.points, axis=1).max()) + b.swell]
-        for joint in reversed(range(a.joint, b.joint - 1)):
-            reach.append(reach[-1] + links[joint + 1])
-        return np.array(reach[::-1])
+        first = float(np.linalg.norm(b.points, axis=1).max()) + b.swell
+        return np.cumsum([first, *self._links(travel)[a.joint + 1 : b.joint][::-1]])[::-1]
 
     def _outward(self, a: Body, b: Body, travel: Array) -> Array:
         """Return the largest distance of a's points from each joint's origin, from the joint after a to that of b."""
         origin = np.array(self.shapes.model.jointPlacements[1 + a.joint].translation)
-        links, slide = self._links(travel), float(travel[a.joint]) if self.robot.prismatic[a.joint] else 0.0
-        reach = [float(np.linalg.norm(a.points - origin, axis=1).max()) + a.swell + slide]
-        for joint in range(a.joint + 1, b.joint):
-            reach.append(reach[-1] + links[joint])
-        return np.array(reach)
+        slide = float(travel[a.joint]) if self.robot.prismatic[a.joint] else 0.0
+        first = float(np.linalg.norm(a.points - origin, axis=1).max()) + a.swell + slide
+        return np.cumsum([first, *self._links(travel)[a.joint + 1 : b.joint]])
 
 
 def link_pairs(robot: Robot) -> tuple[LinkPairs | None, list[str]]:
@@ -273,7 +269,8 @@ class _Search:
                     near = int(k[np.argmin(quick[k])])
                     if quick[near] < best.value:
                         best = Separation(0.0, float(quick[near]), float(times[near]), int(pairs[near]))
-            times, halves, pairs = _halved(times, halves, pairs, quick - drop < best.value - tolerance)
+            open_ = quick - drop < best.value - tolerance
+            (times, halves), pairs = halved(times, halves, open_), np.repeat(pairs[open_], 2)
         return best._replace(lower=min(best.value - tolerance - _SOLVER, lowest - _SOLVER))
 
     def stays_above(self, clearance: float) -> bool:
@@ -289,13 +286,13 @@ class _Search:
                 quick[k] = self._exact(times[k[0]], pairs[k]) - _SOLVER
                 if np.any(quick[k] <= clearance):
                     return False
-            times, halves, pairs = _halved(times, halves, pairs, quick - drop <= clearance)
+            open_ = quick - drop <= clearance
+            (times, halves), pairs = halved(times, halves, open_), np.repeat(pairs[open_], 2)
         return True
 
     def _first(self) -> tuple[Array, Array, Array]:
         count, piece = self._pairs.count, self._piece
-        edges = np.linspace(piece.start, piece.end, _FIRST + 1)
-        centres, halves = 0.5 * (edges[1:] + edges[:-1]), 0.5 * np.diff(edges)
+        centres, halves = intervals(piece.start, piece.end, _FIRST)
         return np.repeat(centres, count), np.repeat(halves, count), np.tile(np.arange(count), _FIRST)
 
     def _quick(self, times: Array, halves: Array, pairs: Array) -> tuple[Array, Array]:
@@ -317,10 +314,3 @@ def _by_pose(times: Array, rows: Any) -> list[Array]:
     order = np.argsort(first[place], kind="stable")
     ends = np.flatnonzero(np.diff(first[place][order])) + 1
     return [np.asarray(group) for group in np.split(rows[order], ends)]
-
-
-def _halved(times: Array, halves: Array, pairs: Array, rows: Any) -> tuple[Array, Array, Array]:
-    """Return the two halves of the chosen intervals."""
-    half = np.repeat(0.5 * halves[rows], 2)
-    shifted = np.repeat(times[rows], 2) + np.tile([-1.0, 1.0], int(rows.sum())) * half
-    return shifted, half, np.repeat(pairs[rows], 2)

@@ -10,6 +10,7 @@ The torque that a motion takes, as far as a robot's files tell: URDF, armature a
 from __future__ import annotations
 
 from functools import cached_property
+from itertools import pairwise
 from typing import Any, NamedTuple
 
 import casadi as ca
@@ -21,6 +22,7 @@ from robot_ident.model.structure import Structure
 from robot_ident.robot.robot import Robot
 from robot_ident.signals.motion import Array, Motion
 from robot_ident.trajectories.excitation import Piece
+from robot_ident.trajectories.extremes import halved, intervals
 
 
 class TorqueModel:
@@ -35,11 +37,8 @@ class TorqueModel:
         self._robot = robot
         self._structure, kept = structure.with_only(lambda effect: effect.symbolic and not effect.uses_torque)
         self._theta = structure.true_values()[kept]
-        free = [
-            joint
-            for joint in structure.base.free_rotors
-            if f"rotor_inertia@{robot.joints[joint]}" not in structure.labels
-        ]
+        labels = {joint: f"rotor_inertia@{robot.joints[joint]}" for joint in structure.base.free_rotors}
+        free = [joint for joint, label in labels.items() if label not in structure.labels]
         self._rotors = np.zeros(robot.n)
         self._rotors[free] = robot.drives.armature[free]
 
@@ -153,7 +152,7 @@ class TorqueRange:
             if spent > _BUDGET and open_.any():
                 wide = bound[open_].max(axis=0)
                 break
-            centres, halves = _halved(centres, halves, open_)
+            centres, halves = halved(centres, halves, open_)
         return TorqueExtreme(np.maximum(np.abs(value) + slack, wide), value, time, proven=True)
 
     def _below(self, piece: Piece) -> Array | None:
@@ -167,7 +166,7 @@ class TorqueRange:
                 return None
             proven = np.maximum(proven, bound[~open_].max(axis=0, initial=0.0))
             spent += len(centres)
-            centres, halves = _halved(centres, halves, open_)
+            centres, halves = halved(centres, halves, open_)
         return None if len(centres) else proven
 
     def _bound(self, piece: Piece, centres: Array, halves: Array) -> Array:
@@ -194,12 +193,5 @@ def _first(piece: Piece) -> tuple[Array, Array]:
     """Return the first intervals, none of which holds a jump of the acceleration."""
     count = max(4, _FIRST // (1 + len(piece.jumps)))
     ends = [piece.start, *sorted(t for t in piece.jumps if piece.start < t < piece.end), piece.end]
-    edges = [np.linspace(a, b, count + 1) for a, b in zip(ends, ends[1:], strict=False)]
-    centres = np.concatenate([0.5 * (edge[1:] + edge[:-1]) for edge in edges])
-    return centres, np.concatenate([0.5 * np.diff(edge) for edge in edges])
-
-
-def _halved(centres: Array, halves: Array, rows: Any) -> tuple[Array, Array]:
-    """Return the two halves of the chosen intervals."""
-    half = np.repeat(0.5 * halves[rows], 2)
-    return np.repeat(centres[rows], 2) + np.tile([-1.0, 1.0], int(rows.sum())) * half, half
+    parts = [intervals(a, b, count) for a, b in pairwise(ends)]
+    return np.concatenate([centres for centres, _ in parts]), np.concatenate([halves for _, halves in parts])

@@ -11,9 +11,11 @@ from __future__ import annotations
 from collections.abc import Callable
 from typing import Any
 
+import casadi as ca
 import numpy as np
 
 from robot_ident.robot.robot import Robot
+from robot_ident.robot.symbolic import frame_function
 from robot_ident.robot.workspace import Alternative, Plane, WorkspaceRule
 from robot_ident.signals.motion import Array, Motion
 from robot_ident.trajectories.excitation import Piece
@@ -27,10 +29,6 @@ class FrameKinematics:
 
     def __init__(self, robot: Robot, frame: str) -> None:
         """Build the kinematics of a frame of a robot."""
-        import casadi as ca
-
-        from robot_ident.robot.symbolic import frame_function
-
         q, dq = ca.SX.sym("q", robot.n), ca.SX.sym("dq", robot.n)
         p = frame_function(robot, frame)(q)
         self._function: Any = ca.Function("frame", [q, dq], [ca.densify(p), ca.densify(ca.jtimes(p, q, dq))])
@@ -68,12 +66,9 @@ class FrameKinematics:
         sliding = np.array(self._robot.prismatic)
         reach = self.reach(travel)
         first = np.where(sliding, 1.0, reach) * (np.arange(n) < last)
-        second = np.zeros((n, n))
-        for i in range(last):
-            for j in range(last):
-                early, late = min(i, j), max(i, j)
-                if not sliding[early]:
-                    second[i, j] = 1.0 if sliding[late] else reach[late]
+        joints = np.arange(n)
+        early, late = np.minimum.outer(joints, joints), np.maximum.outer(joints, joints)
+        second = np.where(sliding[late], 1.0, reach[late]) * (~sliding[early] & (late < last))
         return np.asarray(first @ acceleration + np.einsum("ki,ij,kj->k", speed, second, speed))
 
 
@@ -97,20 +92,19 @@ def _bound(
     rule: WorkspaceRule, kinematics: FrameKinematics, piece: Piece
 ) -> Callable[[Array, Array], tuple[Array, Array]]:
     """Return the rule's margin at the centres of intervals and its lower bound over them, as a function."""
-    extremes = piece.extremes
-    travel, top_speed, acceleration = extremes.q.largest, extremes.dq.largest, extremes.ddq.largest
+    travel, top_speed, acceleration = (extremes.largest for extremes in piece.extremes)
 
     def bound(centres: Array, halves: Array) -> tuple[Array, Array]:
         motion = piece.motion(centres)
         p, v = kinematics(motion)
         speed = np.minimum(np.abs(motion.dq) + halves[:, None] * acceleration, top_speed)
         curvature = kinematics.acceleration_bound(speed, acceleration, travel)
-        values, lower = [], []
-        for clause in rule.clauses:
-            slack = [_slack(alternative, p, v, halves, curvature) for alternative in clause]
-            values.append(np.max([value for value, _ in slack], axis=0))
-            lower.append(np.max([low for _, low in slack], axis=0))
-        return np.min(values, axis=0), np.min(lower, axis=0)
+        clauses = [
+            np.max([_slack(alternative, p, v, halves, curvature) for alternative in clause], axis=0)
+            for clause in rule.clauses
+        ]
+        values, lower = np.min(clauses, axis=0)
+        return values, lower
 
     return bound
 

@@ -17,8 +17,8 @@ from robot_ident.nodes.messages import stamp_of
 from robot_ident.nodes.node import BaseNode, reliable
 from robot_ident.nodes.outputs import ActionOutput, Output, SampleOutput, TrajectoryOutput
 from robot_ident.nodes.subscriptions import Hearing, hear
-from robot_ident.planning.approach import NotWanted
-from robot_ident.planning.blends import approach, stop_from
+from robot_ident.planning.approach import NotWanted, approach
+from robot_ident.planning.stop import stop_from
 from robot_ident.playback.periodic_timer import Stall, Ticker
 from robot_ident.playback.plan import Plan
 from robot_ident.playback.player import DWELL, Phase, Player

@@ -9,13 +9,10 @@ import numpy as np
 from robot_ident.errors import InputError
 from robot_ident.limits.certifier import Certifier
 from robot_ident.limits.feasibility import PoseLimits, require_limits
-from robot_ident.planning.stop import stop_from
 from robot_ident.planning.validation_motion import moves
 from robot_ident.robot.robot import Robot
 from robot_ident.signals.motion import Array
 from robot_ident.trajectories.point_to_point import PointToPoint
-
-__all__ = ["approach", "stop_from"]
 
 SHARE = 0.3  # of velocity and acceleration limits that an approach uses
 _NODES = 400

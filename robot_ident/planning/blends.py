@@ -9,14 +9,12 @@ from functools import cached_property
 import numpy as np
 
 from robot_ident.errors import InputError
-from robot_ident.planning.approach import approach, stop_from
 from robot_ident.robot.robot import Robot
 from robot_ident.signals.motion import Array, Motion
 from robot_ident.trajectories.excitation import Excitation, Piece
 from robot_ident.trajectories.extremes import certified_minimum
 from robot_ident.trajectories.fourier_series import Extremes, FourierSeries, MotionExtremes
-
-__all__ = ["Playback", "approach", "stop_from"]
+from robot_ident.trajectories.point_to_point import smooth_share
 
 _RAMPS = np.linspace(0.3, 1.0, 29)  # shares of the period tried as the duration of a ramp, the shortest first
 _LEADS = np.linspace(0.0, 0.95, 20)  # shares of the period for which it goes on at full rate before it comes to rest
@@ -45,8 +43,7 @@ class Playback:
                 f"ramp = {ramp:g} s: it must be positive and no longer than a period ({excitation.period:g} s)"
             )
         self.excitation, self.robot, self.periods = excitation, robot, periods
-        self._rise = self._choose(ramp, rising=True)
-        self._fall = self._choose(ramp, rising=False)
+        self._rise, self._fall = (self._choose(ramp, rising=rising) for rising in (True, False))
 
     def _choose(self, ramp: float | None, *, rising: bool) -> Ramp:
         """Return the shortest ramp whose acceleration is certified to stay within the limits."""
@@ -112,19 +109,9 @@ class Playback:
     def pieces(self) -> Sequence[Piece]:
         """Return one steady period (whose times are told where a blend is as tight), the way in and the way out."""
         series = self.excitation.series
-        steady = _shifted(series.extremes(), self.transient)
-        return [
-            Piece(
-                self.transient,
-                self.transient + series.period,
-                self.reference,
-                steady,
-                series.jerk_bound(),
-                name="periodic",
-            ),
-            self._rise.piece(0.0),
-            self._fall.piece(self.steady_end),
-        ]
+        start, steady = self.transient, _shifted(series.extremes(), self.transient)
+        periodic = Piece(start, start + series.period, self.reference, steady, series.jerk_bound(), name="periodic")
+        return [periodic, self._rise.piece(0.0), self._fall.piece(self.steady_end)]
 
 
 @dataclass(frozen=True)
@@ -142,10 +129,10 @@ class Ramp:
 
     def phase(self, t: Array) -> tuple[Array, Array, Array]:
         """Return the phase s [s], its rate r and dr/dt [1/s] at instants t [N] s of the ramp."""
-        u = np.clip((t if self.rising else self.span - t) / self.duration, 0.0, 1.0)
+        moving = t if self.rising else self.span - t
+        u = np.clip(moving / self.duration, 0.0, 1.0)
         integral = self.duration * u**4 * (2.5 - 3.0 * u + u**2)
-        rate = u**3 * (10.0 - 15.0 * u + 6.0 * u**2)
-        slope = 30.0 * u**2 * (1.0 - u) ** 2 / self.duration
+        rate, slope, _ = smooth_share(moving, self.duration)
         if not self.rising:
             lead = self.span - self.duration
             return lead + 0.5 * self.duration - integral - np.maximum(lead - t, 0.0), rate, -slope
@@ -183,20 +170,21 @@ class Ramp:
     def _extremes(self, order: int, start: float, end: float) -> Extremes:
         """Return proven extremes of q (order 0), dq or ddq from `start` to `end` [s]."""
         scale = self.series.extremes()[order].largest
-        rows = [
+        low, high = np.array(
             [
-                self._least(order, joint, sign, _TOLERANCE * float(scale[joint]) + 1e-12, (start, end))
+                [
+                    self._least(order, joint, sign, _TOLERANCE * float(scale[joint]) + 1e-12, start, end)
+                    for joint in range(self.series.joints)
+                ]
                 for sign in (1.0, -1.0)
             ]
-            for joint in range(self.series.joints)
-        ]
-        low, high = np.array(rows).transpose(1, 2, 0)
+        ).transpose(0, 2, 1)
         return Extremes(low[0], low[1], -high[0], high[1])
 
     def _least(
-        self, order: int, joint: int, sign: float, tolerance: float, ends: tuple[float, float]
+        self, order: int, joint: int, sign: float, tolerance: float, start: float, end: float
     ) -> tuple[float, float]:
-        """Return a proven lower bound of sign * a derivative of a joint's position between `ends` [s], and its time."""
+        """Return a proven lower bound of sign * a derivative of a joint's position over [start, end], and its time."""
         jerk = float(self.jerk_bound()[joint])
 
         def bound(centres: Array, halves: Array) -> tuple[Array, Array]:
@@ -208,7 +196,7 @@ class Ramp:
             values = sign * signals[order]
             return values, values - drop
 
-        found = certified_minimum(bound, *ends, tolerance)
+        found = certified_minimum(bound, start, end, tolerance)
         return found.lower, found.time
 
     def jerk_bound(self) -> Array:
@@ -216,20 +204,14 @@ class Ramp:
         value: |dr/dt| <= 15/8 / T, |d2r/dt2| <= 10/sqrt(3) / T^2.
         """
         path, duration = self.series.extremes(), self.duration
-        bound: Array = self.series.jerk_bound() + 3.0 * path.ddq.largest * 1.875 / duration
-        return bound + path.dq.largest * (10.0 / np.sqrt(3.0)) / duration**2
+        bound = self.series.jerk_bound() + 3.0 * path.ddq.largest * 1.875 / duration
+        return np.asarray(bound + path.dq.largest * (10.0 / np.sqrt(3.0)) / duration**2)
 
     def piece(self, start: float) -> Piece:
         """Return the ramp as a piece that begins at `start` [s]."""
-        name = "blend_in" if self.rising else "blend_out"
-        return Piece(
-            start,
-            start + self.span,
-            lambda t: self.motion(t - start),
-            _shifted(self.extremes, start),
-            self.jerk_bound(),
-            name=name,
-        )
+        extremes, name = _shifted(self.extremes, start), "blend_in" if self.rising else "blend_out"
+        motion, end = lambda t: self.motion(t - start), start + self.span
+        return Piece(start, end, motion, extremes, self.jerk_bound(), name=name)
 
 
 def _shifted(extremes: MotionExtremes, offset: float) -> MotionExtremes:

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
-from dataclasses import dataclass, field
+from dataclasses import dataclass, replace
 
 import numpy as np
 from numpy.polynomial import polynomial
@@ -29,7 +29,7 @@ class Stop:
     joints: tuple[str, ...]
     coefficients: Array
     durations: Array
-    certified: bool = field(default=False)
+    certified: bool = False
 
     @property
     def duration(self) -> float:
@@ -54,20 +54,21 @@ class Stop:
 
     def pieces(self) -> Sequence[Piece]:
         """Return the whole stop with its exact extremes."""
-        values = [
-            [
-                _polynomial_extremes(polynomial.polyder(c, order), duration)
-                for c, duration in zip(self.coefficients, self.durations, strict=True)
-            ]
-            for order in range(3)
+        derivatives = [
+            Extremes(
+                *np.array(
+                    [
+                        _polynomial_extremes(polynomial.polyder(c, order), duration)
+                        for c, duration in zip(self.coefficients, self.durations, strict=True)
+                    ]
+                ).T
+            )
+            for order in range(4)
         ]
-        extremes = MotionExtremes(*(Extremes(*np.array(rows).T) for rows in values))
-        third = [polynomial.polyder(c, 3) for c in self.coefficients]
-        jerk = [
-            float(np.abs(polynomial.polyval(np.array([0.0, duration]), c)).max())  # a straight line
-            for c, duration in zip(third, self.durations, strict=True)
+        jerk = derivatives[3].largest
+        return [
+            Piece(0.0, self.duration, self.reference, MotionExtremes(*derivatives[:3]), jerk, tuple(self.durations))
         ]
-        return [Piece(0.0, self.duration, self.reference, extremes, np.array(jerk), tuple(self.durations))]
 
 
 def stop_from(state: Motion, robot: Robot, certifier: Certifier | None = None) -> Stop:
@@ -88,11 +89,11 @@ def stop_from(state: Motion, robot: Robot, certifier: Certifier | None = None) -
         for initial in (a, np.zeros_like(a)):
             stop = _cubic(robot, q, v, initial, float(duration))
             if np.all(stop.pieces()[0].extremes.ddq.largest <= limit) and certifier.keeps(stop, torque=False):
-                return Stop(stop.joints, stop.coefficients, stop.durations, certified=True)
+                return replace(stop, certified=True)
     times = np.maximum(np.abs(v) / (0.999 * limit), _SHORTEST)
     rows = np.stack([q, v, -0.5 * v / times, 0.0 * v, 0.0 * v], axis=1)
     stop = Stop(robot.joints, rows, times)
-    return Stop(robot.joints, rows, times, certified=certifier.keeps(stop, torque=False))
+    return replace(stop, certified=certifier.keeps(stop, torque=False))
 
 
 def _cubic(robot: Robot, q: Array, v: Array, a: Array, duration: float) -> Stop:

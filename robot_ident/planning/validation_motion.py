@@ -1,6 +1,4 @@
-"""The paper's validation motion: random points, reached as fast as the limits allow, with a full stop at each; and
-an\nexcitation of some joints as a motion of the whole robot, the others at rest.
-"""
+"""The paper's validation motion, random points with a full stop at each; an excitation of some joints, others held."""
 
 from __future__ import annotations
 
@@ -99,7 +97,8 @@ def whole_motion(excitation: Excitation, robot: Robot, angles: Mapping[str, floa
     )
     margins = certify(whole, robot)
     if not margins.kept:
-        raise InputError(f"with {_words(angles)}: {margins.violations[0]}")
+        held = ", ".join(f"{name} held at {angle:.4g}" for name, angle in angles.items())
+        raise InputError(f"with {held}: {margins.violations[0]}")
     return whole
 
 
@@ -121,7 +120,3 @@ def check_angles(robot: Robot, angles: Mapping[str, float]) -> None:
         lower, upper = float(robot.limits.lower[joint]), float(robot.limits.upper[joint])
         if not lower < angle < upper:
             raise InputError(f"--hold {name}={angle:g}: outside of its limits, {lower:g} to {upper:g}")
-
-
-def _words(angles: Mapping[str, float]) -> str:
-    return ", ".join(f"{name} held at {angle:.4g}" for name, angle in angles.items())

@@ -1,6 +1,4 @@
-"""An excitation: a Fourier series for the joints of a robot, with what it was designed for, as a YAML file; and what
-every\nmotion that can be played offers: its duration, its pose at the start, its state at any time.
-"""
+"""An excitation: a Fourier series for a robot's joints, with what it was designed for; what motions offer to others."""
 
 from __future__ import annotations
 

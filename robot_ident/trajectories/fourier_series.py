@@ -76,8 +76,7 @@ class FourierSeries:
     @property
     def frequencies(self) -> Array:
         """Angular frequencies w l [L] rad/s."""
-        order: Array = np.arange(1.0, self.harmonics + 1.0)
-        return 2.0 * np.pi * self.base_frequency * order
+        return np.asarray(2.0 * np.pi * self.base_frequency * np.arange(1.0, self.harmonics + 1.0))
 
     def motion(self, t: Array) -> Motion:
         """Return position, velocity and acceleration at instants t [N] s."""
@@ -92,8 +91,7 @@ class FourierSeries:
 
     def jerk_bound(self) -> Array:
         """Return a bound of |d^3 q / dt^3| [n] rad/s^3: the sum of the harmonics' amplitudes."""
-        bound: Array = np.hypot(self.a, self.b) @ self.frequencies**2
-        return bound
+        return np.asarray(np.hypot(self.a, self.b) @ self.frequencies**2)
 
     def extremes(self) -> MotionExtremes:
         """Return the exact extremes over a period, in continuous time."""

@@ -1,10 +1,8 @@
-"""Motions from point to point with a full stop at each: straight in joint space, as fast as the limits allow or
-gently.
-"""
+"""Motions from point to point with a full stop at each: straight in joint space, fast as limits allow or gently."""
 
 from __future__ import annotations
 
-from collections.abc import Callable, Sequence
+from collections.abc import Sequence
 from dataclasses import dataclass, field
 from functools import cached_property
 from pathlib import Path
@@ -66,7 +64,8 @@ class PointToPoint:
         return [self._profile(move) for move in range(len(self.points) - 1)]
 
     @cached_property
-    def _starts(self) -> Array:
+    def stops(self) -> Array:
+        """When each move begins, and the end [K + 1] s: the motion rests there."""
         durations = np.array([duration for duration, _ in self._profiles])
         return np.concatenate([[0.0], np.cumsum(durations + self.pause)])
 
@@ -82,8 +81,7 @@ class PointToPoint:
         if not (rate > 0.0 and bend > 0.0):  # below the least of numbers
             return float("inf"), 0.0
         if self.law == "smooth":  # largest ds/du = 15/8, largest d2s/du2 = 10/sqrt(3)
-            duration = max(1.875 / rate, float(np.sqrt(10.0 / np.sqrt(3.0) / bend)))
-            return duration, 0.0
+            return max(1.875 / rate, float(np.sqrt(10.0 / np.sqrt(3.0) / bend))), 0.0
         rise = rate / bend
         if rise * rate >= 1.0:  # the largest speed isn't reached
             rise = float(np.sqrt(1.0 / bend))
@@ -93,12 +91,7 @@ class PointToPoint:
     @property
     def duration(self) -> float:
         """Duration with all pauses [s]."""
-        return float(self._starts[-1])
-
-    @property
-    def stops(self) -> Array:
-        """When each move begins, and the end [K + 1] s: the motion rests there."""
-        return self._starts.copy()
+        return float(self.stops[-1])
 
     @property
     def start_pose(self) -> Array:
@@ -113,41 +106,34 @@ class PointToPoint:
     def reference(self, t: Array) -> Motion:
         """Return the motion at instants t [N] s; at rest before the start and after the end."""
         t = np.atleast_1d(np.asarray(t, dtype=float))
-        starts = self._starts
-        move = np.clip(np.searchsorted(starts, t, side="right") - 1, 0, len(self.points) - 2)
+        move = np.clip(np.searchsorted(self.stops, t, side="right") - 1, 0, len(self.points) - 2)
         share = np.zeros((3, len(t)))
         for k in np.unique(move):
             rows = move == k
-            share[:, rows] = self._law(int(k))(t[rows] - starts[k])
+            share[:, rows] = self._share(int(k), t[rows] - self.stops[k])
         step = self.points[move + 1] - self.points[move]
         s, ds, dds = share[:, :, None]
         return Motion(self.points[move] + s * step, ds * step, dds * step)
 
-    def _law(self, move: int) -> Callable[[Array], Array]:
+    def _share(self, move: int, t: Array) -> Array:
+        """Return s, ds/dt, d2s/dt2 [3, N] of a move, t [N] s after it begins."""
         duration, rise = self._profiles[move]
         if duration == 0.0:
-            return lambda t: np.vstack([np.ones_like(t), np.zeros_like(t), np.zeros_like(t)])
-        if self.law == "smooth":
-            return lambda t: _smooth(t, duration)
-        return lambda t: _trapezoid(t, duration, rise)
+            return np.vstack([np.ones_like(t), np.zeros_like(t), np.zeros_like(t)])
+        return smooth_share(t, duration) if self.law == "smooth" else _trapezoid(t, duration, rise)
 
     def pieces(self) -> Sequence[Piece]:
-        """Return the moves; each is monotone in every joint, so that its ends and its largest speed and acceleration
-        bound it.
-        """
-        out = []
-        starts = self._starts
-        for move, (duration, rise) in enumerate(self._profiles):
-            if duration > 0.0:
-                out.append(self._piece(move, float(starts[move]), duration, rise))
+        """Return the moves: each is monotone in every joint, so its ends and its largest rates bound it."""
+        out = [self._piece(move) for move, (duration, _) in enumerate(self._profiles) if duration > 0.0]
         if not out:  # a motion that stays where it is
             zero = np.zeros(len(self.joints))
             still, q = _extremes(zero, zero, 0.0, 0.0), _extremes(self.points[0], self.points[0], 0.0, 0.0)
             out.append(Piece(0.0, max(self.duration, 1e-3), self.reference, MotionExtremes(q, still, still), zero))
         return out
 
-    def _piece(self, move: int, start: float, duration: float, rise: float) -> Piece:
+    def _piece(self, move: int) -> Piece:
         a, b = self.points[move], self.points[move + 1]
+        start, (duration, rise) = float(self.stops[move]), self._profiles[move]
         step, end, zero = b - a, start + duration, np.zeros(len(a))
         if self.law == "smooth":
             rate, bend = 1.875 / duration, 10.0 / np.sqrt(3.0) / duration**2
@@ -224,9 +210,6 @@ class PointToPoint:
         return motion
 
 
-PointToPointMotion = PointToPoint
-
-
 class PointToPointFile(Closed):
     """A point-to-point motion in a YAML file."""
 
@@ -246,18 +229,12 @@ class PointToPointFile(Closed):
 
 def _extremes(first: Array, second: Array, first_time: float, second_time: float) -> Extremes:
     """Return the extremes of signals whose only candidates are two values at two times."""
-    swap = first > second
-    times = np.full(len(first), first_time), np.full(len(first), second_time)
-    return Extremes(
-        np.minimum(first, second),
-        np.where(swap, times[1], times[0]),
-        np.maximum(first, second),
-        np.where(swap, times[0], times[1]),
-    )
+    low, high = np.where(first > second, second_time, first_time), np.where(first > second, first_time, second_time)
+    return Extremes(np.minimum(first, second), low, np.maximum(first, second), high)
 
 
-def _smooth(t: Array, duration: float) -> Array:
-    """Return s, ds/dt, d2s/dt2 [3, N] of the quintic law."""
+def smooth_share(t: Array, duration: float) -> Array:
+    """Return s, ds/dt, d2s/dt2 [3, N] of the quintic law s = 10 u^3 - 15 u^4 + 6 u^5, u = t / duration."""
     u = np.clip(t / duration, 0.0, 1.0)
     return np.vstack(
         [

@@ -8,13 +8,7 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from robot_ident.design.criteria import (
-    condition_number,
-    evaluate,
-    log10_det_covariance,
-    noise_variances,
-    standard_deviations,
-)
+from robot_ident.design.criteria import evaluate, evaluate_rows, noise_variances
 from robot_ident.errors import InputError
 from robot_ident.model.structure import Structure
 from robot_ident.robot import Robot
@@ -26,22 +20,21 @@ def test_definitions_against_plain_formulas() -> None:
     columns, variances = rng.normal(size=(40, 2, 5)) * [1.0, 10.0, 0.1, 3.0, 2.0], np.array([4.0, 0.25])
     f, s = columns.reshape(-1, 5), np.tile(variances, 40)
     covariance = np.linalg.inv(f.T @ np.diag(1 / s) @ f)
-    assert log10_det_covariance(columns, variances) == pytest.approx(np.log10(np.linalg.det(covariance)), abs=1e-10)
-    np.testing.assert_allclose(standard_deviations(columns, variances), np.sqrt(np.diag(covariance)), rtol=1e-10)
     weighted = f / np.sqrt(s)[:, None]
+    found = evaluate_rows(weighted)
+    assert found.log10_det_covariance == pytest.approx(np.log10(np.linalg.det(covariance)), abs=1e-10)
+    np.testing.assert_allclose(found.sigma, np.sqrt(np.diag(covariance)), rtol=1e-10)
     expected = np.linalg.cond(weighted / np.linalg.norm(weighted, axis=0))
-    assert condition_number(columns, variances) == pytest.approx(expected, rel=1e-10)
+    assert found.condition_number == pytest.approx(expected, rel=1e-10)
 
 
 def test_a_column_that_others_span_makes_everything_infinite() -> None:
-    columns = np.random.default_rng(0).normal(size=(30, 1, 3))
-    columns[:, :, 2] = columns[:, :, 0] - 2 * columns[:, :, 1]
-    variances = np.ones(1)
-    assert log10_det_covariance(columns, variances) == np.inf
-    assert condition_number(columns, variances) == np.inf
-    assert np.all(np.isinf(standard_deviations(columns, variances)))
-    columns[:, :, 2] = 0.0
-    assert log10_det_covariance(columns, variances) == np.inf
+    rows = np.random.default_rng(0).normal(size=(30, 3))
+    for column in (rows[:, 0] - 2 * rows[:, 1], np.zeros(30)):
+        rows[:, 2] = column
+        found = evaluate_rows(rows)
+        assert found.log10_det_covariance == found.condition_number == np.inf
+        assert np.all(np.isinf(found.sigma))
 
 
 def test_one_averaged_period_has_the_papers_variances(
@@ -51,7 +44,8 @@ def test_one_averaged_period_has_the_papers_variances(
     columns = structure.columns(excitation.samples())
     assert columns.shape == (1500, 3, 21)
     values = evaluate(structure, excitation)
-    assert values.log10_det_covariance == log10_det_covariance(columns, np.array([25.0, 26.0, 10.0]))
+    weighted = (columns / np.sqrt([25.0, 26.0, 10.0])[:, None]).reshape(-1, 21)
+    assert values.log10_det_covariance == evaluate_rows(weighted).log10_det_covariance
     assert values.sigma.shape == (21,)
     single = evaluate(structure, excitation, periods=1)
     assert single.log10_det_covariance - values.log10_det_covariance == pytest.approx(21 * np.log10(16.0))

@@ -13,7 +13,8 @@ import pytest
 
 from robot_ident.limits.certifier import Certifier
 from robot_ident.limits.feasibility import allowed_poses
-from robot_ident.planning.approach import NotWanted, approach, stop_from
+from robot_ident.planning.approach import NotWanted, approach
+from robot_ident.planning.stop import stop_from
 from robot_ident.robot import Robot
 from robot_ident.signals.motion import Motion
 

@@ -173,7 +173,7 @@ def test_branch_and_bound_proves_a_minimum() -> None:
         values = np.cos(7.0 * centres) + 0.1 * centres
         return values, values - 7.1 * halves
 
-    found = certified_minimum(bound, 0.0, 4.0, 1e-6, intervals=3)
+    found = certified_minimum(bound, 0.0, 4.0, 1e-6)
     t = np.linspace(0.0, 4.0, 2_000_001)
     least = float(np.min(np.cos(7.0 * t) + 0.1 * t))
     assert found.lower <= least <= found.value + 1e-12

@@ -11,7 +11,9 @@ import pytest
 
 from robot_ident.errors import InputError
 from robot_ident.limits.certifier import Certifier, certify
-from robot_ident.planning.blends import Playback, approach, stop_from
+from robot_ident.planning.approach import approach
+from robot_ident.planning.blends import Playback
+from robot_ident.planning.stop import stop_from
 from robot_ident.planning.validation_motion import moves, validation_motion
 from robot_ident.robot import Robot
 from robot_ident.robot.workspace import box

@@ -111,7 +111,7 @@ def determinant_bound(
     moments = Moments.of(states, lowest if trajectories == 1 else 0.0, highest, degree)
     oracle, pool, scale = _seeded(target, family, moments, family.samples * trajectories)
     known = np.zeros((p, p)) if prior is None else scale[:, None] * prior * scale
-    relaxation = Relaxation(oracle, pool, known, started + time_limit, progress or (lambda proof: None))
+    relaxation = Relaxation(oracle, pool, known, started + time_limit, progress)
     proof = relaxation.bound(moments, p * float(np.log1p(TIGHT)))
     shift = 2.0 * float(np.log(scale).sum())
     return Bound(
@@ -133,7 +133,7 @@ def _seeded(target: Target, family: Family, moments: Moments, samples: int) -> t
     weight, rng = np.sqrt(samples / target.variances), np.random.default_rng(0)
     plain = Oracle(robot, phi, moments, np.ones(len(target.structure.names)), weight)
     count = _RANDOM_STATES * min(robot.n, _MANY_JOINTS)
-    c, sign = plain.allowed(*(np.array(part) for part in zip(*plain.random_starts(rng, count), strict=True)))
+    c, sign = plain.allowed(*plain.random_starts(rng, count))
     squares = (plain.rows(c, sign)[1] ** 2).sum(axis=1).mean(axis=0)
     scale = 1.0 / np.sqrt(np.where(squares > 0.0, squares, 1.0))
     oracle = Oracle(robot, phi, moments, scale, weight)

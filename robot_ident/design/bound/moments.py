@@ -20,6 +20,7 @@ from dataclasses import dataclass, replace
 from itertools import combinations_with_replacement
 from typing import Any
 
+import casadi as ca
 import numpy as np
 
 from robot_ident.robot.robot import Robot
@@ -80,8 +81,6 @@ class StateSet:
 
     def expressions(self, c: Any, sign: Any) -> tuple[Any, Any, Any]:
         """Return q, dq, ddq [n] as CasADi expressions of coordinates [3 n] and directions [n]."""
-        import casadi as ca
-
         a, b, d = ca.vertsplit(c, self.n)
         angle = 0.5 * np.pi * a
         top = ca.DM(self.velocity)
@@ -182,8 +181,6 @@ class Moments:
 
         equal [m] multipliers of the equalities; quadratic [n, n + 3] what `compact` makes of those of the inequalities.
         """
-        import casadi as ca
-
         q, dq, ddq = motion
         states, n = self.states, self.states.n
         z, dz = ca.SX.sym("z", 2 * n), ca.SX.sym("dz", 2 * n)

@@ -1,33 +1,32 @@
-"""The search for the state that would add most: multi-start ascent of the dual's reduced cost, from small trajectories
-within all limits and poses at rest.
-"""
+"""The search for the state that would add most: multi-start ascent of the dual's reduced cost."""
 
 from __future__ import annotations
 
 from collections.abc import Sequence
 from dataclasses import dataclass
-from typing import Any
+from functools import reduce
+from typing import Any, NamedTuple
 
 import casadi as ca
 import numpy as np
+from scipy.optimize import minimize
 
 from robot_ident.design.bound.moments import Moments, StateSet
 from robot_ident.design.family import Family
 from robot_ident.limits.feasibility import allowed_poses, rule_margins
 from robot_ident.robot.robot import Robot
 from robot_ident.robot.symbolic import frame_function
-from robot_ident.robot.workspace import Clause
-from robot_ident.signals.motion import Array, Motion
+from robot_ident.signals.motion import Array, Motion, joined
 
 _STEEPNESS = 2e3  # of the penalty, in log det per m^2 of a broken rule: ends within a millimetre, then polished
 _SLACK = 1e-6  # m by which a rule may be broken: more states only loosen the bound
 _ITERATIONS = 60
 _MEMORY = 6  # iterations among which the worst must be beaten (Grippo, Lampariello and Lucidi 1986)
 _APART = 0.02  # distance of two states in the cube that count as the same
+_BESIDE = 0.05  # standard deviation in the cube of a start beside a state
 
 
-@dataclass(frozen=True)
-class Prices:
+class Prices(NamedTuple):
     """What the dual asks: Y [p, p], multipliers lambda [m] and, compactly, those of the inequalities [n, n + 3]."""
 
     inverse: Array
@@ -36,11 +35,7 @@ class Prices:
 
     def towards(self, other: Prices, share: float) -> Prices:
         """Return the dual point at a share of the way to another; whatever lies between two is one too."""
-        return Prices(
-            (1.0 - share) * self.inverse + share * other.inverse,
-            (1.0 - share) * self.equal + share * other.equal,
-            (1.0 - share) * self.quadratic + share * other.quadratic,
-        )
+        return Prices(*((1.0 - share) * mine + share * theirs for mine, theirs in zip(self, other, strict=True)))
 
 
 @dataclass(frozen=True)
@@ -65,7 +60,7 @@ class Oracle:
         equal, quadratic = ca.SX.sym("equal", len(moments.exponents)), ca.SX.sym("quadratic", n, n + 3)
         cost = moments.expression(equal, quadratic, motion)
         clauses = _clauses(robot, q)
-        broken = sum((ca.fmax(0, -_largest(clause)) ** 2 for clause in clauses), ca.SX(0))
+        broken = sum((ca.fmax(0, -reduce(ca.fmax, clause)) ** 2 for clause in clauses), ca.SX(0))
         seed = ca.SX.sym("seed", n, len(scale))
         slope = ca.jtimes(rows, c, seed, True)
         fixed = [equal, quadratic]
@@ -89,17 +84,14 @@ class Oracle:
         q, dq, ddq = (np.array(part).T for part in self._states(c.T, sign.T))
         return Motion(q, dq, ddq), rows
 
-    def search(self, prices: Prices, starts: Sequence[tuple[Array, Array]], polished: int, kept: int) -> Found:
-        """Return the best distinct states of ascents from starts (c [3 n], sign [n]); `polished` of them by SQP."""
-        c, sign = (np.array(part) for part in zip(*starts, strict=True))
+    def search(self, prices: Prices, c: Array, sign: Array, polished: int, kept: int) -> Found:
+        """Return the best distinct states of ascents from starts c [K, 3 n], sign [K, n]; `polished` of them by SQP."""
         c = self._ascend(prices, c, sign)
         value = self._reward(prices, c, sign)[0]
         chosen = _distinct(c, sign, np.argsort(-value).tolist(), 3 * kept)
         c, sign = c[chosen], sign[chosen]
         better = [self._polish(prices, c[k], sign[k]) for k in range(min(polished, len(c)))]
-        c = np.vstack([*(point for point in better), c]) if better else c
-        sign = np.vstack([sign[: len(better)], sign])
-        c, sign = self.allowed(c, sign)
+        c, sign = self.allowed(np.vstack([*better, c]), np.vstack([sign[: len(better)], sign]))
         reward = self._reward(prices, c, sign, penalty=False)[0]
         chosen = _distinct(c, sign, np.argsort(-reward).tolist(), kept)
         motion, rows = self.rows(c[chosen], sign[chosen])
@@ -109,20 +101,19 @@ class Oracle:
         """Return the rewards [K] of given states."""
         return self._reward(prices, *self.states.coordinates(motion), penalty=False)[0]
 
-    def random_starts(self, rng: np.random.Generator, count: int) -> list[tuple[Array, Array]]:
-        """Return random starts, half of their coordinates at the ends of their ranges."""
+    def random_starts(self, rng: np.random.Generator, count: int) -> tuple[Array, Array]:
+        """Return coordinates [K, 3 n], half of them at the ends of their ranges, and directions [K, n] at random."""
         lower, upper = self.states.box()
         c = rng.uniform(lower, upper, (count, len(lower)))
         ends = np.where(rng.random(c.shape) < 0.5, lower, upper)
         c = np.where(rng.random(c.shape) < 0.5, ends, c)
-        return list(zip(c, rng.choice([-1.0, 1.0], (count, self.states.n)), strict=True))
+        return c, rng.choice([-1.0, 1.0], (count, self.states.n))
 
-    def starts_beside(self, rng: np.random.Generator, motion: Motion, width: float) -> list[tuple[Array, Array]]:
-        """Return starts beside given states."""
+    def starts_beside(self, rng: np.random.Generator, motion: Motion) -> tuple[Array, Array]:
+        """Return coordinates [K, 3 n] and directions [K, n] beside given states."""
         c, sign = self.states.coordinates(motion)
         lower, upper = self.states.box()
-        moved = np.clip(c + width * rng.normal(size=c.shape), lower, upper)
-        return list(zip(moved, sign, strict=True))
+        return np.clip(c + _BESIDE * rng.normal(size=c.shape), lower, upper), sign
 
     def allowed(self, c: Array, sign: Array) -> tuple[Array, Array]:
         """Return those of some coordinates [K, 3 n] and directions [K, n] whose states keep the rules."""
@@ -191,8 +182,6 @@ class Oracle:
 
     def _polish(self, prices: Prices, c: Array, sign: Array) -> Array:
         """Return where sequential quadratic programming ends, with the rules' alternatives as they are chosen there."""
-        from scipy.optimize import minimize
-
         s = sign[None]
 
         def value(x: Array) -> float:
@@ -222,19 +211,8 @@ def _clauses(robot: Robot, q: Any) -> list[list[Any]]:
     out = []
     for rule in robot.workspace:
         x, y, z = ca.vertsplit(frame_function(robot, rule.frame)(q))
-        out += [_margins(clause, (x, y, z)) for clause in rule.clauses]
+        out += [[alternative.value(x, y, z, ca.sqrt) for alternative in clause] for clause in rule.clauses]
     return out
-
-
-def _margins(clause: Clause, p: tuple[Any, Any, Any]) -> list[Any]:
-    return [alternative.value(*p, ca.sqrt) for alternative in clause]
-
-
-def _largest(values: list[Any]) -> Any:
-    largest = values[0]
-    for value in values[1:]:
-        largest = ca.fmax(largest, value)
-    return largest
 
 
 def _distinct(c: Array, sign: Array, order: Sequence[int], most: int) -> list[int]:
@@ -261,20 +239,8 @@ def seed_motions(robot: Robot, states: StateSet, rng: np.random.Generator, famil
     exists that keeps them.
     """
     poses = allowed_poses(robot, _POSES, spread=0.95)
-    still = np.zeros_like(poses)
-    parts = [Motion(poses, still, still)]
-    for q0 in poses[rng.permutation(len(poses))[:_TRAJECTORIES]]:
-        parts.append(_trajectory(robot, states, rng, q0, family))
-    return stacked(parts)
-
-
-def stacked(motions: Sequence[Motion]) -> Motion:
-    """Return the states of several motions as one list."""
-    return Motion(
-        np.vstack([motion.q for motion in motions]),
-        np.vstack([motion.dq for motion in motions]),
-        np.vstack([motion.ddq for motion in motions]),
-    )
+    still, chosen = np.zeros_like(poses), poses[rng.permutation(len(poses))[:_TRAJECTORIES]]
+    return joined([Motion(poses, still, still), *(_trajectory(robot, states, rng, q0, family) for q0 in chosen)])
 
 
 def _trajectory(robot: Robot, states: StateSet, rng: np.random.Generator, q0: Array, family: Family) -> Motion:

@@ -1,5 +1,6 @@
-"""Column generation: the best distribution over states, and what its dual proves; between two searches for further
-states\nthe determinant is maximised over the weights of those found.
+"""Column generation: the best distribution over states, and what its dual proves.
+
+Between two searches for further states the determinant is maximised over the weights of those found.
 """
 
 from __future__ import annotations
@@ -13,8 +14,8 @@ import numpy as np
 from scipy.linalg import cho_factor, cho_solve, solve_triangular
 
 from robot_ident.design.bound.moments import Moments
-from robot_ident.design.bound.oracle import Oracle, Prices, stacked
-from robot_ident.signals.motion import Array, Motion
+from robot_ident.design.bound.oracle import Oracle, Prices
+from robot_ident.signals.motion import Array, Motion, joined
 
 _CENTRING = 0.1  # by which the complementarity is asked to fall in a step
 _ITERATIONS = 150
@@ -35,9 +36,7 @@ class Weights:
     gap: float
 
 
-def maximise_log_det(
-    rows: Array, equalities: Array, inequalities: Array, prior: Array, gap: float = 1e-4, start: Array | None = None
-) -> Weights:
+def maximise_log_det(rows: Array, equalities: Array, inequalities: Array, prior: Array, gap: float = 1e-4) -> Weights:
     """Return the weights xi >= 0, sum xi = 1 that maximise log det(M0 + sum_k xi_k B_k' B_k).
 
     Subject to sum_k xi_k g_k = 0 and sum_k xi_k h_k <= 0. rows B [K, n, p], equalities g [K, m], inequalities h [K, J],
@@ -45,7 +44,7 @@ def maximise_log_det(
     slacks as its positive variables; the Newton matrix is reduced to one of the size p (p + 1) / 2 + m + J + 1.
     """
     problem = _Problem(rows, equalities, inequalities, prior)
-    x, y, z = problem.start(start)
+    x, y, z = problem.start()
     for _ in range(_ITERATIONS):
         surrogate = float(x @ z)
         residual = problem.residual(x, y, z, 0.0)
@@ -85,9 +84,8 @@ class _Problem:
         self.right = np.zeros(len(self.matrix))
         self.right[-1] = 1.0
 
-    def start(self, weights: Array | None) -> tuple[Array, Array, Array]:
-        even = np.full(self.count, 1.0 / self.count)
-        xi = even if weights is None else 0.8 * weights / weights.sum() + 0.2 * even
+    def start(self) -> tuple[Array, Array, Array]:
+        xi = np.full(self.count, 1.0 / self.count)
         slack = np.maximum(0.1, -self.matrix[self.m : -1, : self.count] @ xi)
         x = np.concatenate([xi, slack])
         y = np.zeros(len(self.matrix))
@@ -95,8 +93,7 @@ class _Problem:
         return x, y, 0.1 * p / len(x) / x
 
     def information(self, x: Array) -> Array:
-        weighted = self.rows * np.sqrt(x[: self.count])[:, None, None]
-        stacked = weighted.reshape(-1, self.rows.shape[2])
+        stacked = (self.rows * np.sqrt(x[: self.count])[:, None, None]).reshape(-1, self.rows.shape[2])
         return np.asarray(self.prior + stacked.T @ stacked)
 
     def _whitened(self, x: Array) -> Array:
@@ -143,12 +140,7 @@ class _Problem:
 
     def solution(self, x: Array, y: Array, z: Array) -> Weights:
         return Weights(
-            xi=x[: self.count],
-            information=self.information(x),
-            equal=y[: self.m],
-            unequal=y[self.m : -1],
-            total=float(y[-1]),
-            gap=float(x @ z),
+            x[: self.count], self.information(x), y[: self.m], y[self.m : -1], total=float(y[-1]), gap=float(x @ z)
         )
 
 
@@ -177,8 +169,7 @@ class Pool:
 
     def add(self, motion: Motion, rows: Array) -> None:
         """Add states."""
-        self.motion = stacked([self.motion, motion])
-        self.rows = np.concatenate([self.rows, rows])
+        self.motion, self.rows = joined([self.motion, motion]), np.concatenate([self.rows, rows])
 
     def drop_light(self, xi: Array) -> None:
         """Drop the states of least weight."""
@@ -246,12 +237,7 @@ class Relaxation:
     """
 
     def __init__(
-        self,
-        oracle: Oracle,
-        pool: Pool,
-        prior: Array,
-        deadline: float,
-        progress: Callable[[Proof], None] = lambda proof: None,
+        self, oracle: Oracle, pool: Pool, prior: Array, deadline: float, progress: Callable[[Proof], None] | None = None
     ) -> None:
         """Take the search, its seeds and M0 [p, p]; deadline on time.monotonic()."""
         self._oracle, self._pool, self._prior = oracle, pool, prior
@@ -288,12 +274,16 @@ class Relaxation:
             began = time.monotonic()
             measure = self._master(moments, best, tolerance)
             moments = measure.moments
-            proof = self._priced(measure, self._between(best, measure), _STARTS * moments.states.n, _POLISHED)
+            prices = measure.prices()
+            if best is not None:  # those of the weights swing far off at first
+                prices = prices.towards(best.prices, _STEADY)
+            proof = self._priced(measure, prices, _STARTS * moments.states.n, _POLISHED)
             self._pace = time.monotonic() - began
             if best is None or proof.upper < best.upper:
                 best = proof
             best = replace(best, lower=max(best.lower, proof.lower))
-            self._progress(best)
+            if self._progress is not None:
+                self._progress(best)
             if time.monotonic() + (1 + _LAST) * self._pace > self._deadline:
                 break
             if best.upper - best.lower < tolerance:
@@ -303,18 +293,13 @@ class Relaxation:
         assert best is not None
         return self._confirmed(best)
 
-    @staticmethod
-    def _between(best: Proof | None, measure: Measure) -> Prices:
-        """Return a dual point between the best one and that of the weights, which swings far off at first."""
-        fresh = measure.prices()
-        return fresh if best is None else fresh.towards(best.prices, _STEADY)
-
     def _priced(self, measure: Measure, prices: Prices, starts: int, polished: int) -> Proof:
         """Search for states of positive reduced cost at a dual point, add them, and return what the point proves."""
         heavy = np.argsort(-measure.weights.xi)[: starts // 2]
-        beside = self._oracle.starts_beside(self._rng, measure.motion[heavy], 0.05)
-        random = self._oracle.random_starts(self._rng, starts - len(beside))
-        found = self._oracle.search(prices, [*beside, *random], polished, _ADDED)
+        beside = self._oracle.starts_beside(self._rng, measure.motion[heavy])
+        random = self._oracle.random_starts(self._rng, starts - len(heavy))
+        c, sign = (np.vstack(both) for both in zip(beside, random, strict=True))
+        found = self._oracle.search(prices, c, sign, polished, _ADDED)
         self.searches += 1
         known = self._oracle.rewards(prices, self._pool.motion)
         if len(measure.weights.xi) == len(self._pool.rows):

@@ -48,8 +48,7 @@ def best(
     p, rng = phi.size2_out(0), np.random.default_rng(0)
     oracle = Oracle(robot, phi, moments, np.ones(p), np.ones(1))
     pool = Pool(*oracle.rows(*states.coordinates(seed_motions(robot, states, rng, family))))
-    c, sign = (np.array(part) for part in zip(*oracle.random_starts(rng, 200), strict=True))
-    pool.add(*oracle.rows(c, sign))
+    pool.add(*oracle.rows(*oracle.random_starts(rng, 200)))
     return Relaxation(oracle, pool, np.zeros((p, p)), np.inf).bound(moments, tolerance)
 
 
