@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from dataclasses import dataclass
+from functools import reduce
 from typing import TYPE_CHECKING, Any
 
 import casadi as ca
@@ -92,20 +93,12 @@ def workspace_rows(setting: Setting, grid: Grid) -> list[Rows]:
     return [Rows(stacked, np.full(size, _dip(robot, grid.step)), np.full(size, np.inf), distance=True)]
 
 
-BUILDERS = (joint_rows, torque_rows, workspace_rows)
-"""All kinds of limits that a search keeps."""
-
-
 def _smooth_maximum(clause: Clause, p: Any) -> Any:
-    """Return a smooth lower bound of the largest distance among a clause's alternatives: their mean weighted by exp(k
-    d).
-    """
+    """Return a smooth lower bound of a clause's largest distance: its alternatives' mean, weighted exp(k d)."""
     values = [alternative.value(p[0, :], p[1, :], p[2, :], ca.sqrt) for alternative in clause]
     if len(values) == 1:
         return values[0]
-    largest = values[0]
-    for value in values[1:]:
-        largest = ca.fmax(largest, value)
+    largest = reduce(ca.fmax, values)
     weights = [ca.exp(_SHARPNESS * (value - largest)) for value in values]
     return sum(weight * value for weight, value in zip(weights, values, strict=True)) / sum(weights)
 
@@ -144,6 +137,10 @@ def collision_rows(setting: Setting, grid: Grid) -> list[Rows]:
     return [Rows(slack(q).T, lower, np.full(points, np.inf), distance=True, keeper=slack)]
 
 
+BUILDERS = (joint_rows, torque_rows, workspace_rows, collision_rows)
+"""All kinds of limits that a search keeps."""
+
+
 def _dips(pairs: LinkPairs, which: Any, step: float) -> float:
     """Return how far [m] links may come nearer between two points of a grid with this step [s], about: a h^2 / 16."""
     limits = pairs.robot.limits
@@ -161,9 +158,12 @@ class Nearest:
 
     def __init__(self, pairs: LinkPairs, which: Any, clearance: float) -> None:
         """Take the pairs and which of them count."""
-        self._pairs, self._which, self._clearance = pairs, which, clearance
+        self._pairs, self._which, self._clearance, self.joints = pairs, which, clearance, pairs.robot.n
+        assert pairs.robot.geometry is not None
+        drawn = np.array([pairs.distances(q, which) for q in pairs.robot.geometry.random_poses(_USUAL_POSES)])
+        usual = np.maximum(np.quantile(drawn, _USUAL, axis=0) - clearance, _FAR / _STEEPEST)
         self._factor = np.ones(pairs.count)
-        self._factor[which] = self._factors()
+        self._factor[which] = np.maximum(_FAR / usual, 1.0)
         self._last: tuple[bytes, Array, Array] | None = None
 
     def __call__(self, q: Array) -> tuple[Array, Array]:
@@ -184,16 +184,8 @@ class Nearest:
         total = float(weights.sum() + np.exp(-(_FAR - least) / _BLEND))
         share = weights / total
         counts = share > 1e-6
-        return least - _BLEND * float(np.log(total)), (self._factor[which] * share)[counts] @ self._pairs.gradients(
-            which[counts]
-        )
-
-    def _factors(self) -> Array:
-        geometry = self._pairs.robot.geometry
-        assert geometry is not None
-        drawn = np.array([self._pairs.distances(q, self._which) for q in geometry.random_poses(_USUAL_POSES)])
-        usual = np.maximum(np.quantile(drawn, _USUAL, axis=0) - self._clearance, _FAR / _STEEPEST)
-        return np.asarray(np.maximum(_FAR / usual, 1.0))
+        slope = (self._factor[which] * share)[counts] @ self._pairs.gradients(which[counts])
+        return least - _BLEND * float(np.log(total)), slope
 
 
 class _Slack(ca.Callback):  # type: ignore[misc]
@@ -205,13 +197,8 @@ class _Slack(ca.Callback):  # type: ignore[misc]
         self._slope: Any = None
         self.construct("slack", {})
 
-    @property
-    def joints(self) -> int:
-        """Number of joints n."""
-        return self._nearest._pairs.robot.n
-
     def get_sparsity_in(self, index: int) -> Any:
-        return ca.Sparsity.dense(self.joints, self._points)
+        return ca.Sparsity.dense(self._nearest.joints, self._points)
 
     def get_sparsity_out(self, index: int) -> Any:
         return ca.Sparsity.dense(1, self._points)
@@ -225,16 +212,16 @@ class _Slack(ca.Callback):  # type: ignore[misc]
 
     def get_jacobian(self, name: str, inputs: Any, outputs: Any, options: Any) -> Any:
         """Return the function (q, values) -> the derivatives of every value by its own pose."""
-        self._slope = _Slope(name, self._nearest, self.joints, self._points)
+        self._slope = _Slope(name, self._nearest, self._points)
         return self._slope
 
 
 class _Slope(ca.Callback):  # type: ignore[misc]
     """The block-diagonal Jacobian of `_Slack`."""
 
-    def __init__(self, name: str, nearest: Nearest, joints: int, points: int) -> None:
+    def __init__(self, name: str, nearest: Nearest, points: int) -> None:
         ca.Callback.__init__(self)
-        self._nearest, self._joints, self._points = nearest, joints, points
+        self._nearest, self._joints, self._points = nearest, nearest.joints, points
         self.construct(name, {})
 
     def get_n_in(self) -> int:

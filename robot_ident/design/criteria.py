@@ -110,9 +110,7 @@ def evaluate(structure: Structure, excitation: Excitation, periods: int = PERIOD
 
 
 def line_bases(orders: Sequence[int], base_frequency: float, t: Array) -> tuple[Array, Array, Array]:
-    """Return position, velocity and acceleration [N, 1 + 2 L] at instants t per unit of mean, cosine and sine
-    amplitudes of L lines.
-    """
+    """Return q, dq, ddq [N, 1 + 2 L] at instants t [N] per unit of mean, cosine and sine amplitudes of L lines."""
     w = 2.0 * np.pi * base_frequency * np.asarray(orders, dtype=float)
     c, s = np.cos(np.outer(t, w)), np.sin(np.outer(t, w))
     one, zero = np.ones((len(t), 1)), np.zeros((len(t), 1))

@@ -6,24 +6,25 @@ import pickle
 import time
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass, replace
-from typing import TYPE_CHECKING, Any
+from importlib.metadata import PackageNotFoundError, version
+from typing import Any
 
 import numpy as np
 
 from robot_ident.design.criteria import PERIODS
-from robot_ident.design.family import Family, Setting, family_of
-from robot_ident.design.multi_start import Progress, Run, fallback
+from robot_ident.design.family import SIGN_WIDTH, Family, Setting, family_of
+from robot_ident.design.local_search import Found
+from robot_ident.design.multi_start import STARTS, Progress, Run, fallback, nothing_found, search
+from robot_ident.design.program import smooth_sign
 from robot_ident.design.target import Target
 from robot_ident.errors import InputError, did_you_mean
-from robot_ident.limits.certifier import Margins, certify
+from robot_ident.limits.certifier import Margins, certify, worst_of
 from robot_ident.limits.feasibility import allowed_poses, require_limits
+from robot_ident.limits.torque_bound import TorqueModel
+from robot_ident.model.expressions import columns_function, slopes_function
 from robot_ident.robot.robot import Robot
 from robot_ident.signals.motion import Array
 from robot_ident.trajectories.excitation import Excitation
-
-if TYPE_CHECKING:
-    from robot_ident.design.local_search import Found
-
 
 __all__ = ["CRITERIA", "DesignResult", "Progress", "design"]
 
@@ -115,8 +116,6 @@ def design(
     started = time.monotonic()
     limit = min(started + (time_limit or np.inf), deadline or np.inf)
     run = Run(started, limit - _FINISH, workers, progress, cancel)
-    from robot_ident.design.multi_start import STARTS, nothing_found, search
-
     setting = replace(_setting(target, family, criterion), prior=prior)
     if np.isfinite(limit):
         run.deadline = limit - max(_FINISH, _SLOWER * trajectories * _verdict_seconds(target, setting, seed))
@@ -133,10 +132,12 @@ def design(
         "time_limit": time_limit or (round(limit - started, 1) if np.isfinite(limit) else None),
         "seed": seed,
     }
-    further = (("trajectories", trajectories, 1), ("symmetric", symmetric, False), ("bandwidth", bandwidth, None))
-    asked |= {
-        name: list(value) if isinstance(value, tuple) else value for name, value, usual in further if value != usual
-    }
+    if trajectories != 1:
+        asked["trajectories"] = trajectories
+    if symmetric:
+        asked["symmetric"] = symmetric
+    if bandwidth is not None:
+        asked["bandwidth"] = list(bandwidth)
     try:
         return _verdict(run, found, target, setting, asked)
     except KeyboardInterrupt:  # what is found is kept; who presses again means it
@@ -145,14 +146,12 @@ def design(
 
 
 def _verdict_seconds(target: Target, setting: Setting, seed: int) -> float:
-    """Return how long certificate and exact criteria of one motion take on this machine now [s]; 0 where no random
-    motion is certified.
-    """
+    """Return how long a motion's verdict takes on this machine now [s]; 0 where no random motion is certified."""
     first = fallback(pickle.dumps(setting), seed)
     if first is None:
         return 0.0
     began = time.monotonic()
-    excitation = _plain(target.robot, setting, first)
+    excitation = setting.family.excitation(target.robot, first.coefficients)
     certify(excitation, target.robot)
     target.judge([excitation], bound=setting.criterion == "crlb", prior=setting.prior)
     return time.monotonic() - began
@@ -169,17 +168,7 @@ def _coefficients(start: Excitation, family: Family) -> Array:
     return np.vstack([series.q0, series.a.T, series.b.T])
 
 
-def _plain(robot: Robot, setting: Setting, found: Found) -> Excitation:
-    series = setting.family.series(found.coefficients)
-    return Excitation(robot.name, robot.joints, series, setting.family.sample_rate)
-
-
 def _setting(target: Target, family: Family, criterion: str) -> Setting:
-    from robot_ident.design.family import SIGN_WIDTH
-    from robot_ident.design.program import smooth_sign
-    from robot_ident.limits.torque_bound import TorqueModel
-    from robot_ident.model.expressions import columns_function, slopes_function
-
     robot, structure, values = target.robot, target.structure, target.values
     sign = smooth_sign(SIGN_WIDTH * family.reachable_speed(robot))
     torque = TorqueModel(robot)
@@ -212,7 +201,7 @@ def _setting(target: Target, family: Family, criterion: str) -> Setting:
 def _verdict(run: Run, found: Sequence[Found], target: Target, setting: Setting, asked: dict[str, Any]) -> DesignResult:
     """Return the trajectories with their exact criteria, certified anew from their coefficients as they are written."""
     robot, criterion = target.robot, setting.criterion
-    plain = [_plain(robot, setting, one) for one in found]
+    plain = [setting.family.excitation(robot, one.coefficients) for one in found]
     values = target.judge(plain, bound=criterion == "crlb", prior=setting.prior)
     margins = tuple(certify(excitation, robot) for excitation in plain)
     for one in margins:
@@ -256,7 +245,7 @@ def _verdict(run: Run, found: Sequence[Found], target: Target, setting: Setting,
         condition_number=values.condition_number,
         sigma=values.sigma,
         parameters=target.structure.names,
-        margins=_tightest(margins),
+        margins=replace(worst_of(margins), notes=()),
         margins_of_each=margins,
         seconds=time.monotonic() - run.started,
         history=tuple(run.history),
@@ -265,15 +254,7 @@ def _verdict(run: Run, found: Sequence[Found], target: Target, setting: Setting,
     )
 
 
-def _tightest(margins: Sequence[Margins]) -> Margins:
-    """Return the tightest margin of every limit among several motions."""
-    columns = zip(*(one.items for one in margins), strict=True)
-    return Margins(tuple(min(column, key=lambda item: item.relative) for column in columns), margins[0].unknown)
-
-
 def _versions() -> dict[str, str]:
-    from importlib.metadata import PackageNotFoundError, version
-
     out = {}
     for name in ("robot_ident", "casadi", "numpy"):
         try:

@@ -1,10 +1,8 @@
-"""Designs the motion that best tells two effects apart.
+"""Designs the motion that best tells two effects apart, among random ones, slow, fast, small, at constant speed.
 
 The noncentrality of an effect against a rival is what its torque leaves after the model's columns and the rival's are
 projected off, in units of the noise: the gain in chi-square by which the data would prefer it. The rival takes the
 inner parameters that imitate it best. A motion is as good as the smaller of the two ways round.
-
-Motions to choose from when two effects are to be told apart: random ones, slow, fast, small, at constant speed.
 """
 
 from __future__ import annotations
@@ -13,6 +11,7 @@ import pickle
 import shlex
 import time
 from collections.abc import Callable, Sequence
+from contextlib import closing
 from dataclasses import dataclass, replace
 from functools import lru_cache
 from typing import Any
@@ -21,7 +20,7 @@ import numpy as np
 
 from robot_ident.design.criteria import Evaluation
 from robot_ident.design.family import HARMONICS, Family
-from robot_ident.design.target import Target
+from robot_ident.design.target import Target, values_of_files
 from robot_ident.effects import Effect, make_effect
 from robot_ident.errors import InputError
 from robot_ident.limits.certifier import Certifier, Margins, certify
@@ -97,8 +96,10 @@ def perturbed(sketch: Sketch, robot: Robot) -> tuple[Family, Array]:
     size = np.sqrt(np.mean(table[waves] ** 2, axis=0))
     table[waves] += width * size * rng.normal(size=(len(waves), robot.n))
     table[waves] *= np.exp(width * rng.normal(size=robot.n))
-    half = 0.5 * (robot.limits.upper - robot.limits.lower)
-    table[0] = np.clip(table[0] + 0.5 * width * half * rng.normal(size=robot.n), *_inner(robot))
+    lower, upper = robot.limits.lower, robot.limits.upper
+    room = 0.02 * (upper - lower)
+    moved = table[0] + 0.5 * width * (0.5 * (upper - lower)) * rng.normal(size=robot.n)
+    table[0] = np.clip(moved, lower + room, upper - room)
     table[1:] *= np.minimum(1.0, _factors(family, table, robot))
     return family, table
 
@@ -139,12 +140,6 @@ def _factors(family: Family, table: Array, robot: Robot) -> Array:
         extremes.ddq.largest / limits.acceleration,
     ]
     return np.asarray(0.98 / np.maximum(np.max(used, axis=0), 1e-12))
-
-
-def _inner(robot: Robot) -> Sequence[Array]:
-    """Return the position limits with a little room inside."""
-    room = 0.02 * (robot.limits.upper - robot.limits.lower)
-    return robot.limits.lower + room, robot.limits.upper - room
 
 
 NEEDED = 25.0  # noncentrality from which two effects are told apart
@@ -263,9 +258,10 @@ def tell_apart(
     require_limits(target.robot)
     pair = _pair(target, first, second, base_frequency, sample_rate, prior)
     joints = tuple(effect.joint for effect in pair.effects if not effect.whole) or tuple(range(target.robot.n))
-    sketches = [Sketch("random", (seed, k), base_frequency, sample_rate, joints) for k in range(_RANDOM)]
-    sketches += [
-        Sketch(kind, (seed, k), base_frequency, sample_rate, joints) for kind, many in MENU for k in range(many)
+    sketches = [
+        Sketch(kind, (seed, k), base_frequency, sample_rate, joints)
+        for kind, many in (("random", _RANDOM), *MENU)
+        for k in range(many)
     ]
     planned = len(sketches) + _ROUNDS * _CHILDREN
     best, tried = _best(pair, sketches, None, deadline, workers)
@@ -290,21 +286,14 @@ def tell_apart(
 
 def _verdict(best: _Tried, pair: Pair, labels: Sequence[str], asked: dict[str, Any], started: float) -> Telling:
     """Return the best motion, certified anew as it is written, with what else there is to say."""
-    target, robot, enough = pair.target, pair.target.robot, best.noncentrality >= NEEDED
+    target, robot = pair.target, pair.target.robot
     margins = certify(best.excitation, robot)
     if not margins.kept:  # every motion was certified, so this is a bug, never a result
         raise AssertionError(f"a trajectory that breaks a limit was kept: {margins.violations[0]}")
-    telling = {
-        "effects": list(labels),
-        "noncentrality": best.noncentrality,
-        "motion": best.sketch.kind,
-    }
-    excitation = replace(
-        best.excitation,
-        criterion="tell",
-        achieved=telling,
-        reproduce={"robot": robot.name, "tell": list(labels)} | asked,
-    )
+    telling = {"effects": list(labels), "noncentrality": best.noncentrality, "motion": best.sketch.kind}
+    reproduce = {"robot": robot.name, "tell": list(labels)} | asked
+    excitation = replace(best.excitation, criterion="tell", achieved=telling, reproduce=reproduce)
+    otherwise = {effect.label: effect.experiment for effect in pair.effects}
     return Telling(
         excitation=excitation,
         noncentrality=best.noncentrality,
@@ -313,7 +302,7 @@ def _verdict(best: _Tried, pair: Pair, labels: Sequence[str], asked: dict[str, A
         margins=margins,
         parameters=target.structure.names,
         evaluation=target.judge([excitation]),
-        otherwise={} if enough else {effect.label: effect.experiment for effect in pair.effects},
+        otherwise={} if best.noncentrality >= NEEDED else otherwise,
         seconds=time.monotonic() - started,
     )
 
@@ -346,8 +335,7 @@ def certified(sketch: Sketch, robot: Robot, poses: Array, certifier: Certifier) 
     """Return a sketch's motion as large as it may be, made smaller until it is certified; None where it never is."""
     family, coefficients = draw(sketch, robot, poses) if sketch.parent is None else perturbed(sketch, robot)
     for _ in range(10):
-        series = family.series(coefficients)
-        excitation = Excitation(robot.name, robot.joints, series, family.sample_rate)
+        excitation = family.excitation(robot, coefficients)
         if certifier.keeps(excitation):
             return excitation
         coefficients = np.concatenate([coefficients[:1], 0.7 * coefficients[1:]])
@@ -358,21 +346,16 @@ def _best(
     pair: Pair, sketches: Sequence[Sketch], best: _Tried | None, deadline: float, workers: int | None
 ) -> tuple[_Tried | None, int]:
     """Return the best of the sketches' motions (and of one known already), and how many were tried."""
-    tried = 0
-    packed = pickle.dumps(pair)
-    results = completed(_try, [(packed, sketch) for sketch in sketches], workers)
-    found: dict[int, _Tried] = {}
-    for index, one in results:
-        tried += 1
-        if one is not None:
-            found[index] = one
-        if found and time.monotonic() > deadline:
-            results.close()
-            break
-    for _, one in sorted(found.items()):
-        if best is None or one.noncentrality > best.noncentrality:
-            best = one
-    return best, tried
+    tried, packed = 0, pickle.dumps(pair)
+    found: dict[int, _Tried] = {} if best is None else {-1: best}
+    with closing(completed(_try, [(packed, sketch) for sketch in sketches], workers)) as results:
+        for index, one in results:
+            tried += 1
+            if one is not None:
+                found[index] = one
+            if found and time.monotonic() > deadline:
+                break
+    return max((found[k] for k in sorted(found)), key=lambda one: one.noncentrality, default=None), tried
 
 
 def _pair(
@@ -382,38 +365,26 @@ def _pair(
     if first == second:
         raise InputError(f"--tell {first} {second}: two different effects were expected")
     effects = make_effect(first, robot), make_effect(second, robot)
-    target = _with_values(without(target, (first, second)), effects)
+    target = without(target, (first, second))
+    if target.values is None and (dependent := [effect.label for effect in effects if effect.uses_torque]):
+        values = values_of_files(target.structure, f"{dependent[0]} depends on the torque")
+        target = replace(target, values=values)
     for effect in effects:
         if reason := effect.hidden_in(_standing(robot)):
             raise InputError(f"--tell: {effect.label} shows in no periodic motion: {reason}")
-    placed = (effects[0], effects[1])
     sketches = [Sketch("random", (0, k), base_frequency, sample_rate, ()) for k in range(_REFERENCE)]
     certifier, poses = Certifier(robot), allowed_poses(robot)
     usual = [one for one in (certified(sketch, robot, poses, certifier) for sketch in sketches) if one is not None]
     if not usual:
         raise InputError(f"{robot.name}: no motion was found within the limits")
-    sizes = tuple(_size(target, effect, usual) for effect in placed)
-    return Pair(target, placed, (sizes[0], sizes[1]), target.periods / base_frequency, poses, _rows_of(prior))
+    sizes = _size(target, effects[0], usual), _size(target, effects[1], usual)
+    return Pair(target, effects, sizes, target.periods / base_frequency, poses, _rows_of(prior))
 
 
 def _standing(robot: Robot) -> Motion:
     """Return a periodic motion, of which it is asked whether any shows an effect."""
     rest = np.zeros((2, robot.n))
     return Motion(rest, rest, rest, dt=0.1, periodic=True)
-
-
-def _with_values(target: Target, effects: Sequence[Effect]) -> Target:
-    """Return a target with the values of the robot's files where it has none and an effect depends on the torque."""
-    if target.values is not None or not any(effect.uses_torque for effect in effects):
-        return target
-    robot = target.robot
-    if not np.any(robot.rigid.parameters):
-        first = next(effect.label for effect in effects if effect.uses_torque)
-        raise InputError(
-            f"{robot.source}: {first} depends on the torque, and the URDF has no inertias: a first model is needed"
-            " (--model model.yaml)"
-        )
-    return replace(target, values=target.structure.true_values())
 
 
 def _size(target: Target, effect: Effect, usual: Sequence[Excitation]) -> Array:
@@ -466,8 +437,7 @@ def without(target: Target, labels: Sequence[str]) -> Target:
     kept = [effect for effect in structure.added if effect.label not in labels]
     if len(kept) == len(structure.added):
         return target
-    smaller = Structure.build(structure.robot, kept)
-    if target.values is None:
-        return replace(target, structure=smaller)
-    place = {name: k for k, name in enumerate(structure.names)}
-    return replace(target, structure=smaller, values=target.values[[place[name] for name in smaller.names]])
+    smaller, values = Structure.build(structure.robot, kept), target.values
+    if values is not None:
+        values = values[[structure.names.index(name) for name in smaller.names]]
+    return replace(target, structure=smaller, values=values)

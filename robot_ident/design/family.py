@@ -7,11 +7,12 @@ from typing import Any
 
 import numpy as np
 
+from robot_ident.design.criteria import line_deviations
 from robot_ident.errors import InputError
 from robot_ident.model.structure import Structure
 from robot_ident.robot.robot import Robot
 from robot_ident.signals.motion import Array, Motion
-from robot_ident.trajectories.excitation import check_sampling
+from robot_ident.trajectories.excitation import Excitation, check_sampling
 from robot_ident.trajectories.fourier_series import FourierSeries
 
 SIGN_WIDTH = 0.035  # width of the smooth sign as a share of the speed that a joint can reach
@@ -57,15 +58,15 @@ class Family:
 
     def series(self, coefficients: Array) -> FourierSeries:
         """Return the series of coefficients [1 + 2 L, n]."""
-        order = self.harmonics
-        return FourierSeries(
-            self.base_frequency, coefficients[0], coefficients[1 : 1 + order].T, coefficients[1 + order :].T
-        )
+        q0, a, b = np.split(coefficients, [1, 1 + self.harmonics])
+        return FourierSeries(self.base_frequency, q0[0], a.T, b.T)
+
+    def excitation(self, robot: Robot, coefficients: Array) -> Excitation:
+        """Return the excitation of a robot with coefficients [1 + 2 L, n]."""
+        return Excitation(robot.name, robot.joints, self.series(coefficients), self.sample_rate)
 
     def bases(self, t: Array, highest: int) -> list[Array]:
-        """Return what multiplies the coefficients in q and its derivatives up to the highest (4 at most) at instants t,
-        [N, 1 + 2 L] each.
-        """
+        """Return what multiplies the coefficients in q and derivatives up to the highest (4) [N, 1 + 2 L] at t [N]."""
         w = 2.0 * np.pi * self.base_frequency * np.arange(1, self.harmonics + 1)
         sin, cos = np.sin(np.outer(t, w)), np.cos(np.outer(t, w))
         first = np.ones((len(t), 1))
@@ -122,6 +123,12 @@ class Setting:
     def parameters(self) -> int:
         """Number of parameters p."""
         return len(self.structure.parameters)
+
+    @property
+    def line_deviations(self) -> Array:
+        """Standard deviations [n (1 + 2 L)] of the lines' amplitudes as positions tell them (`crlb` only)."""
+        assert self.position_variances is not None
+        return line_deviations(self.family.orders, self.position_variances, self.family.samples)
 
     @property
     def brief(self) -> bool:

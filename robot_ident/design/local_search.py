@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import time
 from collections.abc import Callable
-from dataclasses import dataclass, field
+from dataclasses import dataclass
 from typing import Any
 
 import casadi as ca
@@ -18,6 +18,15 @@ _STEPS: dict[str, dict[str, str]] = {  # how IPOPT steps, by what was measured t
     "d-optimal": {"mehrotra_algorithm": "yes"},
     "crlb": {"mehrotra_algorithm": "yes"},
     "condition": {"mu_strategy": "adaptive"},
+}
+_IPOPT: dict[str, Any] = {
+    "print_level": 0,
+    "sb": "yes",
+    "tol": 1e-4,
+    "acceptable_tol": 1e-3,
+    "acceptable_iter": 5,
+    "hessian_approximation": "limited-memory",
+    "limited_memory_max_history": 6,
 }
 _STEP = 0.02  # gain of the smooth cost from which an iterate is looked at
 _STRICT = 1e-9  # share of a limit that stays free, against rounding
@@ -43,7 +52,7 @@ class Recorder:
     problem: Problem
     deadline: float = float("inf")
     best: Found | None = None
-    seen: float = field(default=float("inf"))  # smallest estimate that has been looked at
+    seen: float = float("inf")  # smallest estimate that has been looked at
 
     def offer(self, x: Array, estimate: float) -> None:
         """Look at variables x with the smooth cost `estimate`, unless they aren't likely to beat what was seen."""
@@ -89,12 +98,9 @@ def shrunk(coefficients: Array, factor: float) -> Array:
 
 
 def shrink_factor(problem: Problem, coefficients: Array) -> float:
-    """Return the largest factor <= 1 by which the amplitude may be multiplied to keep position, velocity and
-    acceleration.
-    """
-    limits = problem.setting.robot.limits
-    extremes = problem.series(coefficients).extremes()
-    q0 = coefficients[0]
+    """Return the largest factor <= 1 of the amplitude that keeps position, velocity and acceleration."""
+    limits, q0 = problem.setting.robot.limits, coefficients[0]
+    extremes = problem.setting.family.series(coefficients).extremes()
     used = [
         (extremes.q.upper - q0) / (limits.upper - q0),
         (q0 - extremes.q.lower) / (q0 - limits.lower),
@@ -107,9 +113,7 @@ def shrink_factor(problem: Problem, coefficients: Array) -> float:
 
 
 def refine(problem: Problem, start: Array, recorder: Recorder) -> Array:
-    """Return the variables of a last search on the fine grid, repeated with more clearance where a rule is broken
-    between its points.
-    """
+    """Return variables of a search on the fine grid, with more clearance where a rule breaks between its points."""
     x, clearance = start, 0.0
     for _ in range(3):
         x = minimise(problem.fine, x, recorder, iterations=120, clearance=clearance)
@@ -151,55 +155,28 @@ class _Watch(ca.Callback):  # type: ignore[misc]
         return [int(self._recorder.expired() or self._ended())]
 
 
-def minimise(
-    program: Program,
-    start: Array,
-    recorder: Recorder,
-    *,
-    iterations: int,
-    tolerance: float = 1e-4,
-    clearance: float = 0.0,
-) -> Array:
+def minimise(program: Program, start: Array, recorder: Recorder, *, iterations: int, clearance: float = 0.0) -> Array:
     """Return the variables at which IPOPT ends; the recorder sees every iterate of its interior-point method.
 
     The Hessian is approximated with limited memory: the searches that this allows in a given time lead further than the
     fewer with exact second derivatives. clearance [m] is kept from rules beyond what the grid asks for.
     """
-    with nothing_swallowed() as ended:
-        watch = _Watch(recorder, program.x.shape[0], program.rows.shape[0], ended)
-        x = _solved(program, start, watch, iterations, tolerance, clearance)
-    recorder.conclude(x)
-    return x
-
-
-def _solved(
-    program: Program, start: Array, watch: _Watch, iterations: int, tolerance: float, clearance: float
-) -> Array:
-    """Return the variables at which IPOPT ends, whose iterates are watched."""
-    derivatives: dict[str, Any] = {} if program.jacobian is None else {"jac_g": program.jacobian}
-    options = {
+    options: dict[str, Any] = {} if program.jacobian is None else {"jac_g": program.jacobian}
+    options |= {
         "print_time": False,
         "error_on_fail": False,
-        "iteration_callback": watch,
         "iteration_callback_ignore_errors": False,
         "show_eval_warnings": False,
-        **derivatives,
-        "ipopt": {
-            "print_level": 0,
-            "sb": "yes",
-            "max_iter": iterations,
-            "tol": tolerance,
-            "acceptable_tol": 10 * tolerance,
-            "acceptable_iter": 5,
-            "hessian_approximation": "limited-memory",
-            "limited_memory_max_history": 6,
-            **_STEPS[program.setting.criterion],
-        },
+        "ipopt": _IPOPT | {"max_iter": iterations, **_STEPS[program.setting.criterion]},
     }
-    solver = ca.nlpsol("search", "ipopt", {"x": program.x, "f": program.cost, "g": program.rows}, options)
+    problem = {"x": program.x, "f": program.cost, "g": program.rows}
     lower, upper = program.bounds(clearance)
-    solution = solver(x0=start, lbg=lower, ubg=upper)
-    return np.array(solution["x"]).ravel()
+    with nothing_swallowed() as ended:
+        options["iteration_callback"] = _Watch(recorder, program.x.shape[0], program.rows.shape[0], ended)
+        solution = ca.nlpsol("search", "ipopt", problem, options)(x0=start, lbg=lower, ubg=upper)
+    x = np.array(solution["x"]).ravel()
+    recorder.conclude(x)
+    return x
 
 
 def random_start(
@@ -229,7 +206,7 @@ def _joint_factors(problem: Problem, coefficients: Array) -> Array:
     """Return by joint the factor [n] that brings a motion to its nearest limit, from samples."""
     setting, limits = problem.setting, problem.setting.robot.limits
     points = 16 * setting.family.harmonics
-    motion = problem.series(coefficients).motion(np.arange(points) / points * setting.family.period)
+    motion = setting.family.series(coefficients).motion(np.arange(points) / points * setting.family.period)
     room = np.minimum(limits.upper - coefficients[0], coefficients[0] - limits.lower)
     used = [
         np.abs(motion.q - coefficients[0]).max(axis=0) / room,
@@ -240,9 +217,7 @@ def _joint_factors(problem: Problem, coefficients: Array) -> Array:
 
 
 def end_cost(problem: Problem, x: Array) -> float:
-    """Return the exact cost of the variables at which a search ended; inf where they break a limit by more than a
-    grid lets slip.
-    """
+    """Return the exact cost of variables at which a search ended; inf where they break a limit beyond a grid's slip."""
     if not np.all(np.isfinite(x)):
         return float("inf")
     coefficients = problem.coefficients(x)

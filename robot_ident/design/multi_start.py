@@ -1,5 +1,7 @@
-"""Searches from many starts, as independent cases that run in any process: cold ones, hops from the best in rounds, a
-last\nrefinement; for one motion, or several in turn, each beside what the others tell.
+"""Searches from many starts, as independent cases that run in any process.
+
+Cold ones, hops from the best in rounds, a last refinement; for one motion, or several in turn, each beside what the
+others tell.
 """
 
 from __future__ import annotations
@@ -10,12 +12,21 @@ from collections.abc import Callable, Iterator, Sequence
 from contextlib import closing, contextmanager
 from dataclasses import dataclass, field, replace
 from functools import lru_cache
-from typing import Any, NamedTuple
+from typing import NamedTuple
 
 import numpy as np
 
 from robot_ident.design.family import Setting
-from robot_ident.design.local_search import Found
+from robot_ident.design.local_search import (
+    Found,
+    Recorder,
+    end_cost,
+    minimise,
+    random_start,
+    refine,
+    shrink_factor,
+    shrunk,
+)
 from robot_ident.design.program import Problem
 from robot_ident.errors import InputError
 from robot_ident.limits.feasibility import overloaded
@@ -31,7 +42,7 @@ def _ahead() -> float:
 
 @dataclass(frozen=True)
 class Case:
-    """One search: `cold` from a random start, `hop` from beside `start`, `refine` from `start` itself.
+    """One search from a random start or, by `width`, beside `start` [x]; last: on the fine grid.
 
     problem: the pickled setting. width: standard deviation of a hop in the scaled variables. key: seeds the case's
     own random numbers. deadline: on time.monotonic() of the machine that made the case; ahead: what the wall clock was
@@ -39,11 +50,11 @@ class Case:
     """
 
     problem: bytes
-    kind: str
     key: tuple[int, ...]
-    start: Array | None
-    width: float
     deadline: float
+    start: Array | None = None
+    width: float = 0.0
+    last: bool = False
     ahead: float = field(default_factory=_ahead)
 
     @property
@@ -58,60 +69,52 @@ class Outcome:
 
     variables: Array
     cost: float
-    found: Any
+    found: Found | None
     seconds: float
 
 
 @lru_cache(maxsize=2)
-def _problem(packed: bytes) -> Any:
-    from robot_ident.design.program import Problem
-
+def _problem(packed: bytes) -> Problem:
     return Problem(pickle.loads(packed))
 
 
 def run_case(case: Case) -> Outcome:
     """Run one search."""
-    from robot_ident.design import local_search
-
     began = time.monotonic()
     problem = _problem(case.problem)
-    recorder = local_search.Recorder(problem, case.local_deadline)
+    recorder = Recorder(problem, case.local_deadline)
     if recorder.expired():
         return Outcome(np.zeros(0), float("inf"), None, 0.0)
     rng = np.random.default_rng([abs(part) for part in case.key])
     if case.start is None:
-        start = local_search.random_start(problem, rng, expired=recorder.expired)
+        start = random_start(problem, rng, expired=recorder.expired)
     else:
         start = case.start + case.width * rng.normal(size=len(case.start))
-    if case.kind == "refine":
-        x = local_search.refine(problem, start, recorder)
+    if case.last:
+        x = refine(problem, start, recorder)
     else:
-        x = local_search.minimise(problem.coarse, start, recorder, iterations=_ITERATIONS)
-    return Outcome(x, local_search.end_cost(problem, x), recorder.best, time.monotonic() - began)
+        x = minimise(problem.coarse, start, recorder, iterations=_ITERATIONS)
+    return Outcome(x, end_cost(problem, x), recorder.best, time.monotonic() - began)
 
 
 @lru_cache(maxsize=2)
-def fallback(packed: bytes, seed: int) -> Any:
+def fallback(packed: bytes, seed: int) -> Found | None:
     """Return a random trajectory, made small enough to be certified, or None."""
-    from robot_ident.design import local_search
-
     problem = _problem(packed)
-    recorder = local_search.Recorder(problem)
-    coefficients = problem.coefficients(local_search.random_start(problem, np.random.default_rng(seed), draws=20))
+    recorder = Recorder(problem)
+    coefficients = problem.coefficients(random_start(problem, np.random.default_rng(seed), draws=20))
     for _ in range(12):
-        factor = local_search.shrink_factor(problem, coefficients)
-        if factor > 0 and recorder.examine(local_search.shrunk(coefficients, factor)):
+        factor = shrink_factor(problem, coefficients)
+        if factor > 0 and recorder.examine(shrunk(coefficients, factor)):
             break
-        coefficients = local_search.shrunk(coefficients, 0.6)
+        coefficients = shrunk(coefficients, 0.6)
     return recorder.best
 
 
 def random_determinant(packed: bytes, draws: int) -> float:
     """Return log10 det of the covariance (smooth sign) of the best of random motions as large as the joints allow."""
-    from robot_ident.design import local_search
-
     problem = _problem(packed)
-    return float(problem.coarse.value(local_search.random_start(problem, np.random.default_rng(0), draws)))
+    return float(problem.coarse.value(random_start(problem, np.random.default_rng(0), draws)))
 
 
 HOPS = 8  # searches a round
@@ -142,25 +145,11 @@ class Run:
     progress: Callable[[Progress], None] | None
     cancel: Callable[[], bool] | None
     history: list[tuple[float, float]] = field(default_factory=list)
-    best: Any = None
+    best: Found | None = None
     done: int = 0
     longest: float = 0.0
     interrupted: bool = False
     label: str = ""
-
-    def part(self, label: str, deadline: float) -> Run:
-        """Return the state of one part of the design, which ends earlier."""
-        return replace(self, label=label, deadline=deadline, history=[], best=None)
-
-    def join(self, part: Run) -> None:
-        """Take over what a part counted."""
-        self.done, self.longest, self.interrupted = part.done, part.longest, part.interrupted
-
-    def take_over(self, found: Found, recorded: bool) -> None:
-        """Make what a part found the state of the whole; `recorded`: it counts in the history of the cost."""
-        self.best = found
-        if recorded and not (self.history and found.cost >= self.history[-1][1]):
-            self.history.append((time.monotonic() - self.started, found.cost))
 
     def stopped(self, deadline: float) -> bool:
         """Return whether the user or the clock ends a stage."""
@@ -168,13 +157,11 @@ class Run:
             self.interrupted = True
         return self.interrupted or time.monotonic() > deadline
 
-    def take(self, found: Any) -> bool:
-        """Keep a certified trajectory if it is the best; return whether it is."""
-        if found is None or (self.best is not None and found.cost >= self.best.cost):
-            return False
-        self.best = found
-        self.history.append((time.monotonic() - self.started, found.cost))
-        return True
+    def take(self, found: Found | None) -> None:
+        """Keep a certified trajectory if it is the best."""
+        if found is not None and (self.best is None or found.cost < self.best.cost):
+            self.best = found
+            self.history.append((time.monotonic() - self.started, found.cost))
 
     def tell(self, phase: str, planned: int | None) -> None:
         """Report to the caller."""
@@ -185,7 +172,7 @@ class Run:
 
 
 def search_from_starts(
-    run: Run, setting: Any, phase: str, cold: int, rounds: int | None, seed: int, deadline: float, warm: list[Array]
+    run: Run, setting: Setting, phase: str, cold: int, rounds: int | None, seed: int, deadline: float, warm: list[Array]
 ) -> list[tuple[float, Array]]:
     """Search from cold starts, hop in rounds, refine; return the pool (cost, variables), best first.
 
@@ -200,8 +187,8 @@ def search_from_starts(
     def close() -> float:
         return deadline - min(0.35 * total, 2.5 * run.longest) if np.isfinite(deadline) else deadline
 
-    cases = [Case(packed, "cold", (seed, 0, k), None, 0.0, close()) for k in range(cold)]
-    cases += [Case(packed, "hop", (seed, 1, k), x, 0.0, close()) for k, x in enumerate(warm)]
+    cases = [Case(packed, (seed, 0, k), close()) for k in range(cold)]
+    cases += [Case(packed, (seed, 1, k), close(), x) for k, x in enumerate(warm)]
     pool = _play(run, cases, phase, planned, close)
     left: list[tuple[float, Array]] = []
     stale, turn, anew = 0, 0, 0
@@ -216,15 +203,10 @@ def search_from_starts(
         if rounds is not None or anew == _ANEW:
             break
         stale, anew, left = 0, anew + 1, left + pool[:2]  # hops lead no further from here; elsewhere they may
-        pool = _play(
-            run,
-            [Case(packed, "cold", (seed, 1000 + anew, k), None, 0.0, close()) for k in range(cold)],
-            phase,
-            None,
-            close,
-        )
+        cases = [Case(packed, (seed, 1000 + anew, k), close()) for k in range(cold)]
+        pool = _play(run, cases, phase, None, close)
     pool = sorted(left + pool, key=lambda entry: entry[0])
-    cases = [Case(packed, "refine", (seed, -1, k), x, 0.0, deadline) for k, (_, x) in enumerate(pool[:2])]
+    cases = [Case(packed, (seed, -1, k), deadline, x, last=True) for k, (_, x) in enumerate(pool[:2])]
     if not run.interrupted:
         _play(run, cases, phase, planned, lambda: deadline)
     return pool
@@ -235,10 +217,9 @@ def _hop(packed: bytes, key: tuple[int, ...], pool: list[tuple[float, Array]], d
     rng = np.random.default_rng([abs(part) for part in key])
     place = key[-1] % HOPS
     if place == HOPS - 1:
-        return Case(packed, "cold", key, None, 0.0, deadline)
+        return Case(packed, key, deadline)
     parent = 0 if place < 5 else min(place - 4, len(pool) - 1)
-    width = float(rng.choice(_WIDTHS))
-    return Case(packed, "hop", key, pool[parent][1], width, deadline)
+    return Case(packed, key, deadline, pool[parent][1], width=float(rng.choice(_WIDTHS)))
 
 
 def _play(
@@ -289,23 +270,22 @@ def search(
             if known is not None and floor is None and setting.criterion == "condition":
                 floor = random_determinant(pickle.dumps(replace(setting, criterion="d-optimal")), FLOOR_DRAWS)
             warm = [] if known is None else [_taken(run, Problem(replace(setting, floor=floor)), known)]
-            search_one(run, setting, floor, starts, seed, run.deadline, warm)
+            search_one(run, setting, floor, starts, seed, warm)
         return [] if run.best is None else [run.best]
     problem, found, told = Problem(setting), list[Found](), list[Array]()
-    turn, gained = 0, True
+    turn, gained, cost = 0, True, np.inf
     while turn < _TURNS or (gained and np.isfinite(run.deadline) and not run.stopped(run.deadline)):
-        before = run.best.cost if turn else np.inf
+        before = cost
         for k in range(count):
             if turn and run.stopped(run.deadline):
                 return found
             stages = count * max(1, _TURNS - turn) - k
-            here = replace(setting, prior=_sum(setting, [one for other, one in enumerate(told) if other != k]))
+            known_already = [*([] if setting.prior is None else [setting.prior]), *told[:k], *told[k + 1 :]]
+            here = replace(setting, prior=np.sum(known_already, axis=0) if known_already else None)
             whole = bool(turn) or k == count - 1  # the floor is that of the set
-            asked = floor if whole else None
+            asked, current = floor if whole else None, found[k] if turn else None
             try:
-                best, held = _stage(
-                    run, here, found[k] if turn else None, (k, count), stages, starts, seed, asked, turn
-                )
+                best, held = _stage(run, here, current, (k, count), stages, starts, seed, asked, turn)
             except KeyboardInterrupt:  # between two searches
                 if not turn:
                     raise
@@ -316,16 +296,16 @@ def search(
             floor = held if whole else floor
             found[k:] = [best, *found[k + 1 :]]
             told[k:] = [problem.information(best.coefficients), *told[k + 1 :]]
-            run.take_over(best, recorded=len(found) == count)
-        turn, gained = turn + 1, run.best.cost < before - _ROUND_GAIN
+            run.best, cost = best, best.cost
+            if len(found) == count and not (run.history and cost >= run.history[-1][1]):
+                run.history.append((time.monotonic() - run.started, cost))
+        turn, gained = turn + 1, cost < before - _ROUND_GAIN
     return found
 
 
 def _taken(run: Run, problem: Problem, known: Array) -> Array:
     """Return the variables of a known motion, which is the best so far where it is certified."""
-    from robot_ident.design import local_search
-
-    recorder = local_search.Recorder(problem)
+    recorder = Recorder(problem)
     recorder.examine(known)
     run.take(recorder.best)
     return problem.variables(known)
@@ -346,7 +326,7 @@ def _stage(
     k, count = place
     left = run.deadline - time.monotonic()
     until = time.monotonic() + left / stages if np.isfinite(left) else np.inf
-    stage = run.part(f"motion {k + 1} of {count}", until)
+    stage = replace(run, label=f"motion {k + 1} of {count}", deadline=until, history=[], best=None)
     warm = []
     if current is not None:
         problem = Problem(replace(setting, floor=floor))
@@ -356,38 +336,34 @@ def _stage(
         stage.take(fallback(pickle.dumps(setting), seed + k))
         return stage.best, floor
     with _keeping_the_best(stage):
-        key = seed + 1000 * (turn * count + k)
-        floor = search_one(stage, setting, floor, starts, key, until, warm)
-    run.join(stage)
+        floor = search_one(stage, setting, floor, starts, seed + 1000 * (turn * count + k), warm)
+    run.done, run.longest, run.interrupted = stage.done, stage.longest, stage.interrupted
     return stage.best, floor
 
 
 def search_one(
-    run: Run, setting: Setting, floor: float | None, starts: int | None, seed: int, deadline: float, warm: list[Array]
+    run: Run, setting: Setting, floor: float | None, starts: int | None, seed: int, warm: list[Array]
 ) -> float | None:
     """Search for one motion, from `warm` variables too; run.best holds it. Return the floor of the determinant."""
     cold = starts or STARTS
     if warm:
         cold = max(1, cold // 4)
-    rounds = cold // COLD_PER_ROUND if starts or np.isinf(deadline) else None
+    rounds = cold // COLD_PER_ROUND if starts or np.isinf(run.deadline) else None
     if setting.criterion != "condition":
-        search_from_starts(run, setting, setting.criterion, cold, rounds, seed, deadline, warm)
+        search_from_starts(run, setting, setting.criterion, cold, rounds, seed, run.deadline, warm)
         return None
     if not warm:
-        warm, floor = _determinant_first(run, setting, floor, seed, deadline)
+        warm, floor = _determinant_first(run, setting, floor, seed)
         if floor is None:
             return None
-    setting = replace(setting, floor=floor)
-    search_from_starts(run, setting, "condition", cold, rounds, seed + 1, deadline, warm)
+    search_from_starts(run, replace(setting, floor=floor), "condition", cold, rounds, seed + 1, run.deadline, warm)
     return floor
 
 
-def _determinant_first(
-    run: Run, setting: Setting, floor: float | None, seed: int, deadline: float
-) -> tuple[list[Array], float | None]:
+def _determinant_first(run: Run, setting: Setting, floor: float | None, seed: int) -> tuple[list[Array], float | None]:
     """Return variables of motions with a low determinant, to start from, and the floor; None where none was found."""
-    left = deadline - time.monotonic()
-    share = deadline if np.isinf(left) else time.monotonic() + _FIRST * left
+    left = run.deadline - time.monotonic()
+    share = run.deadline if np.isinf(left) else time.monotonic() + _FIRST * left
     plain = replace(setting, criterion="d-optimal")
     pool = search_from_starts(run, plain, "determinant first", 1, 0, seed, share, [])
     first = run.best
@@ -403,29 +379,23 @@ def _determinant_first(
 
 def nothing_found(run: Run, setting: Setting, floor: float | None) -> InputError:
     """Return what to say where no motion was found."""
-    robot = setting.robot.name
-    heavy = overloaded(setting.robot)
-    if heavy:
+    condition = setting.criterion == "condition"
+    if heavy := overloaded(setting.robot):
         return InputError(f"{setting.robot.source}: no pose can be held: {heavy} (by the masses of the URDF)")
     if time.monotonic() > run.deadline and run.done:
-        return InputError(
-            f"{robot}: none of {run.done} searches led to a trajectory that keeps the limits, and the time limit ended"
-            " the others: wider limits, a lower --base-frequency, or more time (--time-limit)"
+        words = (
+            f"none of {run.done} searches led to a trajectory that keeps the limits, and the time limit ended the"
+            " others: wider limits, a lower --base-frequency, or more time (--time-limit)"
         )
-    if time.monotonic() > run.deadline:
-        floored = " and is no worse in the determinant than random ones" if setting.criterion == "condition" else ""
-        return InputError(
-            f"{robot}: the time limit ended the search before it found a trajectory that keeps the limits{floored}:"
-            " give it more (--time-limit)"
-        )
-    if setting.criterion == "condition" and floor is not None:
-        return InputError(f"{robot}: no trajectory was found with log10 of the determinant below {floor:g}")
-    return InputError(f"{robot}: no trajectory within the limits tells all {setting.parameters} parameters apart")
-
-
-def _sum(setting: Setting, parts: list[Array]) -> Array | None:
-    known = [*parts] if setting.prior is None else [setting.prior, *parts]
-    return np.sum(known, axis=0) if known else None
+    elif time.monotonic() > run.deadline:
+        floored = " and is no worse in the determinant than random ones" if condition else ""
+        words = f"the time limit ended the search before it found a trajectory that keeps the limits{floored}:"
+        words += " give it more (--time-limit)"
+    elif condition and floor is not None:
+        words = f"no trajectory was found with log10 of the determinant below {floor:g}"
+    else:
+        words = f"no trajectory within the limits tells all {setting.parameters} parameters apart"
+    return InputError(f"{setting.robot.name}: {words}")
 
 
 @contextmanager

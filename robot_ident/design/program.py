@@ -1,24 +1,21 @@
-"""The excitation problem: its variables, its exact criterion, and its nonlinear programs on grids of a period,
-smooth\ncriteria subject to the limits.
-"""
+"""The excitation problem: variables, exact criterion, and smooth programs within limits on grids of a period."""
 
 from __future__ import annotations
 
 from collections.abc import Callable, Sequence
 from functools import cached_property
-from typing import Any, NamedTuple, Protocol
+from typing import Any, NamedTuple
 
 import casadi as ca
 import numpy as np
 
-from robot_ident.design.constraints import BUILDERS, Grid, collision_rows
-from robot_ident.design.criteria import bound_information, line_bases, line_deviations, line_rows
+from robot_ident.design.constraints import BUILDERS, Grid
+from robot_ident.design.criteria import bound_information, line_bases, line_rows
 from robot_ident.design.family import Setting
 from robot_ident.limits.certifier import Certifier
 from robot_ident.limits.interval import Batch
-from robot_ident.signals.motion import Array, Motion
+from robot_ident.signals.motion import Array
 from robot_ident.trajectories.excitation import Excitation
-from robot_ident.trajectories.fourier_series import FourierSeries
 
 
 def smooth_sign(widths: Array) -> Callable[[Any], Any]:
@@ -60,7 +57,12 @@ def log_det_function(p: int, given: int = 0) -> Any:
 def inverse_factor_function(p: int) -> Any:
     """Return the CasADi function M -> L^-1 with M = L L', for positive definite matrices [p, p]."""
     m = ca.SX.sym("m", p, p)
-    return ca.Function("inverse_factor", [m], [_inverse_of_factor(_cholesky(m, p), p)])
+    factor, rows = _cholesky(m, p), [[ca.SX(0)] * p for _ in range(p)]
+    for j in range(p):  # forward substitution
+        for i in range(j, p):
+            right = ca.SX(1.0 if i == j else 0.0) - sum((factor[i][k] * rows[k][j] for k in range(j, i)), ca.SX(0))
+            rows[i][j] = right / factor[i][i]
+    return ca.Function("inverse_factor", [m], [ca.vertcat(*(ca.horzcat(*row) for row in rows))])
 
 
 def _cholesky(m: Any, p: int) -> list[list[Any]]:
@@ -72,16 +74,6 @@ def _cholesky(m: Any, p: int) -> list[list[Any]]:
         for i in range(j + 1, p):
             factor[i][j] = (m[i, j] - sum((factor[i][k] * factor[j][k] for k in range(j)), ca.SX(0))) / factor[j][j]
     return factor
-
-
-def _inverse_of_factor(factor: list[list[Any]], p: int) -> Any:
-    """Return L^-1 by forward substitution."""
-    rows: list[list[Any]] = [[ca.SX(0)] * p for _ in range(p)]
-    for j in range(p):
-        for i in range(j, p):
-            right = ca.SX(1.0 if i == j else 0.0) - sum((factor[i][k] * rows[k][j] for k in range(j, i)), ca.SX(0))
-            rows[i][j] = right / factor[i][i]
-    return ca.vertcat(*(ca.horzcat(*row) for row in rows))
 
 
 def smooth_log_condition(information: Any, inverse_factor: Any, doublings: int) -> Any:
@@ -109,44 +101,27 @@ def smooth_log_condition(information: Any, inverse_factor: Any, doublings: int) 
 _BELOW_FLOOR = 0.02  # decades by which a determinant is asked to stay below its floor
 
 
-class Grids(NamedTuple):
-    """Points of the criterion and of the limits over a period, and the share by which these are tightened."""
-
-    quadrature: int
-    limits: int
-    tightening: float
-
-
-class Scaling(Protocol):
-    """How variables make coefficients [1 + 2 L, n]: `centre` plus `scale` times them, in the rows `free`."""
-
-    free: np.ndarray
-    centre: Array
-    scale: Array
-
-
 class Program:
     """A nonlinear program in the scaled variables x; limits come from the builders in `rows`."""
 
-    def __init__(self, setting: Setting, scaling: Scaling, grids: Grids, *, doublings: int) -> None:
-        """Build the expressions of criterion (see `smooth_log_condition` for doublings) and limits."""
-        self.setting = setting
-        self.x = ca.MX.sym("x", len(scaling.free) * setting.robot.n)
-        table = ca.reshape(self.x, len(scaling.free), setting.robot.n)
-        self._free = scaling.free
-        self._coefficients = ca.DM(scaling.centre[scaling.free]) + ca.DM(scaling.scale[scaling.free]) * table
+    def __init__(self, problem: Problem, *, quadrature: int, limits: int, tightening: float, doublings: int) -> None:
+        """Build the expressions of the criterion, at `quadrature` points of a period (see `smooth_log_condition` for
+        doublings), and of the limits, tightened by a share, at `limits` points.
+        """
+        self.setting, self._free = setting, free = problem.setting, problem.free
+        self.x = ca.MX.sym("x", problem.size)
+        table = ca.reshape(self.x, len(free), setting.robot.n)
+        self._coefficients = ca.DM(problem.centre[free]) + ca.DM(problem.scale[free]) * table
         period = setting.family.period
-        offset = 0.37 / grids.quadrature  # the quadrature's points fall between those of the limits
-        times = (np.arange(grids.quadrature) / grids.quadrature + offset) * period
-        self.cost, log10_det = self._criterion(times, column_scale(setting, scaling), doublings)
-        instants = np.arange(grids.limits) / grids.limits * period
-        grid = Grid(self._states(instants, 2), period / grids.limits, grids.tightening)
-        rows = [part for build in (*BUILDERS, collision_rows) for part in build(setting, grid)]
+        offset = 0.37 / quadrature  # the quadrature's points fall between those of the limits
+        times = (np.arange(quadrature) / quadrature + offset) * period
+        self.cost, log10_det = self._criterion(times, column_scale(problem), doublings)
+        grid = Grid(self._states(np.arange(limits) / limits * period, 2), period / limits, tightening)
+        rows = [part for build in BUILDERS for part in build(setting, grid)]
         self._keepers = [part.keeper for part in rows]
         self.rows, self.jacobian = ca.vertcat(*(part.expression for part in rows)), None
-        self._lower, self._upper = (
-            np.concatenate([getattr(part, side) for part in rows]) for side in ("lower", "upper")
-        )
+        self._lower = np.concatenate([part.lower for part in rows])
+        self._upper = np.concatenate([part.upper for part in rows])
         self._distance = np.concatenate([np.full(len(part.lower), part.distance) for part in rows])
         if setting.criterion == "condition" and setting.floor is not None:
             self._add_floor(log10_det, setting.floor - _BELOW_FLOOR)
@@ -167,9 +142,7 @@ class Program:
         return self._lower + clearance * self._distance, self._upper
 
     def _states(self, t: Array, highest: int) -> list[Any]:
-        """Return q, dq, ddq and further derivatives [n, N] up to the highest, at instants t, linear in the coefficients
-        (Swevers et al. 1997, eq. 11).
-        """
+        """Return q, dq, ddq and further derivatives [n, N] at instants t, linear in the coefficients (eq. 11)."""
         bases = self.setting.family.bases(t, highest)
         return [ca.mtimes(ca.DM(basis[:, self._free]), self._coefficients).T for basis in bases]
 
@@ -180,7 +153,9 @@ class Program:
         size = np.sqrt(setting.family.samples / len(t) / setting.variances)
         rows, given = weighted_rows(setting.smooth, states, size, scale), 0
         if setting.criterion == "crlb":
-            moved = self._moved_rows(states, t, size)
+            family = setting.family
+            bases = line_bases(family.orders, family.base_frequency, t)
+            moved = line_rows(setting.slopes, states, bases, size, setting.line_deviations)
             rows, given = ca.horzcat(moved, rows), moved.shape[1]
         total = given + setting.parameters
         known = np.zeros((total, total))
@@ -194,23 +169,14 @@ class Program:
             return log10_det, log10_det
         return smooth_log_condition(matrix, inverse_factor_function(total), doublings), log10_det
 
-    def _moved_rows(self, states: Sequence[Any], t: Array, size: Array) -> Any:
-        setting, family = self.setting, self.setting.family
-        assert setting.position_variances is not None
-        deviations = line_deviations(family.orders, setting.position_variances, family.samples)
-        return line_rows(setting.slopes, states, line_bases(family.orders, family.base_frequency, t), size, deviations)
 
-
-def column_scale(setting: Setting, scaling: Scaling) -> Array:
-    """Return one over the typical size of each column [p], from random coefficients of the size of the variables'
-    scales.
-    """
-    rng, family = np.random.default_rng(0), setting.family
+def column_scale(problem: Problem) -> Array:
+    """Return one over the typical size of each column [p], from random coefficients as large as the variables."""
+    rng, setting, family, free = np.random.default_rng(0), problem.setting, problem.setting.family, problem.free
     sizes = []
     for _ in range(5):
-        table = scaling.centre.copy()
-        draw = rng.uniform(-0.3, 0.3, scaling.scale.shape)
-        table[scaling.free] += scaling.scale[scaling.free] * draw[scaling.free]
+        table, draw = problem.centre.copy(), rng.uniform(-0.3, 0.3, problem.scale.shape)
+        table[free] += problem.scale[free] * draw[free]
         bases = family.bases(np.linspace(0.0, family.period, 50), setting.smooth.n_in() - 1)
         flat = np.array(setting.smooth.map(50)(*((basis @ table).T for basis in bases)))
         columns = flat.reshape(setting.robot.n, 50, setting.parameters) / np.sqrt(setting.variances)[:, None, None]
@@ -266,26 +232,24 @@ class Problem:
         """Return the variables x of coefficients."""
         return np.asarray(((coefficients - self.centre) / self.scale)[self.free].ravel(order="F"))
 
-    def series(self, coefficients: Array) -> FourierSeries:
-        """Return the Fourier series of coefficients."""
-        return self.setting.family.series(coefficients)
-
     def excitation(self, coefficients: Array) -> Excitation:
         """Return the excitation of coefficients."""
-        robot = self.setting.robot
-        return Excitation(robot.name, robot.joints, self.series(coefficients), self.setting.family.sample_rate)
+        return self.setting.family.excitation(self.setting.robot, coefficients)
 
     def information(self, coefficients: Array) -> Array:
         """Return what one averaged period tells [p, p], with the exact sign function and without the prior."""
         setting = self.setting
         motion = setting.family.motion(coefficients, self._points)
-        phi = self._columns(motion) * self._weight[:, None]
+        exact = self._exact
+        columns = setting.structure.columns(motion, setting.values) if exact is None else exact(motion)
+        phi = columns * self._weight[:, None]
         if setting.criterion != "crlb":
             stacked = phi.reshape(-1, setting.parameters)
             return np.asarray(stacked.T @ stacked)
         slopes = self._slopes(motion) * self._weight[:, None]
-        bases = line_bases(setting.family.orders, setting.family.base_frequency, self._times)
-        return bound_information(phi, slopes, bases, self._deviations)
+        times = np.arange(float(self._points)) / self._points * setting.family.period
+        bases = line_bases(setting.family.orders, setting.family.base_frequency, times)
+        return bound_information(phi, slopes, bases, setting.line_deviations)
 
     def evaluate(self, coefficients: Array) -> Values:
         """Return log10 det of the covariance and the condition number, with the exact sign function.
@@ -326,23 +290,18 @@ class Problem:
     def coarse(self) -> Program:
         """The program on a coarse grid, for the search."""
         quadrature = self._grid(24, 600 if self.setting.brief else 60)
-        return Program(self.setting, self, Grids(quadrature, self._grid(12, 12), 4e-3), doublings=5)
+        return Program(self, quadrature=quadrature, limits=self._grid(12, 12), tightening=4e-3, doublings=5)
 
     @cached_property
     def fine(self) -> Program:
         """The program on a fine grid, for the last step."""
         quadrature = self._grid(30, 1000 if self.setting.brief else 60)
-        return Program(self.setting, self, Grids(quadrature, self._grid(36, 36), 2e-4), doublings=7)
+        return Program(self, quadrature=quadrature, limits=self._grid(36, 36), tightening=2e-4, doublings=7)
 
     def _grid(self, per_order: int, least: int) -> int:
         """Return the points of a grid: many an order of a usual motion, fewer where a motion has very many."""
         order = self.setting.family.harmonics
         return max(least, per_order * min(order, _CROWDED) + per_order // 3 * max(0, order - _CROWDED))
-
-    def _columns(self, motion: Motion) -> Array:
-        if self._exact is None:
-            return self.setting.structure.columns(motion, self.setting.values)
-        return self._exact(motion)
 
     @cached_property
     def _exact(self) -> Batch | None:
@@ -351,13 +310,3 @@ class Problem:
     @cached_property
     def _slopes(self) -> Batch:
         return Batch(self.setting.exact_slopes, self._points)
-
-    @cached_property
-    def _times(self) -> Array:
-        return np.arange(float(self._points)) / self._points * self.setting.family.period
-
-    @cached_property
-    def _deviations(self) -> Array:
-        setting = self.setting
-        assert setting.position_variances is not None
-        return line_deviations(setting.family.orders, setting.position_variances, setting.family.samples)

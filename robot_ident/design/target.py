@@ -54,13 +54,9 @@ class Target:
         values = None
         if structure.uses_torque:
             first = next(effect.label for effect in structure.effects if effect.uses_torque)
-            if not np.any(robot.rigid.parameters):
-                raise InputError(
-                    f"{robot.source}: the columns of {first} depend on the torque, and the URDF has no inertias:"
-                    " a first model is needed (--model model.yaml)"
-                )
-            values = structure.true_values()
-            notes = (*notes, f"the columns of {first} depend on the torque: taken from the robot's files, not measured")
+            words = f"the columns of {first} depend on the torque"
+            values = values_of_files(structure, words)
+            notes = (*notes, f"{words}: taken from the robot's files, not measured")
         return cls(structure, variances, np.array(robot.noise.position_variance), periods, values, notes=notes)
 
     @classmethod
@@ -129,7 +125,8 @@ class Target:
         phi = self.structure.columns(motion, self.values) * weight[:, None]
         found = torque_derivatives(self.structure, motion, self.values)
         slopes = np.concatenate([found.position, found.velocity, found.acceleration], axis=2) * weight[:, None]
-        orders = moving_orders(excitation)
+        used = np.any(excitation.series.a != 0.0, axis=0) | np.any(excitation.series.b != 0.0, axis=0)
+        orders = (1 + np.flatnonzero(used)).tolist()
         bases = line_bases(orders, excitation.base_frequency, excitation.times())
         deviations = line_deviations(orders, self.position_variances, motion.samples)
         return bound_information(phi, slopes, bases, deviations)
@@ -144,10 +141,14 @@ class Target:
         return evaluate_rows(np.concatenate(parts))
 
 
-def moving_orders(excitation: Excitation) -> tuple[int, ...]:
-    """Return the harmonics that an excitation uses."""
-    used = np.any(excitation.series.a != 0.0, axis=0) | np.any(excitation.series.b != 0.0, axis=0)
-    return tuple(int(k) + 1 for k in np.flatnonzero(used))
+def values_of_files(structure: Structure, words: str) -> Array:
+    """Return the parameters [p] that a robot's files give; InputError, with `words` why, where they lack inertias."""
+    if not np.any(structure.robot.rigid.parameters):
+        raise InputError(
+            f"{structure.robot.source}: {words}, and the URDF has no inertias: a first model is needed (--model"
+            " model.yaml)"
+        )
+    return structure.true_values()
 
 
 def _root(information: Array) -> Array:
@@ -190,9 +191,7 @@ def all_but_payload(target: Target) -> Array:
 
 
 def _sizes(target: Target) -> Array:
-    """Return the standard deviation of each parameter alone [p] where a period of samples passes random states; of
-    effects, whose columns may need a motion, as if these were 1.
-    """
+    """Return each parameter's sigma alone [p] over random states of a period; of effects, as if columns were 1."""
     columns = target.structure.rigid_columns(random_states(target.robot))
     rigid = np.mean(np.sum(columns**2 / target.variances[:, None], axis=1), axis=0)
     further = len(target.structure.parameters) - len(rigid)

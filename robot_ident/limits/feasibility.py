@@ -66,9 +66,7 @@ class PoseLimits:
     """What a pose within the position limits has to keep: the rules of the workspace and the clearance of the links."""
 
     def __init__(self, robot: Robot, links: LinkPairs | None = None) -> None:
-        """Take a robot, and its pairs of links where they are at hand; InputError where its collision geometry can't be
-        read.
-        """
+        """Take a robot, and its pairs of links where they are at hand; InputError where its geometry can't be read."""
         self._robot, self._links = robot, links or link_pairs(robot)[0]
         self._clearance = robot.geometry.clearance if robot.geometry is not None else 0.0
         if self._links is not None and not self._links.count:

@@ -58,9 +58,7 @@ def approach(
 
 
 def check_pose(robot: Robot, q: Array, words: str, poses: PoseLimits) -> None:
-    """Raise InputError, beginning with `words`, when a pose [n] is not a number of the robot's joints or outside its
-    limits.
-    """
+    """Raise InputError, beginning with `words`, when a pose is not of the robot's joints [n] or outside its limits."""
     if q.shape != (robot.n,) or not np.all(np.isfinite(q)):
         raise InputError(f"{words} at {q.tolist()}: {robot.n} finite positions were expected")
     limits = robot.limits
@@ -80,9 +78,7 @@ def check_pose(robot: Robot, q: Array, words: str, poses: PoseLimits) -> None:
 def _connect(
     robot: Robot, ends: tuple[Array, Array], allowed: Callable[[Array, Array], bool], seed: int
 ) -> list[Array]:
-    """Return points of a way between two poses by two random trees that grow towards each other (Kuffner and LaValle
-    2000).
-    """
+    """Return a way between two poses by two trees that grow towards each other (Kuffner and LaValle 2000)."""
     rng, limits = np.random.default_rng(seed), robot.limits
     size = limits.upper - limits.lower
     trees: list[list[tuple[Array, int]]] = [[(ends[0], -1)], [(ends[1], -1)]]

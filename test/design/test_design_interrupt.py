@@ -9,7 +9,6 @@ from typing import Any
 import pytest
 
 from robot_ident.design import design as module
-from robot_ident.design import multi_start
 from robot_ident.design.design import design
 from robot_ident.design.multi_start import Run, fallback
 from robot_ident.robot import Robot
@@ -32,7 +31,7 @@ def test_an_interrupt_during_the_verdict_loses_nothing(kuka: Robot, monkeypatch:
             raise KeyboardInterrupt
         return certify(*given)
 
-    monkeypatch.setattr(multi_start, "search", search)
+    monkeypatch.setattr(module, "search", search)
     monkeypatch.setattr(module, "certify", interrupted)
     deadline = time.monotonic() + 50.0
     found = design(kuka, deadline=deadline)
