@@ -12,7 +12,7 @@ from robot_ident.diagnosis.diagnosis import Finding
 from robot_ident.diagnosis.power import least_torque
 from robot_ident.diagnosis.selection.refinement import best_values
 from robot_ident.effects import Effect, make_effect
-from robot_ident.estimation.apart import apart
+from robot_ident.estimation.equations import apart
 from robot_ident.model.structure import Structure
 from robot_ident.recording.measurement import Measurement
 from robot_ident.regression.evidence import Evidence, extended, gather, held

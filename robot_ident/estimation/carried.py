@@ -18,13 +18,12 @@ import numpy as np
 from scipy.linalg import block_diag
 
 from robot_ident.errors import InputError
-from robot_ident.estimation.apart import apart
-from robot_ident.estimation.equations import Equations
+from robot_ident.estimation.equations import Equations, apart
 from robot_ident.estimation.payload import VAGUE, Body, Holding, body_of, part_of, rows_of_payload, solve_beside
 from robot_ident.estimation.problem import Problem, Solution, with_inner
 from robot_ident.estimation.solve import solve
 from robot_ident.model.structure import Structure
-from robot_ident.recording.conditions import KnownPayload
+from robot_ident.recording.conditions import PayloadPart
 from robot_ident.recording.measurement import Measurement
 from robot_ident.recording.payload_torque import less_payload
 from robot_ident.robot.robot import Robot
@@ -52,8 +51,8 @@ class Carried:
     @property
     def said(self) -> tuple[str, ...]:
         """What is doubtful about it."""
-        nothing = self.body.mass < 3.0 * self.body.mass_std
-        return (*(("it weighs no more than its uncertainty",) if nothing else ()), *self.body.notes)
+        nothing = ("it weighs no more than its uncertainty",) if self.body.mass < 3.0 * self.body.mass_std else ()
+        return (*nothing, *self.body.notes)
 
     def to_dict(self) -> dict[str, Any]:
         """Return it for `model.yaml`."""
@@ -93,13 +92,13 @@ def solve_carrying(measurements: Sequence[Measurement], structure: Structure, es
     Raises InputError where every recording carried an unknown one: it can't be told from the last link then; where the
     motion tells no payload's mass; and where no drive tells Nm, for the data tell the product of mass and gain alone.
     """
-    names = tuple(dict.fromkeys(m.conditions.body for m in measurements if m.conditions.estimated))
+    names = _names(measurements)
     if not names:
         return Solved(tuple(measurements), solve(apart(measurements, structure.effects), structure, estimator))
     refuse_untold(measurements)
     if not structure.robot.compares_with_newton_metres.all():
         refuse_without_scale(measurements, structure.robot)
-    holdings = [holding_of(measurements, name, structure.robot) for name in names]
+    holdings = [Holding(_part(measurements, name), structure.robot) for name in names]
     values = np.array([holding.start() for holding in holdings])
     whole = _less(measurements, names, values, structure.robot)
     step = _step(apart(whole, structure.effects), structure, names, _freedom(holdings, values), None)
@@ -114,16 +113,20 @@ def solve_carrying(measurements: Sequence[Measurement], structure: Structure, es
         if np.all(np.abs(step.change) <= _STILL * np.sqrt(np.diag(step.covariance))):
             break
     else:
-        _refuse_unsettled(step, measurements)
-    carried = [
-        Carried(
-            name,
-            tuple(m.source for m in measurements if _body(m) == name),
-            body_of(values[k], step.covariance[own(k), own(k)], structure.robot, holdings[k].given),
-        )
-        for k, name in enumerate(names)
-    ]
-    return Solved(less, _spread(found, step), tuple(carried), _freedom(holdings, values)[0])
+        if np.any(np.abs(step.change) > _UNSETTLED * np.sqrt(np.diag(step.covariance))):
+            raise InputError(
+                f"{', '.join(m.source for m in measurements)}: payload and inner parameters of the effects don't settle"
+                " together; identify the arm without these effects, or without the recordings of an unknown payload"
+            )
+    carried = []
+    for k, name in enumerate(names):
+        body = body_of(values[k], step.covariance[own(k), own(k)], structure.robot, holdings[k].given)
+        carried.append(Carried(name, tuple(m.source for m in measurements if _body(m) == name), body))
+    # what the payloads' uncertainty makes of the arm's: D C D', D = d theta / d pi
+    covariance = np.array(found.covariance)
+    covariance[np.ix_(step.place, step.place)] += step.slope @ step.covariance @ step.slope.T
+    found = replace(found, covariance=covariance, dof=found.dof - step.told)
+    return Solved(less, found, tuple(carried), _freedom(holdings, values)[0])
 
 
 def own(number: int) -> slice:
@@ -131,25 +134,20 @@ def own(number: int) -> slice:
     return slice(10 * number, 10 * number + 10)
 
 
-def holding_of(measurements: Sequence[Measurement], name: str, robot: Robot) -> Holding:
+def _names(measurements: Sequence[Measurement]) -> tuple[str, ...]:
+    """Return the names of the unknown payloads."""
+    return tuple(dict.fromkeys(m.conditions.body for m in measurements if m.conditions.estimated))
+
+
+def _part(measurements: Sequence[Measurement], name: str) -> PayloadPart:
     """Return what the conditions of measurements tell of the unknown payload of a name."""
-    stated = [(m.source, m.conditions) for m in measurements if _body(m) == name]
-    return Holding(part_of(stated), robot)
+    return part_of((m.source, m.conditions) for m in measurements if _body(m) == name)
 
 
 def _freedom(holdings: Sequence[Holding], values: Array) -> tuple[Array, Array]:
     """Return how the parameters of all payloads [10 m] may change [10 m, k], and what is known of each before data."""
     parts = [holding.directions(ten) for holding, ten in zip(holdings, values, strict=True)]
     return block_diag(*(directions for directions, _ in parts)), np.concatenate([vague for _, vague in parts])
-
-
-def _refuse_unsettled(step: _Step, measurements: Sequence[Measurement]) -> None:
-    """Raise InputError where payloads still move by what matters after all rounds."""
-    if np.any(np.abs(step.change) > _UNSETTLED * np.sqrt(np.diag(step.covariance))):
-        raise InputError(
-            f"{', '.join(m.source for m in measurements)}: payload and inner parameters of the effects don't settle"
-            " together; identify the arm without these effects, or without the recordings of an unknown payload"
-        )
 
 
 def refuse_untold(measurements: Sequence[Measurement]) -> None:
@@ -236,11 +234,12 @@ def _less(
     measurements: Sequence[Measurement], names: Sequence[str], values: Array, robot: Robot
 ) -> tuple[Measurement, ...]:
     """Return the measurements less the torque of payloads of ten parameters each, values [m, 10]."""
-    known: dict[str | None, KnownPayload] = {}
-    for name, ten in zip(names, values, strict=True):
-        if ten.any():
-            known[name] = body_of(ten, np.zeros((10, 10)), robot).known
-    return tuple(less_payload(m, known.get(_body(m)), robot) if m.conditions.estimated else m for m in measurements)
+    nothing = np.zeros((10, 10))
+    pairs = zip(names, values, strict=True)
+    known = {name: body_of(ten, nothing, robot).known for name, ten in pairs if ten.any()}
+    return tuple(
+        less_payload(m, known.get(m.conditions.body), robot) if m.conditions.estimated else m for m in measurements
+    )
 
 
 def _refuse_weightless(covariance: Array, measurements: Sequence[Measurement], names: Sequence[str]) -> None:
@@ -254,13 +253,6 @@ def _refuse_weightless(covariance: Array, measurements: Sequence[Measurement], n
             )
 
 
-def _spread(found: Solution, step: _Step) -> Solution:
-    """Return the arm's solution with what the payloads' uncertainty makes of it: D C D', D = d theta / d pi."""
-    covariance = np.array(found.covariance)
-    covariance[np.ix_(step.place, step.place)] += step.slope @ step.covariance @ step.slope.T
-    return replace(found, covariance=covariance, dof=found.dof - step.told)
-
-
 _DIGITS = 1e-9  # share of the largest singular value below which a motion shows nothing
 
 
@@ -269,20 +261,17 @@ def open_load(measurements: Sequence[Measurement], equations: Equations, robot: 
 
     A known inertia counts where the centre is known too: about an unknown one it bends that space.
     """
-    names = tuple(dict.fromkeys(m.conditions.body for m in measurements if m.conditions.estimated))
+    names = _names(measurements)
     if not names:
         return np.zeros(equations.rows), np.zeros((equations.rows, 0))
     loads = rows_of_payloads(measurements, equations, robot, names)
     torque, ways = np.zeros(equations.rows), []
     for k, name in enumerate(names):
-        stated = [
-            (m.source, m.conditions) for m in measurements if m.conditions.estimated and m.conditions.body == name
-        ]
-        part = part_of(stated)
+        part = _part(measurements, name)
         holding = Holding(part if part.centre else replace(part, inertia=None), robot)
-        values, own = holding.start(), loads[:, 10 * k : 10 * k + 10]
-        torque += own @ values
-        ways.append(basis_of(own @ holding.directions(values)[0])[0])
+        values, columns = holding.start(), loads[:, own(k)]
+        torque += columns @ values
+        ways.append(basis_of(columns @ holding.directions(values)[0])[0])
     return torque, np.hstack(ways)
 
 

@@ -73,10 +73,11 @@ def contradiction(judged: Sequence[Declared], robot: Robot) -> Contradiction | N
         if found and len(found) == len(loaded) and len(found) >= min(2, robot.n):
             change = f"effort: {{gravity: {then}}}"
             return Contradiction("effort.gravity", now, change, {d.joint: d.gravity for d in found})
-    behind = [d for d in judged if d.verdict != "not_told" and robot.side(_index(robot, d)) == "link"]
+    index = robot.joint_index
+    behind = [d for d in judged if d.verdict != "not_told" and robot.side(index(d.joint)) == "link"]
     if behind and min(d.friction for d in behind) > _LOST:
         return Contradiction("effort.side", "link", "effort: {side: joint}", {d.joint: d.share for d in behind})
-    scaled = [d for d in trusted if d.verdict == "factor" and _scaled(d) and not robot.in_ampere(_index(robot, d))]
+    scaled = [d for d in trusted if d.verdict == "factor" and _scaled(d) and not robot.in_ampere(index(d.joint))]
     alone = len(scaled) == len(trusted) or _one_message(scaled, trusted, robot)
     return _factor(scaled, robot, alone=alone) if scaled else None
 
@@ -104,19 +105,14 @@ def _scaled(d: Declared) -> bool:
     return d.share > 0 and far and (not both or abs(np.log(max(d.inertia, 1e-9) / d.gravity)) < _ALIKE)
 
 
-def _index(robot: Robot, d: Declared) -> int:
-    return robot.joint_index(d.joint)
-
-
 def _sign(turned: Sequence[Declared], robot: Robot, *, alone: bool) -> Contradiction:
     share = {d.joint: d.share for d in turned}
-    signs = {robot.effort.of(d.joint).sign for d in turned}
-    sign = robot.effort.of(turned[0].joint).sign
-    common = all(robot.effort.of(d.joint) == robot.effort.common for d in turned)
-    if alone and common and len(signs) == 1 and len(turned) > 1:
+    declared = {joint: robot.effort.of(joint) for joint in share}
+    first = next(iter(share))
+    sign = declared[first].sign
+    if alone and len(turned) > 1 and all(effort == robot.effort.common for effort in declared.values()):
         return Contradiction("effort.sign", str(sign), f"effort: {{sign: {-sign}}}", share)
-    first = turned[0].joint
-    change = ", ".join(f"{d.joint}: {{effort: {{sign: {-robot.effort.of(d.joint).sign}}}}}" for d in turned)
+    change = ", ".join(f"{joint}: {{effort: {{sign: {-effort.sign}}}}}" for joint, effort in declared.items())
     return Contradiction(f"joints.{first}.effort.sign", str(sign), change, share)
 
 
@@ -124,7 +120,7 @@ def _factor(scaled: Sequence[Declared], robot: Robot, *, alone: bool) -> Contrad
     """Return what makes of the shares a torque: side, quantity, or the constants."""
     share = {d.joint: d.share for d in scaled}
     declared = [robot.effort.of(d.joint) for d in scaled]
-    joints = [_index(robot, d) for d in scaled]
+    joints = [robot.joint_index(d.joint) for d in scaled]
     ratio = robot.drives.gear_ratio[joints]
     constant = robot.drives.torque_constant[joints]
     sizes = np.array(list(share.values()))
@@ -145,7 +141,12 @@ def _factor(scaled: Sequence[Declared], robot: Robot, *, alone: bool) -> Contrad
     if all(e.quantity == "current" for e in declared):
         if _all_near(sizes / constant):
             return Contradiction(f"{where}.quantity", "current", change("torque"), share)
-        return _constants(scaled, constant, share)
+        first, now = scaled[0].joint, constant[0]
+        if not np.isfinite(now):
+            change_to = f"the curve's torques over {share[first]:.3g}"
+            return Contradiction(f"joints.{first}.torque_curve", "a curve", change_to, share)
+        change_to = f"{first}: {{torque_constant: {now / share[first]:.3g}}}"
+        return Contradiction(f"joints.{first}.torque_constant", f"{now:g}", change_to, share)
     if np.all(sizes < 1.0 / _FAR) and np.ptp(np.log(sizes)) < np.log(_FAR * 10) and sizes.max() > 2e-3:
         fit = ", ".join(f"{d.joint} {1 / d.share:.3g}" for d in scaled)
         every = " for all joints of the message" if where == "effort" and len(scaled) < robot.n else ""
@@ -155,16 +156,6 @@ def _factor(scaled: Sequence[Declared], robot: Robot, *, alone: bool) -> Contrad
     gains = [_told_gain(effort, float(size)) for effort, size in zip(declared, each, strict=False)]
     told = change(*(f"{{gain: {gain:.3g}}}" for gain in gains))
     return Contradiction(f"{where}.gain", f"{declared[0].gain:g}", told, share)
-
-
-def _constants(scaled: Sequence[Declared], constant: np.ndarray, share: Mapping[str, float]) -> Contradiction:
-    first = scaled[0].joint
-    if not np.isfinite(constant[0]):
-        return Contradiction(
-            f"joints.{first}.torque_curve", "a curve", f"the curve's torques over {share[first]:.3g}", share
-        )
-    now, fit = f"{constant[0]:g}", constant[0] / share[first]
-    return Contradiction(f"joints.{first}.torque_constant", now, f"{first}: {{torque_constant: {fit:.3g}}}", share)
 
 
 def _all_near(values: np.ndarray) -> bool:

@@ -22,11 +22,19 @@ def sandwich(
     with known noise give X' S X; `unknown` ones the residual's own spectrum at zero, heteroscedasticity and
     autocorrelation included, and no direction better known than by half of the sigma of independent rows.
     """
-    meat = long_run_scores(weighed, residual, equations, noise, unknown)
-    scale = np.sqrt(np.maximum(np.diag(meat), 1e-300))
-    power, vectors = np.linalg.eigh(meat / np.outer(scale, scale))
+    scale, power, vectors = scaled_eigen(long_run_scores(weighed, residual, equations, noise, unknown))
     half = bread @ (scale[:, None] * vectors * np.sqrt(np.maximum(power, 0.0)))  # symmetric however nearly singular
     return np.asarray(half @ half.T)
+
+
+def scaled_eigen(covariance: Array) -> tuple[Array, Array, Array]:
+    """Return the standard deviations [p] of a covariance, 1 where there is none, and the eigenvalues [p] and
+    eigenvectors [p, p] of the correlation: unlike units must not hide what is small.
+    """
+    size = np.sqrt(np.diag(covariance))
+    scale = np.where(size > 0, size, 1.0)
+    power, vectors = np.linalg.eigh(covariance / np.outer(scale, scale))
+    return scale, power, vectors
 
 
 def long_run_scores(
@@ -36,23 +44,27 @@ def long_run_scores(
     known = ~np.isin(equations.block, list(unknown))
     spread = noise.multiply(weighed * known[:, None])
     meat: Array = weighed.T @ (spread * known[:, None])
-    parameters = weighed.shape[1]
     plain = meat.copy()
     for block in unknown:
         rows = equations.block == block
-        alone = weighed[rows] * (residual[rows] / np.sqrt(equations.independent[rows]))[:, None]
+        single = weighed[rows] * residual[rows, None]
+        alone = single / np.sqrt(equations.independent[rows, None])
         plain += alone.T @ alone
-        scores = _by_time(weighed[rows] * residual[rows, None], equations.sample[rows], equations.independent[rows])
-        meat = meat + long_run(scores) * _few(len(scores), len(np.unique(equations.joint[rows])), parameters)
+        # summed over joints and over bins as long as the low pass smears noise
+        bins = equations.sample[rows] // max(1, round(1.0 / float(np.mean(equations.independent[rows]))))
+        scores = np.zeros((int(bins.max()) + 1, weighed.shape[1]))
+        np.add.at(scores, bins, single)
+        values = len(scores) * len(np.unique(equations.joint[rows]))
+        # the fit has taken T n / (T n - p) from the residual
+        meat = meat + long_run(scores) * (values / max(values - weighed.shape[1], 1))
     return _at_least(meat, _LEAST * plain) if len(unknown) else meat
 
 
 def _at_least(meat: Array, least: Array) -> Array:
     """Return `meat` [p, p] raised to `least` in the directions in which it is below."""
-    scale = np.sqrt(np.diag(least))
-    power, vectors = np.linalg.eigh(least / np.outer(scale, scale))
-    root = vectors * np.sqrt(np.maximum(power, 1e-14 * power[-1]))
-    inverse = vectors / np.sqrt(np.maximum(power, 1e-14 * power[-1]))
+    scale, power, vectors = scaled_eigen(least)
+    half = np.sqrt(np.maximum(power, 1e-14 * power[-1]))
+    root, inverse = vectors * half, vectors / half
     inner = inverse.T @ (meat / np.outer(scale, scale)) @ inverse
     size, turn = np.linalg.eigh(0.5 * (inner + inner.T))
     raised = root @ (turn * np.maximum(size, 1.0)) @ turn.T @ root.T
@@ -76,34 +88,14 @@ def long_run(scores: Array) -> Array:
     top = np.sum(4.0 * rho**2 * innovation**2 / (1.0 - rho) ** 8)
     bottom = np.sum(innovation**2 / (1.0 - rho) ** 4)
     bandwidth = 1.3221 * (max(float(top / max(bottom, 1e-300)), 1e-6) * total) ** 0.2
-    lags = np.arange(1, total)
-    weights = np.concatenate([[1.0], _quadratic_spectral(lags / bandwidth)])
+    x = np.arange(1, total) / bandwidth
+    angle = 6.0 * np.pi * x / 5.0
+    spectral = 25.0 / (12.0 * np.pi**2 * x**2) * (np.sin(angle) / angle - np.cos(angle))
+    weights = np.concatenate([[1.0], spectral])
     # sum_lag k(lag) sum_t g_t g_(t+lag)' as a product with the Toeplitz matrix of k, by FFT of twice the length
     size = 2 * total
     kernel = np.zeros(size)
     kernel[:total], kernel[size - total + 1 :] = weights, weights[:0:-1]
-    smooth = np.fft.irfft(np.fft.rfft(scores, size, axis=0) * np.real(np.fft.rfft(kernel))[:, None], size, axis=0)[
-        :total
-    ]
-    found = scores.T @ smooth
+    smooth = np.fft.irfft(np.fft.rfft(scores, size, axis=0) * np.real(np.fft.rfft(kernel))[:, None], size, axis=0)
+    found = scores.T @ smooth[:total]
     return np.asarray(0.5 * (found + found.T))
-
-
-def _quadratic_spectral(x: Array) -> Array:
-    angle = 6.0 * np.pi * x / 5.0
-    return np.asarray(25.0 / (12.0 * np.pi**2 * x**2) * (np.sin(angle) / angle - np.cos(angle)))
-
-
-def _by_time(scores: Array, sample: np.ndarray, independent: Array) -> Array:
-    """Return the scores [R, p] summed over joints and over bins as long as the low pass smears noise [T, p]."""
-    width = max(1, round(1.0 / float(np.mean(independent))))
-    bins = sample // width
-    out = np.zeros((int(bins.max()) + 1, scores.shape[1]))
-    np.add.at(out, bins, scores)
-    return out
-
-
-def _few(times: int, joints: int, parameters: int) -> float:
-    """Return what the fit has taken from the residual: T n / (T n - p)."""
-    values = times * joints
-    return values / max(values - parameters, 1)

@@ -141,21 +141,20 @@ def judge_measured(measured: Measurement, robot: Robot) -> list[Declared]:
     is not of the same shape: k_g near 1 is consistent; near 0 beside k_i near 1 the driver has taken gravity out; below
     0 the sign is wrong; any other constant is a gain, a gear ratio or a current in ampere. Needs masses in the URDF.
     """
-    every = slice(None, None, max(1, measured.motion.samples // _ROWS))
-    motion = measured.motion
-    still = np.zeros_like(motion.q)
-    at_rest = replace(motion[every], dq=still[every], ddq=still[every])
-    gravity = _spread_out(robot.rigid.inverse_dynamics(at_rest), measured)
-    inertial = _spread_out(robot.rigid.inverse_dynamics(motion[every]), measured) - gravity
+    samples = measured.motion.samples
+    every = max(1, samples // _ROWS)
+    thin = measured.motion[slice(None, None, every)]
+    still = np.zeros_like(thin.q)
+    gravity = at_all_rows(robot.rigid.inverse_dynamics(replace(thin, dq=still, ddq=still)), samples, every)
+    inertial = at_all_rows(robot.rigid.inverse_dynamics(thin), samples, every) - gravity
     return by_clock([_judge(robot, measured, gravity[:, j], inertial[:, j], j) for j in range(robot.n)])
 
 
-def _spread_out(torque: Array, measured: Measurement) -> Array:
-    """Return a torque [K, n] of every so many rows at all of them, linear between."""
-    samples = measured.motion.samples
-    if len(torque) == samples:
+def at_all_rows(torque: Array, samples: int, every: int) -> Array:
+    """Return a torque [K, n] of every so many rows at all of them [N, n], linear between."""
+    if every == 1:
         return torque
-    at = np.arange(0, samples, max(1, samples // _ROWS))
+    at = np.arange(0, samples, every)
     return np.column_stack([np.interp(np.arange(samples), at, column) for column in torque.T])
 
 
@@ -183,7 +182,9 @@ def _judge(robot: Robot, measured: Measurement, gravity: Array, inertial: Array,
     friction = lost / power if power > 0 else 0.0
     if not told:
         return Declared(name, NOT_TOLD, float("inf"), "not_told", "the motion loads it too little", friction=friction)
-    explained = _explained(scaled, tau, solved)
+    beside = tau - scaled[:, 2:_ROTOR] @ solved[2:_ROTOR]
+    left, whole_power = np.sum((beside - scaled[:, :2] @ solved[:2]) ** 2), np.sum(beside**2)
+    explained = float(1.0 - left / whole_power) if whole_power > 0 else 0.0
     share, std = told.get(0) or told[1]
     hidden_rotor = not apart and 0 not in told
     verdict, hint = _verdict(robot, joint, told, hidden_rotor=hidden_rotor)
@@ -195,8 +196,8 @@ def _judge(robot: Robot, measured: Measurement, gravity: Array, inertial: Array,
         return Declared(name, NOT_TOLD, float("inf"), "not_told", hint, friction=friction, explained=explained)
     if share > 0 and friction < -LOSSES and lost < -_DRIVES * lost_std:
         verdict, hint = "driven", "friction drives it: effort, position or time has the wrong sign"
-    shares = [told[k][0] if k in told else NOT_TOLD for k in (0, 1)]
-    return Declared(name, share, std, verdict, hint, shares[0], shares[1], friction, explained)
+    gravity_share, inertia_share = (told[k][0] if k in told else NOT_TOLD for k in (0, 1))
+    return Declared(name, share, std, verdict, hint, gravity_share, inertia_share, friction, explained)
 
 
 def _apart_from_rotor(columns: Array) -> bool:
@@ -206,15 +207,6 @@ def _apart_from_rotor(columns: Array) -> bool:
     inertial, others = columns[:, 1], np.delete(columns, 1, axis=1)
     beside, *_ = np.linalg.lstsq(others, inertial, rcond=1e-9)
     return bool(np.linalg.norm(inertial - others @ beside) > _APART * np.linalg.norm(inertial))
-
-
-def _explained(columns: Array, tau: Array, solved: Array) -> float:
-    """Return the part of the effort beside friction and offset that gravity and inertia of the URDF account for, a
-    rotor that it lacks not taken for either.
-    """
-    beside = tau - columns[:, 2:_ROTOR] @ solved[2:_ROTOR]
-    left, size = np.sum((beside - columns[:, :2] @ solved[:2]) ** 2), np.sum(beside**2)
-    return float(1.0 - left / size) if size > 0 else 0.0
 
 
 def _verdict(robot: Robot, joint: int, told: dict[int, tuple[float, float]], *, hidden_rotor: bool) -> tuple[str, str]:
@@ -239,14 +231,11 @@ def _verdict(robot: Robot, joint: int, told: dict[int, tuple[float, float]], *, 
         size = f"{1.0 / share:.3g} {'or more' if hidden_rotor else f'+- {2.0 * std / share**2:.1g}'} {unit} per A"
         rotor = "; a rotor that the URDF lacks can't be told apart here" if hidden_rotor else ""
         return "factor", f"{size} would fit the URDF's masses (torque_constant){rotor}"
-    asked = (
-        "torque_constant, or effort: torque" if declared.quantity == "current" else "effort: current, or side: motor"
-    )
+    current = declared.quantity == "current"
+    asked = "torque_constant, or effort: torque" if current else "effort: current, or side: motor"
     rotor = ", a rotor that the URDF lacks" if hidden_rotor else ""
-    return (
-        "factor",
-        f"{share:.3g} +- {2.0 * std:.1g} times the URDF's {unit}: a gain{rotor}, a gear ratio or ampere ({asked})?",
-    )
+    size = f"{share:.3g} +- {2.0 * std:.1g} times the URDF's {unit}"
+    return "factor", f"{size}: a gain{rotor}, a gear ratio or ampere ({asked})?"
 
 
 def clustered(columns: Array, residual: Array, block: int) -> Array:

@@ -26,7 +26,6 @@ from robot_ident.estimation.carried import (
 from robot_ident.estimation.declaration import judge_all
 from robot_ident.estimation.equations import Equations
 from robot_ident.estimation.problem import Problem
-from robot_ident.estimation.row_noise import row_noise
 from robot_ident.model.structure import Structure
 from robot_ident.recording.measurement import Measurement, Processing
 from robot_ident.recording.process import process
@@ -106,10 +105,7 @@ class Gains:
 
 def robot_with(robot: Robot, gains: Gains) -> Robot:
     """Return a robot whose files would know these gains: torque constants, or relative gains where the unit stays A."""
-    definition = definition_of(robot)
-    data: dict[str, Any] = dict(definition.yaml)
-    joints: Mapping[str, Any] = data.get("joints") or {}
-    made = {name: dict(joints.get(name) or {}) for name in robot.joints}
+    made = _entries(robot)
     for k, name in enumerate(gains.joints):
         value = float(gains.values[k]) * (robot.effort.of(name).relative or 1.0)
         if name in gains.unknown:
@@ -118,8 +114,26 @@ def robot_with(robot: Robot, gains: Gains) -> Robot:
             made[name]["effort"] = {**told, "relative_gain": value}
         else:
             made[name]["torque_constant"] = value
-    data["joints"] = made
-    return robot_of(Definition(data, definition.urdf), robot.source)
+    return _robot_of(robot, made)
+
+
+def robot_without(robot: Robot, joints: Sequence[str]) -> Robot:
+    """Return a robot whose files don't know the torque constants of some joints."""
+    made = _entries(robot)
+    for name in joints:
+        made[name].pop("torque_constant", None)
+    return _robot_of(robot, made)
+
+
+def _entries(robot: Robot) -> dict[str, dict[str, Any]]:
+    """Return what the robot YAML says of every joint."""
+    joints: Mapping[str, Any] = definition_of(robot).yaml.get("joints") or {}
+    return {name: dict(joints.get(name) or {}) for name in robot.joints}
+
+
+def _robot_of(robot: Robot, joints: Mapping[str, Any]) -> Robot:
+    definition = definition_of(robot)
+    return robot_of(Definition({**definition.yaml, "joints": joints}, definition.urdf), robot.source)
 
 
 _VAGUE = 1.0  # standard deviation of ln K before data, about what the URDF's masses or the other drives make of it
@@ -146,19 +160,22 @@ class _Currents:
     @property
     def names(self) -> tuple[str, ...]:
         """The names of the columns."""
-        further = self.equations.phi.shape[1] - self.arm
-        return (*self.problem.names, *(f"payload, direction {k + 1}" for k in range(further)))
+        return (*self.problem.names, *_directions(self.equations.phi.shape[1] - self.arm))
 
     def carried(self, theta: Array) -> Array:
         """Return the torque [R] Nm of all payloads, those that were found with `theta` among them."""
         return np.asarray(self.load + self.equations.phi[:, self.arm :] @ theta[self.arm :])
 
-    def model(self, theta: Array, g: Array) -> tuple[Array, Array, Array]:
-        """Return torque [R] Nm, current [R] and its derivatives by theta and ln g of the free joints [R, p + k]."""
-        torque = self.equations.phi @ theta + self.load
+    def model(self, theta: Array, g: Array) -> tuple[Array, Array]:
+        """Return the current [R] and its derivatives by theta and ln g of the free joints [R, p + k]."""
         factor = g[self.equations.joint]
-        own = np.column_stack([np.where(self.equations.joint == joint, factor * torque, 0.0) for joint in self.free])
-        return torque, factor * torque, np.hstack([factor[:, None] * self.equations.phi, own])
+        current = factor * (self.equations.phi @ theta + self.load)
+        own = current[:, None] * (self.equations.joint[:, None] == np.array(self.free))
+        return current, np.hstack([factor[:, None] * self.equations.phi, own])
+
+
+def _directions(count: int) -> list[str]:
+    return [f"payload, direction {k + 1}" for k in range(count)]
 
 
 def estimate_gains(measurements: Sequence[Measurement], structure: Structure) -> Gains:
@@ -176,7 +193,7 @@ def estimate_gains(measurements: Sequence[Measurement], structure: Structure) ->
     problem = Problem(measurements, structure)
     equations = problem.equations(structure, None)
     load = _payload(measurements, equations, robot)
-    equations = replace(equations, torque=_with_payload(equations, load, robot))
+    equations = replace(equations, torque=equations.torque + _taken_off(load, equations, robot))
     stated = [(m.conditions.payload, m.conditions.body) for m in measurements]
     weighed = any(m.conditions.payload or m.conditions.part.mass for m in measurements)
     absolute = weighed or len(free) < robot.n
@@ -195,7 +212,7 @@ def estimate_gains(measurements: Sequence[Measurement], structure: Structure) ->
         start = start / start[free[0]]
     scale = () if absolute else (free[0],)  # the drive that sets it
     g, theta, logarithm = _search(currents, 1.0 / start, scale)
-    vague = tuple(joint for joint, spread in zip(free, np.diag(logarithm), strict=True) if spread > _UNKNOWN**2)
+    vague = tuple(np.array(free)[np.diag(logarithm) > _UNKNOWN**2].tolist())
     if vague:
         g = _like_the_others(g, vague, free, robot)
         g, theta, logarithm = _search(currents, g, (*scale, *vague))
@@ -225,15 +242,13 @@ def _payload(measurements: Sequence[Measurement], equations: Equations, robot: R
     for block, measured in enumerate(measurements):
         stated = measured.conditions.payload
         if stated is not None:
-            rows = equations.block == block
-            whole = measured.passed(stated.torque(robot, measured.motion))
-            out[rows] = whole[equations.sample[rows], equations.joint[rows]]
+            equations.put(out, block, measured.passed(stated.torque(robot, measured.motion)))
     return out
 
 
-def _with_payload(equations: Equations, load: Array, robot: Robot) -> Array:
-    """Return the torque [R] as it was measured, with what was taken off of a payload's torque [R] put back."""
-    return np.asarray(equations.torque + robot.compares_with_newton_metres[equations.joint] * load)
+def _taken_off(load: Array, equations: Equations, robot: Robot) -> Array:
+    """Return what was taken off the measured torque [R] of a payload's torque [R]."""
+    return np.asarray(robot.compares_with_newton_metres[equations.joint] * load)
 
 
 def _start(measurements: Sequence[Measurement], robot: Robot) -> Array:
@@ -277,7 +292,7 @@ def _search(currents: _Currents, g: Array, held: tuple[int, ...]) -> tuple[Array
         theta = problem.factored(factor[:, None] * equations.phi, currents.names).solve(
             problem.right(equations.torque - factor * currents.load)
         )
-        _, current, jacobian = currents.model(theta, g)
+        current, jacobian = currents.model(theta, g)
         logs = np.log(g[list(free)])
         step = _step(problem, jacobian[:, columns], equations.torque - current, p, (before - logs)[searched])
         g = g.copy()
@@ -286,38 +301,30 @@ def _search(currents: _Currents, g: Array, held: tuple[int, ...]) -> tuple[Array
         problem = _with_noise(problem, currents, g)
         if not searched or np.abs(step).max() < _STILL:
             break
-    _, current, jacobian = currents.model(theta, g)
+    current, jacobian = currents.model(theta, g)
     covariance = np.zeros((len(free), len(free)))
     if searched:
-        full = _posterior(problem.covariance(equations, jacobian[:, columns], equations.torque - current, names), p)
-        covariance[np.ix_(searched, searched)] = full
+        own = problem.covariance(equations, jacobian[:, columns], equations.torque - current, names)[p:, p:]
+        soft = np.eye(len(own)) / _VAGUE**2  # what was known before
+        covariance[np.ix_(searched, searched)] = np.linalg.inv(np.linalg.inv(own) + soft)
     return g, theta, covariance
 
 
 def _step(problem: Problem, jacobian: Array, residual: Array, p: int, back: Array) -> Array:
     """Return the change of ln g by least squares, held softly to where it began."""
-    white, right = problem.noise.whiten(jacobian), problem.noise.whiten(residual)
-    weight = np.sqrt(problem.noise.independent)[:, None]
+    white, right = problem.noise.weigh(jacobian), problem.noise.weigh(residual)
     prior = np.hstack([np.zeros((len(back), p)), np.eye(len(back)) / _VAGUE])
     scale = np.linalg.norm(white, axis=0)
     scale = np.where(scale > 0, scale, 1.0)
-    stacked = np.vstack([white * weight / scale, prior / scale])
-    solved, *_ = np.linalg.lstsq(stacked, np.concatenate([right * weight[:, 0], back / _VAGUE]), rcond=None)
+    stacked = np.vstack([white, prior]) / scale
+    solved, *_ = np.linalg.lstsq(stacked, np.concatenate([right, back / _VAGUE]), rcond=None)
     return np.asarray((solved / scale)[p:])
-
-
-def _posterior(covariance: Array, p: int) -> Array:
-    """Return the covariance of ln g with the soft knowledge that there was before."""
-    own = covariance[p:, p:]
-    return np.asarray(np.linalg.inv(np.linalg.inv(own) + np.eye(len(own)) / _VAGUE**2))
 
 
 def _with_noise(problem: Problem, currents: _Currents, g: Array) -> Problem:
     """Return the problem with rows weighted by what these gains leave, where no periods tell the noise."""
     if not problem.unknown:
         return problem
-    from copy import copy
-
     equations = currents.equations
     factor = g[equations.joint]
     phi = factor[:, None] * equations.phi
@@ -325,13 +332,9 @@ def _with_noise(problem: Problem, currents: _Currents, g: Array) -> Problem:
     residual = equations.torque - factor * (equations.phi @ theta + currents.load)
     variance = equations.variance.copy()
     for block in problem.unknown:
-        for joint in range(len(g)):
-            rows = (equations.block == block) & (equations.joint == joint)
-            variance[rows] = max(float(np.mean(residual[rows] ** 2)), 1e-24) if rows.any() else 1.0
-    other = copy(problem)
-    other.variance = variance
-    other.noise = row_noise(problem.measurements, equations, variance)
-    return other
+        for rows in equations.of_joints(block):
+            variance[rows] = max(float(np.mean(residual[rows] ** 2)), 1e-24)
+    return problem.weighted_by(equations, variance, problem.notes)
 
 
 def _gains(
@@ -389,7 +392,7 @@ def spread_by_gains(gains: Gains, solved: Solved, structure: Structure, values: 
     problem = Problem(measurements, structure)
     equations = problem.equations(structure, values)
     load = _payload(measurements, equations, structure.robot)
-    torque = _with_payload(equations, load, structure.robot)
+    torque = equations.torque + _taken_off(load, equations, structure.robot)
     columns = [np.where(equations.joint == structure.robot.joint_index(joint), torque, 0.0) for joint in gains.joints]
     changed, p = problem.right(np.column_stack(columns)), len(structure.parameters)
     if not solved.payloads:
@@ -397,7 +400,7 @@ def spread_by_gains(gains: Gains, solved: Solved, structure: Structure, values: 
     else:
         loads = rows_of_payloads(measurements, equations, structure.robot, [one.name for one in solved.payloads])
         ways, turn = basis_of(loads @ directions)
-        names = (*structure.names, *(f"payload, direction {k + 1}" for k in range(ways.shape[1])))
+        names = [*structure.names, *_directions(ways.shape[1])]
         found = problem.factored(np.hstack([equations.phi, ways]), names).solve(changed)
         slopes = np.vstack([found[:p], directions @ (turn @ found[p:])])
     return np.asarray(slopes @ gains.logarithm @ slopes.T)

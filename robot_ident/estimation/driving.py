@@ -1,4 +1,7 @@
-"""Does friction take energy away? Where it gives some to a joint, the sign of effort, position or time is wrong."""
+"""Does friction take energy away? Where it gives some to a joint, the sign of effort, position or time is wrong.
+
+And base parameters that no arm of its size can have: their torque alone is many times what a joint gives.
+"""
 
 from __future__ import annotations
 
@@ -8,6 +11,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from robot_ident.effects import Effect
+from robot_ident.estimation.equations import Equations
 from robot_ident.model.structure import Structure
 from robot_ident.recording.measurement import Measurement
 from robot_ident.signals.motion import Array
@@ -16,6 +20,9 @@ POSITIVE = ("viscous", "coulomb", "rotor_inertia")
 """Effects whose coefficient is the amount of something, so that none below zero is possible."""
 
 _SURE = 5.0  # standard deviations
+_TIMES = 10.0  # of a joint's torque; the arms that we know stay below 2.5
+_KNOWN = 2.0  # standard deviations, below which the value is said to be unknown anyhow
+_NAMED = 3
 
 
 @dataclass(frozen=True)
@@ -80,10 +87,10 @@ def friction_power(structure: Structure, measurements: Sequence[Measurement]) ->
     rows = sum(measured.motion.samples for measured in measurements)
     for effect, own in _places(structure):
         joint = effect.joint
+        brakes = [(one.symmetry or effect.symmetry) == "dissipative" for one in effect.coefficients]
         for measured in measurements:
             columns = effect.columns(measured.motion)[:, joint]
-            lost = measured.motion.dq[:, joint] @ columns / rows
-            out[joint, own] += np.where(_brakes(effect), lost, 0.0)
+            out[joint, own] += np.where(brakes, measured.motion.dq[:, joint] @ columns / rows, 0.0)
     return out
 
 
@@ -101,10 +108,35 @@ def negative_notes(structure: Structure, values: Array, std: Array) -> list[str]
     ]
 
 
-def _brakes(effect: Effect) -> list[bool]:
-    return [(c.symmetry or effect.symmetry) == "dissipative" for c in effect.coefficients]
-
-
 def _places(structure: Structure) -> list[tuple[Effect, slice]]:
     """Return the effects on one joint that don't depend on torque, with the places of their parameters."""
     return [(effect, own) for effect, own in structure.placed if effect.place is not None and not effect.uses_torque]
+
+
+def implausible_notes(structure: Structure, equations: Equations, values: Array, std: Array) -> list[str]:
+    """Return a line on base parameters whose share of a joint's torque, rms of phi_k theta_k over rms of tau, is beyond
+    any arm's: others take it off again, as they do where an axis of the URDF or the unit of an effort is wrong.
+    """
+    count = len(structure.base.columns)
+    share = np.zeros((structure.robot.n, count))
+    for joint in np.unique(equations.joint):
+        rows = equations.joint == joint
+        torque = float(np.mean(equations.torque[rows] ** 2))
+        if torque > 0.0:
+            share[joint] = np.sqrt(np.mean((equations.phi[rows, :count] * values[:count]) ** 2, axis=0) / torque)
+    worst, where = share.max(axis=0), share.argmax(axis=0)
+    found = [
+        k for k in np.argsort(-worst) if worst[k] > _TIMES and abs(values[k]) > _KNOWN * std[k] and np.isfinite(std[k])
+    ]
+    if not found:
+        return []
+    words = [
+        f"{structure.names[k]} = {values[k]:.4g} ± {std[k]:.2g} {structure.parameters[k].unit}, whose torque would be"
+        f" {worst[k]:.3g} times that of {structure.robot.joints[where[k]]}"
+        for k in found[:_NAMED]
+    ]
+    more = f", and {len(found) - _NAMED} more" if len(found) > _NAMED else ""
+    return [
+        f"no arm of this size has {'; '.join(words)}{more}: others take it off again; check the URDF's axes and the"
+        " effort's unit first (robot_ident info BAG --robot)"
+    ]

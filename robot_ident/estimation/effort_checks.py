@@ -171,27 +171,20 @@ def undecided_directions(measured: Measurement, robot: Robot) -> str:
 
 def _not_of_this_motion(rows: EffortRows) -> list[str]:
     """Say which joints' efforts are none of this motion, or have lost their sign: of all of them at once."""
-    lost = unsigned_joints(rows)
-    names = [rows.robot.joints[joint] for joint in lost]
-    noise = _noise(rows, [joint for joint in rows.moving if joint not in lost])
-    if lost:
-        return [*noise, in_words(names, all_moving=len(lost) == len(rows.moving))]
-    return out_of_step(rows) or noise
-
-
-def _noise(rows: EffortRows, joints: Sequence[int]) -> list[str]:
-    """Say of which joints the effort holds nothing of the motion."""
+    lost, names = unsigned_joints(rows), rows.robot.joints
     nothing = []
-    for joint in joints:
+    for joint in rows.moving:
         explained, seen = _explained(*rows.of(joint), rows.block)
-        if explained < _NOTHING and seen < _SEEN:
-            nothing.append(f"{rows.robot.joints[joint]} ({100 * max(explained, 0.0):.1f} %)")
-    if not nothing:
-        return []
-    return [
+        if joint not in lost and explained < _NOTHING and seen < _SEEN:
+            nothing.append(f"{names[joint]} ({100 * max(explained, 0.0):.1f} %)")
+    noise = [
         f"the effort of {', '.join(nothing)} is not made by the motion (noise, or that of another run): weight, inertia"
         " and friction explain no more of it than chance does; record motion and effort together"
     ]
+    noise = noise if nothing else []
+    if lost:
+        return [*noise, in_words([names[joint] for joint in lost], all_moving=len(lost) == len(rows.moving))]
+    return out_of_step(rows) or noise
 
 
 def _explained(columns: Array, tau: Array, block: int) -> tuple[float, float]:
@@ -254,18 +247,14 @@ def _gravity(rows: EffortRows) -> Contradiction | None:
     weight, tau = np.vstack([one.weight for one in loaded]), np.concatenate([one.tau for one in loaded])
     inverse = np.linalg.pinv(weight.T @ weight)
     found = inverse @ weight.T @ tau
-    scores = [
-        piece.sum(axis=0)
-        for one in loaded
-        for piece in np.array_split(
-            one.weight * (one.tau - one.weight @ found)[:, None], len(one.tau) // rows.block + 2
-        )
-    ]
-    covariance = inverse @ (np.array(scores).T @ np.array(scores)) @ inverse
+    pieces = []
     for one in loaded:
-        most = _AS_WELL * one.left_by_share(rows.gravity) + _ALSO * float(one.tau @ one.tau)
-        if one.left(found) > most:
+        if one.left(found) > _AS_WELL * one.left_by_share(rows.gravity) + _ALSO * float(one.tau @ one.tau):
             return None
+        single = one.weight * (one.tau - one.weight @ found)[:, None]
+        pieces += np.array_split(single, len(one.tau) // rows.block + 2)
+    scores = np.array([piece.sum(axis=0) for piece in pieces])
+    covariance = inverse @ (scores.T @ scores) @ inverse
     seen = [one.inertia for one in loaded if np.isfinite(one.inertia)]
     scale = float(np.median(seen)) if seen else 1.0
     near = _near(rows.gravity)
@@ -278,8 +267,8 @@ def _gravity(rows: EffortRows) -> Contradiction | None:
     found = min((found, found / scale), key=lambda gravity: abs(np.log(np.linalg.norm(gravity) / 9.81)))
     if np.linalg.norm(found) > _MOST:
         return None  # no arm is as heavy: a joint that counts the other way round, say, of which others tell
-    now, best = (f"[{', '.join(f'{value:.3g}' for value in g)}]" for g in (rows.gravity, _plain(found)))
-    told = f"[{', '.join(f'{value:.2g}' for value in found)}]"
+    readings = (rows.gravity, 3), (_plain(found), 3), (found, 2)
+    now, best, told = (f"[{', '.join(f'{value:.{digits}g}' for value in g)}]" for g, digits in readings)
     return Contradiction("gravity", now, f"gravity: {best}", {}, f"weight is that of {told} m/s^2")
 
 

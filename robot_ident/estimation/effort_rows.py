@@ -14,7 +14,7 @@ from itertools import combinations
 
 import numpy as np
 
-from robot_ident.estimation.declaration import Declared, by_clock
+from robot_ident.estimation.declaration import Declared, at_all_rows, by_clock
 from robot_ident.recording.measurement import Measurement
 from robot_ident.recording.payload_torque import beyond_base
 from robot_ident.recording.unsigned import EXPLAINED, folded_back, one_sided
@@ -39,8 +39,9 @@ class EffortRows:
     def __init__(self, measured: Measurement, robot: Robot) -> None:
         """Compute the URDF's torques at `_ROWS` rows at most, linear between."""
         self.measured, motion = measured, measured.motion
-        every = slice(None, None, max(1, motion.samples // _ROWS))
-        thin, still = motion[every], np.zeros_like(motion.q[every])
+        every = max(1, motion.samples // _ROWS)
+        thin = motion[slice(None, None, every)]
+        still = np.zeros_like(thin.q)
         nothing = robot.rigid.inverse_dynamics(replace(thin, dq=still, ddq=still, gravity=(0.0, 0.0, 0.0)))
         axes: list[tuple[float, float, float]] = [(1.0, 0.0, 0.0), (0.0, 1.0, 0.0), (0.0, 0.0, 1.0)]
         at_rest = [replace(thin, dq=still, ddq=still, gravity=axis) for axis in axes]
@@ -48,24 +49,16 @@ class EffortRows:
         self.robot = robot
         self.gravity = np.array(motion.gravity or robot.rigid.model.gravity.linear, dtype=float)
         inertial = robot.rigid.inverse_dynamics(thin) - sum(g * w for g, w in zip(self.gravity, weight, strict=True))
-        at = np.arange(motion.samples)
-
-        def passed(torque: Array) -> Array:
-            if len(torque) != motion.samples:
-                torque = np.column_stack([np.interp(at, at[every], column) for column in torque.T])
-            return measured.passed(torque)
-
-        self.weight = np.stack([passed(one) for one in weight], axis=2)  # [N, n, 3] Nm per m/s^2
-        self.tau = passed(measured.torque + beyond_base(motion, robot))
+        *weight, inertial = (at_all_rows(one, motion.samples, every) for one in (*weight, inertial))
+        self.weight = measured.passed(np.stack(weight, axis=2))  # [N, n, 3] Nm per m/s^2
+        self.tau = measured.passed(measured.torque + beyond_base(motion, robot))
         parts = (inertial, motion.dq, np.sign(motion.dq), motion.ddq, np.ones_like(motion.q))
-        self.drive = np.stack([passed(one) for one in parts], axis=2)  # [N, n, 5]
+        self.drive = measured.passed(np.stack(parts, axis=2))  # [N, n, 5]
         self.used = measured.used[measured.rows]
         self.spacing = measured.dt * measured.decimate
         self.block = max(1, round(_BLOCK / self.spacing))
-        reach = np.ptp(motion.q, axis=0)
-        self.moving = [
-            j for j in range(robot.n) if reach[j] > _MOVES and self.used[:, j].sum() > 5 * self.drive.shape[2]
-        ]
+        enough = self.used.sum(axis=0) > 5 * self.drive.shape[2]
+        self.moving = np.flatnonzero((np.ptp(motion.q, axis=0) > _MOVES) & enough).tolist()
 
     def of(self, joint: int, effort: int | None = None) -> tuple[Array, Array]:
         """Return the columns of a joint [K, 6], its weight first and its offset last, and an effort [K]: its own, or
@@ -116,8 +109,7 @@ def in_words(joints: Sequence[str], *, all_moving: bool) -> str:
 
 def _left(columns: Array, tau: Array) -> float:
     """Return the power of an effort [K] that columns [K, k] leave."""
-    solved, *_ = np.linalg.lstsq(columns, tau, rcond=1e-9)
-    return float(np.sum((tau - columns @ solved) ** 2))
+    return float(np.sum((tau - columns @ np.linalg.lstsq(columns, tau, rcond=1e-9)[0]) ** 2))
 
 
 def _fits_better(columns: Array, tau: Array) -> bool:
@@ -143,7 +135,12 @@ def out_of_step(rows: EffortRows) -> list[str]:
     can make of an effort; the least of the mean over the joints within a quarter of a second is held against the least
     beyond it, round a period or the recording.
     """
-    bases = [_basis(rows.columns(joint)) for joint in rows.moving]
+    bases = []  # their spectra
+    for joint in rows.moving:
+        columns = rows.columns(joint)
+        size = np.linalg.norm(columns, axis=0)
+        seen = size > 1e-9 * size.max()
+        bases.append(np.fft.rfft(np.linalg.qr(columns[:, seen] / size[seen])[0], axis=0))
     near = max(1, round(_NEAR / rows.spacing))
     found = []
     for number, efforts in enumerate(rows.efforts if bases else (), start=1):
@@ -167,15 +164,7 @@ def out_of_step(rows: EffortRows) -> list[str]:
     ]
 
 
-def _basis(columns: Array) -> Array:
-    """Return the spectrum of an orthonormal basis of columns [K, k]."""
-    size = np.linalg.norm(columns, axis=0)
-    seen = size > 1e-9 * size.max()
-    basis, _ = np.linalg.qr(columns[:, seen] / size[seen])
-    return np.asarray(np.fft.rfft(basis, axis=0))
-
-
-def _left_by_shift(basis: Array, tau: Array) -> Array:
+def _left_by_shift(basis: np.ndarray, tau: Array) -> Array:
     """Return by circular shift [K] of an effort [K] the part of its power that a basis of a given spectrum leaves."""
     about = tau - tau.mean()
     products = np.fft.irfft(np.conj(basis) * np.fft.rfft(about)[:, None], len(tau), axis=0)

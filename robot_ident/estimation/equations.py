@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from functools import cached_property
 
 import numpy as np
@@ -39,6 +39,17 @@ class Equations:
         """Number of rows R."""
         return len(self.torque)
 
+    def of_joints(self, block: int) -> list[np.ndarray]:
+        """Return the rows of each joint of a measurement, of those that have some."""
+        joints = (self.joint == joint for joint in np.unique(self.joint[self.block == block]))
+        return [(self.block == block) & own for own in joints]
+
+    def put(self, out: Array, block: int, whole: Array) -> np.ndarray:
+        """Write a measurement's passed values [N, n, ...] to its rows of `out` [R, ...]; return these rows."""
+        rows = self.block == block
+        out[rows] = whole[self.sample[rows], self.joint[rows]]
+        return rows
+
 
 class Compared:
     """One measurement's torque and columns as they are compared, low-passed and decimated; while inner parameters are
@@ -63,16 +74,15 @@ class Compared:
 
     def columns(self, structure: Structure, values: Array | None) -> Array:
         """Return Phi [N, n, p]; values [p]: where columns depend on the model's torque."""
-        arm = self._sensitivity(structure, values) if structure.uses_torque and values is not None else None
+        arm = None
+        if structure.uses_torque and values is not None:
+            state = values[: self.rigid.shape[2]].tobytes() + structure.scales.tobytes()
+            if self._arm is None or self._arm[0] != state:
+                self._arm = state, structure.sensitivity(self.measured.motion, values)
+            arm = self._arm[1]
         _, *parts = structure.parts(self.measured.motion, values, self.rigid, arm)
         passed = [self._passed(*pair) for pair in zip(structure.effects, parts, strict=True)]
         return np.concatenate([structure.reported(self._links), *passed], axis=2)
-
-    def _sensitivity(self, structure: Structure, values: Array) -> RigidSensitivity:
-        state = values[: self.rigid.shape[2]].tobytes() + structure.scales.tobytes()
-        if self._arm is None or self._arm[0] != state:
-            self._arm = state, structure.sensitivity(self.measured.motion, values)
-        return self._arm[1]
 
     def _passed(self, effect: Effect, columns: Array) -> Array:
         """Return an effect's columns as they are compared, as they were where nothing has changed."""
@@ -106,23 +116,60 @@ def stack(
         for joint in range(structure.robot.n):
             rows = used[:, joint]
             count = int(rows.sum())
-            parts.append(
-                [
-                    phi[rows, joint],
-                    torque[rows, joint],
-                    np.full(count, joint),
-                    np.full(count, block),
-                    np.flatnonzero(rows),
-                    np.full(count, variance[joint]),
-                    np.full(count, measured.independent),
-                ]
-            )
-    joined = [np.concatenate(part) for part in zip(*parts, strict=True)]
-    phi, torque, joint_of, block_of, sample, variance_of, independent = joined
-    if len(torque) <= len(structure.parameters):
+            equal = (np.full(count, value) for value in (joint, block, variance[joint], measured.independent))
+            joint_of, block_of, noise, independent = equal
+            sample = np.flatnonzero(rows)
+            parts.append([phi[rows, joint], torque[rows, joint], joint_of, block_of, sample, noise, independent])
+    stacked = Equations(*(np.concatenate(part) for part in zip(*parts, strict=True)))
+    if stacked.rows <= len(structure.parameters):
         raise InputError(
-            f"{source}: {len(torque)} usable samples are too few for {len(structure.parameters)} parameters"
+            f"{source}: {stacked.rows} usable samples are too few for {len(structure.parameters)} parameters"
         )
-    return Equations(
-        phi, torque, joint_of.astype(int), block_of.astype(int), sample.astype(int), variance_of, independent
-    )
+    return stacked
+
+
+_GROUPS = 4  # of periods: enough to tell a level, a slope and a bend
+
+
+def apart(measurements: Sequence[Measurement], effects: Sequence[Effect]) -> Sequence[Measurement]:
+    """Return measurements whose periods are averaged in up to four groups, one after the other, where one of the
+    effects trends; else the measurements as they are.
+
+    Their mean tells the level of such an effect, only their differences its course. Raises InputError where every
+    recording is an average whose periods are not known one by one.
+    """
+    trending = [effect.label for effect in effects if effect.trends]
+    if not trending:
+        return measurements
+    parts = [group for measured in measurements for group in _groups(measured)]
+    if all(one.motion.periodic for one in measurements) and len(parts) == len(measurements):
+        sources = ", ".join(dict.fromkeys(measured.source for measured in measurements))
+        raise InputError(
+            f"{sources}: {', '.join(trending)} can't be estimated: it shows in what single periods differ by, and these"
+            " are not known one by one; record at an even sample rate of which the period is a multiple"
+        )
+    return parts
+
+
+def _groups(measured: Measurement) -> list[Measurement]:
+    periods = measured.period_torque
+    if periods is None or len(periods) < 2 or len(periods) != len(measured.motion.began):
+        return [measured]
+    out = []
+    for rows in np.array_split(np.arange(len(periods)), min(_GROUPS, len(periods))):
+        present = np.isfinite(periods[rows])
+        torque = np.where(present, periods[rows], 0.0).sum(axis=0) / np.maximum(present.sum(axis=0), 1)
+        share = len(rows) / len(periods)
+        out.append(
+            replace(
+                measured,
+                motion=replace(measured.motion, began=tuple(measured.motion.began[k] for k in rows)),
+                torque=torque,
+                used=measured.used & present.any(axis=0),
+                periods=len(rows),
+                averages=measured.averages * share,
+                variance_dof=measured.variance_dof * share,
+                period_torque=None,
+            )
+        )
+    return out

@@ -4,14 +4,13 @@ gains make up for.
 
 from __future__ import annotations
 
-from collections.abc import Callable, Mapping, Sequence
+from collections.abc import Callable, Sequence
 from dataclasses import replace
-from typing import Any
 
 import numpy as np
 
 from robot_ident.effects import Effect
-from robot_ident.estimation.drive_gains import with_known_gains
+from robot_ident.estimation.drive_gains import robot_without, with_known_gains
 from robot_ident.estimation.effort_checks import taken_as_declared
 from robot_ident.estimation.identify import estimate, with_scale_spread
 from robot_ident.model.model import Model
@@ -19,25 +18,26 @@ from robot_ident.model.structure import Structure
 from robot_ident.recording.measurement import Measurement, Processing
 from robot_ident.recording.process import process
 from robot_ident.recording.recording import Recording
-from robot_ident.robot.robot import Definition, Robot
-from robot_ident.robot.robot_file import definition_of, robot_of
 from robot_ident.signals.motion import Array
 
 
 def extend(model: Model, measurements: Sequence[Measurement], effects: Sequence[Effect]) -> list[Model]:
     """Return the model refitted as it is, then with one effect more each time."""
-    before = list(model.provenance.get("added", []))
     kept = [note for note in model.notes if taken_as_declared([note])]
     processing = Processing(**dict(model.processing))
     steps = []
     for count in range(len(effects) + 1):
         structure = model.structure.with_further(effects[:count])
         fitted = estimate(measurements, structure, estimator=model.estimator, processing=processing)
-        labels = [*before, *(effect.label for effect in effects[:count])]
-        provenance = {**model.provenance, "added": labels}
-        fitted = replace(fitted, base=model.base, notes=(*kept, *fitted.notes), provenance=provenance)
-        steps.append(with_scale_spread(fitted))
+        fitted = replace(fitted, notes=(*kept, *fitted.notes))
+        steps.append(_of(model, fitted, [effect.label for effect in effects[:count]]))
     return steps
+
+
+def _of(model: Model, fitted: Model, labels: Sequence[str]) -> Model:
+    """Return a model that was fitted anew as what came of another one by further effects."""
+    provenance = {**model.provenance, "added": [*model.provenance.get("added", []), *labels]}
+    return with_scale_spread(replace(fitted, base=model.base, provenance=provenance))
 
 
 def mean_square_errors(model: Model, measured: Measurement) -> Array:
@@ -86,28 +86,15 @@ def extended_with_gains(model: Model, recordings: Sequence[Recording], labels: S
 
     Raises InputError where the recordings don't tell the gains, or don't excite a parameter.
     """
-    robot = _robot_without(model.robot, _estimated(model))
+    robot = robot_without(model.robot, _estimated(model))
     processing = Processing(**dict(model.processing))
     measurements = [process(recording, robot, processing) for recording in recordings]
     structure = Structure.build(robot, [*(effect.label for effect in model.structure.added), *labels])
     known, structure, gains = with_known_gains(recordings, measurements, structure, processing)
     fitted = estimate(known, structure, estimator=model.estimator, processing=processing, gains=gains)
-    added = [*model.provenance.get("added", []), *labels]
-    return with_scale_spread(replace(fitted, base=model.base, provenance={**model.provenance, "added": added}))
+    return _of(model, fitted, labels)
 
 
 def _estimated(model: Model) -> tuple[str, ...]:
     """Return the joints whose gain in Nm/A or N/A was estimated with the model."""
     return tuple(str(one["joint"]) for one in model.gains or () if one["unit"] != "A/A")
-
-
-def _robot_without(robot: Robot, joints: Sequence[str]) -> Robot:
-    """Return a robot whose files don't know the torque constants of some joints."""
-    definition = definition_of(robot)
-    data: dict[str, Any] = dict(definition.yaml)
-    records: Mapping[str, Any] = data.get("joints") or {}
-    data["joints"] = {
-        name: {key: value for key, value in (entry or {}).items() if key != "torque_constant" or name not in joints}
-        for name, entry in records.items()
-    }
-    return robot_of(Definition(data, definition.urdf), robot.source)

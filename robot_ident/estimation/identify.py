@@ -9,18 +9,16 @@ import numpy as np
 
 from robot_ident.effects.torque_scale import TorqueScale
 from robot_ident.errors import InputError, did_you_mean
-from robot_ident.estimation.apart import apart
 from robot_ident.estimation.base_choice import Choice, torque_scale_notes
 from robot_ident.estimation.base_model import choose_base
 from robot_ident.estimation.carried import Carried, Solved, solve_carrying
 from robot_ident.estimation.contradiction import scale_notes
 from robot_ident.estimation.drive_gains import Gains, spread_by_gains, with_known_gains
-from robot_ident.estimation.driving import driven, negative_notes
+from robot_ident.estimation.driving import driven, implausible_notes, negative_notes
 from robot_ident.estimation.effort_checks import contradictions
-from robot_ident.estimation.equations import Equations, stack
+from robot_ident.estimation.equations import Equations, apart, stack
 from robot_ident.estimation.identifiability import identifiability
-from robot_ident.estimation.implausible import implausible_notes
-from robot_ident.estimation.position_noise import position_notes
+from robot_ident.estimation.maximum_likelihood import position_notes
 from robot_ident.estimation.problem import Solution
 from robot_ident.estimation.repeatability import by_day, drift_notes, per_period
 from robot_ident.estimation.solve import ESTIMATORS

@@ -11,7 +11,6 @@ that instant hold.
 
 from __future__ import annotations
 
-from collections.abc import Sequence
 from dataclasses import replace
 
 import numpy as np
@@ -19,7 +18,7 @@ import numpy as np
 from robot_ident.errors import InputError
 from robot_ident.estimation.covariance import long_run_scores
 from robot_ident.estimation.equations import Equations, stack
-from robot_ident.estimation.problem import Problem, Solution, solution
+from robot_ident.estimation.problem import Problem, Solution, beside_wls, solution
 from robot_ident.recording.measurement import Measurement
 from robot_ident.signals.filters import ZeroPhaseLowPass
 from robot_ident.signals.motion import Array, Motion
@@ -51,7 +50,13 @@ def instrumental_variables(problem: Problem, start: Solution) -> Solution:
     found = solution(problem, structure, values, equations)
     residual = equations.torque - equations.phi @ values
     covariance = bread @ long_run_scores(weighed, residual, equations, problem.noise, problem.unknown) @ bread.T
-    return replace(found, covariance=covariance, notes=(*found.notes, *_notes(problem, start, values, covariance)))
+    notes = [*found.notes, beside_wls("iv", values, start, covariance, _TELL, ("", ""))]
+    own = [m.source for m in problem.measurements if not isinstance(m.low_pass, ZeroPhaseLowPass)]
+    if own:
+        notes.append(
+            f"{', '.join(own)}: periodic, its own instrument; --estimator ml takes noise of its positions into account"
+        )
+    return replace(found, covariance=covariance, notes=tuple(notes))
 
 
 def _solved(weighed: Array, equations: Equations, problem: Problem) -> tuple[Array, Array]:
@@ -84,6 +89,8 @@ def without_neighbours(q: Array, dt: float, hole: int, reach: int) -> Motion:
     A polynomial fitted there gives q, dq and ddq in the middle. q [N, n] rad on an even grid of dt [s]; the ends are
     continued by their odd reflection.
     """
+    from scipy.signal import fftconvolve
+
     reach = min(reach, len(q) - 1)
     if reach - hole < _ORDER:
         raise InputError(f"{len(q)} samples are too few for instruments; use --estimator wls")
@@ -95,30 +102,5 @@ def without_neighbours(q: Array, dt: float, hole: int, reach: int) -> Motion:
     for order, factor in enumerate((1.0, 1.0, 2.0)):
         kernel = np.zeros(2 * reach + 1)
         kernel[offset + reach] = fit[order] * factor / (reach * dt) ** order
-        out.append(_correlate(long, kernel))
+        out.append(fftconvolve(long, kernel[::-1, None], mode="valid", axes=0))
     return Motion(out[0], out[1], out[2], dt=dt)
-
-
-def _correlate(x: Array, kernel: Array) -> Array:
-    from scipy.signal import fftconvolve
-
-    return np.asarray(fftconvolve(x, kernel[::-1, None], mode="valid", axes=0))
-
-
-def _notes(problem: Problem, start: Solution, values: Array, covariance: Array) -> Sequence[str]:
-    names = start.structure.names
-    sigma = np.sqrt(np.diag(covariance))
-    shift = np.abs(values - start.values) / np.where(sigma > 0, sigma, np.inf)
-    order = np.argsort(-shift)
-    moved = [f"{names[k]} {shift[k]:.2g}" for k in order[:5] if shift[k] > _TELL]
-    notes = [
-        f"iv differs from wls, in standard deviations: {', '.join(moved)}"
-        if moved
-        else f"iv agrees with wls within {shift.max():.2g} standard deviations"
-    ]
-    own = [m.source for m in problem.measurements if not isinstance(m.low_pass, ZeroPhaseLowPass)]
-    if own:
-        notes.append(
-            f"{', '.join(own)}: periodic, its own instrument; --estimator ml takes noise of its positions into account"
-        )
-    return notes

@@ -14,12 +14,13 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
+from typing import Any
 
 import numpy as np
 
 from robot_ident.errors import InputError
 from robot_ident.estimation.equations import Equations
-from robot_ident.estimation.problem import Problem, Solution, solution, with_inner
+from robot_ident.estimation.problem import Problem, Solution, beside_wls, inner_bounds, solution, with_inner
 from robot_ident.model.derivatives import torque_derivatives
 from robot_ident.model.structure import Structure
 from robot_ident.recording.measurement import Measurement
@@ -39,7 +40,7 @@ class Trajectory:
     share of a faint line that counts as motion.
     """
 
-    basis: tuple[Array, Array, Array]
+    basis: tuple[Array, ...]
     joint: np.ndarray
     variance: Array
     motion: Motion
@@ -56,70 +57,54 @@ class Trajectory:
         samples = measured.motion.samples
         lines = (share > 0.0) & _movable(measured, noise, structure, values)
         t = np.arange(samples)[:, None] * measured.dt
-        parts: list[tuple[Array, Array, Array]] = []
-        joint: list[np.ndarray] = []
-        variance: list[Array] = []
+        parts, joint, variance = [], [], []
         for index in range(lines.shape[1]):
             k = np.flatnonzero(lines[1:, index]) + 1
             w = 2.0 * np.pi * measured.base_frequency * k
             c, s = np.cos(w * t), np.sin(w * t)
             one, zero = np.ones((samples, 1)), np.zeros((samples, 1))
-            parts.append(
-                (
-                    np.hstack([one, c, s]),
-                    np.hstack([zero, -w * s, w * c]),
-                    np.hstack([zero, -w * w * c, -w * w * s]),
-                )
-            )
+            orders = (one, c, s), (zero, -w * s, w * c), (zero, -w * w * c, -w * w * s)
+            parts.append([np.hstack(order) for order in orders])
             joint.append(np.full(2 * len(k) + 1, index))
             size = max(float(noise[index]), 1e-24) / samples
             variance.append(np.concatenate([[size], np.tile(2.0 * size * share[k, index], 2)]))
-        b0, b1, b2 = (np.hstack([part[order] for part in parts]) for order in range(3))
-        return cls((b0, b1, b2), np.concatenate(joint), np.concatenate(variance), measured.motion)
+        basis = (np.hstack(order) for order in zip(*parts, strict=True))
+        return cls(tuple(basis), np.concatenate(joint), np.concatenate(variance), measured.motion)
 
     def moved(self, delta: Array) -> Motion:
         """Return the measured motion plus the lines delta [d]."""
-        parts = []
-        for base, whole in zip(self.basis, (self.motion.q, self.motion.dq, self.motion.ddq), strict=True):
-            add = np.column_stack([base @ (delta * (self.joint == j)) for j in range(whole.shape[1])])
-            parts.append(whole + add)
-        return replace(self.motion, q=parts[0], dq=parts[1], ddq=parts[2])
+        own = delta[:, None] * (self.joint[:, None] == np.arange(self.motion.joints))
+        q, dq, ddq = (base @ own for base in self.basis)
+        return replace(self.motion, q=self.motion.q + q, dq=self.motion.dq + dq, ddq=self.motion.ddq + ddq)
 
     def torque_slope(self, structure: Structure, motion: Motion, values: Array) -> tuple[Array, tuple[str, ...]]:
         """Return d tau / d delta [N, n, d], and which effects it neglects."""
         slopes = torque_derivatives(structure, motion, values)
-        b0, b1, b2 = self.basis
-        out = slopes.position[:, :, self.joint] * b0[:, None, :]
-        out += slopes.velocity[:, :, self.joint] * b1[:, None, :]
-        out += slopes.acceleration[:, :, self.joint] * b2[:, None, :]
-        return out, slopes.neglected
+        parts = zip((slopes.position, slopes.velocity, slopes.acceleration), self.basis, strict=True)
+        return np.asarray(sum(slope[:, :, self.joint] * base[:, None, :] for slope, base in parts)), slopes.neglected
 
 
 @dataclass(frozen=True)
 class State:
-    """A point of the search: inner parameters in the structure, theta [p], delta of each measurement, and its cost."""
+    """A point of the search: inner parameters in the structure, theta [p], delta of each measurement, the residual [R]
+    Nm, and the cost.
+    """
 
     structure: Structure
     values: Array
     delta: tuple[Array, ...]
     problem: Problem
     equations: Equations
+    residual: Array
     cost: float
-
-    @property
-    def residual(self) -> Array:
-        """Torque minus model [R] Nm."""
-        out: Array = self.equations.torque - self.equations.phi @ self.values
-        return out
 
 
 @dataclass(frozen=True)
 class Step:
-    """A Levenberg-Marquardt step: of theta and free inner parameters [a], of each delta, and the Schur complement."""
+    """A Levenberg-Marquardt step: of theta and free inner parameters [a] and of each delta, the fall predicted."""
 
     theta: Array
     delta: tuple[Array, ...]
-    information: Array
     predicted: float
 
 
@@ -133,25 +118,32 @@ class Normal:
     inner: tuple[Array, ...]
     inner_slope: tuple[Array, ...]
 
-    def step(self, damping: float) -> Step:
-        """Solve with the diagonals enlarged by 1 + damping."""
+    def information(self, damping: float = 0.0) -> tuple[Array, Array, list[Any]]:
+        """Return F_tt - F_td F_dd^-1 F_dt [a, a], the gradient [a] with it, and the factors of F_dd; diagonals are
+        enlarged by 1 + damping.
+        """
         from scipy.linalg import cho_factor, cho_solve
 
-        own, slope = self.own + damping * np.diag(np.diag(self.own)), self.slope.copy()
-        held = []
+        own, slope, factors = self.own + damping * np.diag(np.diag(self.own)), self.slope, []
         for cross, inner, right in zip(self.cross, self.inner, self.inner_slope, strict=True):
-            factored = cho_factor(inner + damping * np.diag(np.diag(inner)), lower=True)
-            own = own - cross @ cho_solve(factored, cross.T)
-            slope = slope - cross @ cho_solve(factored, right)
-            held.append(factored)
+            factors.append(cho_factor(inner + damping * np.diag(np.diag(inner)), lower=True))
+            own = own - cross @ cho_solve(factors[-1], cross.T)
+            slope = slope - cross @ cho_solve(factors[-1], right)
+        return own, slope, factors
+
+    def step(self, damping: float) -> Step:
+        """Solve with the diagonals enlarged by 1 + damping."""
+        from scipy.linalg import cho_solve
+
+        own, slope, factors = self.information(damping)
         scale = np.sqrt(np.diag(own))
         theta = np.linalg.solve(own / np.outer(scale, scale), slope / scale) / scale
         delta = tuple(
             cho_solve(factored, right - cross.T @ theta)
-            for factored, cross, right in zip(held, self.cross, self.inner_slope, strict=True)
+            for factored, cross, right in zip(factors, self.cross, self.inner_slope, strict=True)
         )
         gain = float(theta @ self.slope + sum(d @ g for d, g in zip(delta, self.inner_slope, strict=True)))
-        return Step(theta, delta, own, gain)
+        return Step(theta, delta, gain)
 
 
 def _movable(measured: Measurement, noise: Array, structure: Structure, values: Array) -> Mask:
@@ -182,9 +174,8 @@ def maximum_likelihood(problem: Problem, start: Solution) -> Solution:
     """
     p = len(start.structure.parameters)
     trajectories = [Trajectory.of(measured, start.structure, start.values[:p]) for measured in problem.measurements]
-    state = _at(
-        problem, trajectories, start.structure, start.values[:p], [np.zeros(len(t.joint)) for t in trajectories]
-    )
+    still = [np.zeros(len(trajectory.joint)) for trajectory in trajectories]
+    state = _at(problem, trajectories, start.structure, start.values[:p], still)
     normal, neglected = _normal(trajectories, state)
     damping = 0.0
     for _ in range(_ITERATIONS):
@@ -211,11 +202,10 @@ def _at(
     ]
     here = problem.moved(measurements, structure)
     equations = here.equations(structure, values)
-    noise = problem.noise
-    residual = noise.whiten(equations.torque - equations.phi @ values)
+    residual = equations.torque - equations.phi @ values
     prior = sum(float(np.sum(d * d / t.variance)) for d, t in zip(delta, trajectories, strict=True))
-    cost = float(np.sum(noise.independent * residual**2)) + prior
-    return State(structure, values, tuple(delta), here, equations, cost)
+    cost = float(np.sum(problem.noise.weigh(residual) ** 2)) + prior
+    return State(structure, values, tuple(delta), here, equations, residual, cost)
 
 
 def _moved(problem: Problem, trajectories: Sequence[Trajectory], state: State, step: Step) -> State:
@@ -223,37 +213,25 @@ def _moved(problem: Problem, trajectories: Sequence[Trajectory], state: State, s
     delta = [old + new for old, new in zip(state.delta, step.delta, strict=True)]
     structure = state.structure
     if len(step.theta) > p:
-        settings, bounds = structure.settings.copy(), _inner_bounds(structure)
-        free = bounds[2]
-        settings[free] = np.clip(settings[free] + step.theta[p:], bounds[0][free], bounds[1][free])
+        settings, (lower, upper, free) = structure.settings.copy(), inner_bounds(structure)
+        settings[free] = np.clip(settings[free] + step.theta[p:], lower[free], upper[free])
         structure = structure.with_settings(settings)
     return _at(problem, trajectories, structure, state.values + step.theta[:p], delta)
 
 
-def _inner_bounds(structure: Structure) -> tuple[Array, Array, np.ndarray]:
-    inner = [inner for effect in structure.effects for inner in effect.inner]
-    free = np.array([i.continuous for i in inner], dtype=bool)
-    return np.array([i.lower for i in inner]), np.array([i.upper for i in inner]), free
-
-
 def _normal(trajectories: Sequence[Trajectory], state: State) -> tuple[Normal, tuple[str, ...]]:
     """Return the normal equations at a point and the effects whose dependence on the trajectory is neglected."""
-    noise = state.problem.noise
-    jacobian, _ = with_inner(state.problem, state.structure, state.values, state.equations)
-    root = np.sqrt(noise.independent)
-    theta_rows = noise.whiten(jacobian) * root[:, None]
-    residual = noise.whiten(state.residual) * root
+    noise, equations = state.problem.noise, state.equations
+    jacobian, _ = with_inner(state.problem, state.structure, state.values, equations)
+    theta_rows, residual = noise.weigh(jacobian), noise.weigh(state.residual)
     cross, inner, slopes = [], [], []
     neglected: tuple[str, ...] = ()
-    for block, (measured, trajectory, delta) in enumerate(
-        zip(state.problem.measurements, trajectories, state.delta, strict=True)
-    ):
+    points = zip(state.problem.measurements, trajectories, state.delta, strict=True)
+    for block, (measured, trajectory, delta) in enumerate(points):
         slope, neglected = trajectory.torque_slope(state.structure, measured.motion, state.values)
-        slope = measured.passed(slope)
-        rows = state.equations.block == block
-        whole = np.zeros((len(rows), slope.shape[2]))
-        whole[rows] = slope[state.equations.sample[rows], state.equations.joint[rows]]
-        whole = (noise.whiten(whole) * root[:, None])[rows]
+        whole = np.zeros((equations.rows, slope.shape[2]))
+        rows = equations.put(whole, block, measured.passed(slope))
+        whole = noise.weigh(whole)[rows]
         cross.append(theta_rows[rows].T @ whole)
         inner.append(whole.T @ whole + np.diag(1.0 / trajectory.variance))
         slopes.append(whole.T @ residual[rows] - delta / trajectory.variance)
@@ -264,7 +242,7 @@ def _normal(trajectories: Sequence[Trajectory], state: State) -> tuple[Normal, t
 def _finished(state: State, start: Solution, normal: Normal, neglected: tuple[str, ...]) -> Solution:
     """Return the solution at the optimum with the Cramer-Rao bound and what ml changed."""
     found = solution(state.problem, state.structure, state.values, state.equations)
-    information = normal.step(0.0).information
+    information, *_ = normal.information()
     scale = np.sqrt(np.diag(information))
     bound = np.linalg.inv(information / np.outer(scale, scale)) / np.outer(scale, scale)
     _, place = with_inner(state.problem, state.structure, state.values, state.equations)
@@ -273,24 +251,95 @@ def _finished(state: State, start: Solution, normal: Normal, neglected: tuple[st
     plain = np.linalg.inv(normal.own / np.outer(scale, scale)) / np.outer(scale, scale)
     excess = found.covariance[np.ix_(place, place)] - plain if not state.problem.noise.weighs else 0.0
     covariance[np.ix_(place, place)] = bound + excess
-    notes = [*found.notes, _comparison(found.values, start, covariance)]
+    words = ": position noise matters here", ": position noise does not matter here"
+    notes = [*found.notes, beside_wls("ml", found.values, start, covariance, _TELL, words)]
     if neglected:
         notes.append(f"ml holds the columns of {', '.join(neglected)} at the estimated trajectory, without their slope")
-    return replace(
-        found,
-        covariance=covariance,
-        chi_square=state.cost,
-        notes=tuple(notes),
-    )
+    return replace(found, covariance=covariance, chi_square=state.cost, notes=tuple(notes))
 
 
-def _comparison(values: Array, start: Solution, covariance: Array) -> str:
-    """Return in a line whether and where the estimate differs from weighted least squares."""
-    names = [p.name for p in (*start.structure.parameters, *start.structure.inner)]
-    sigma = np.sqrt(np.diag(covariance))
-    shift = np.abs(values - start.values) / np.where(sigma > 0, sigma, np.inf)
-    order = np.argsort(-shift)
-    moved = [f"{names[k]} {shift[k]:.2g}" for k in order[:5] if shift[k] > _TELL]
-    if moved:
-        return f"ml differs from wls, in standard deviations: {', '.join(moved)}: position noise matters here"
-    return f"ml agrees with wls within {shift.max():.2g} standard deviations: position noise does not matter here"
+def information(
+    measurements: Sequence[Measurement], structure: Structure, values: Array | None = None, *, bound: bool = False
+) -> Array:
+    """Return F' S^-1 F [p, p] of measurements, S the noise that they show (eq. 9): what a further motion adds to.
+
+    values [p]: where columns depend on the model's torque. bound: with noise on positions too, the Schur complement
+    F_tt - F_td F_dd^-1 F_dt (eq. 6), which needs values. Inner parameters count as known. Raises InputError where the
+    bound is asked for and a measurement isn't periodic.
+    """
+    problem = Problem(measurements, structure)
+    equations = problem.equations(structure, values)
+    if not bound:
+        rows = problem.noise.weigh(equations.phi)
+        return np.asarray(rows.T @ rows)
+    if values is None:
+        raise ValueError("the bound needs an estimate")
+    for measured in measurements:
+        if measured.position_lines is None:
+            raise InputError(
+                f"{measured.source}: not periodic, so its position noise is unknown and the Cramer-Rao bound too;"
+                " use another criterion"
+            )
+    trajectories = [Trajectory.of(measured, structure, values) for measured in measurements]
+    still = [np.zeros(len(trajectory.joint)) for trajectory in trajectories]
+    normal, _ = _normal(trajectories, _at(problem, trajectories, structure, values, still))
+    p = len(structure.parameters)
+    return normal.information()[0][:p, :p]
+
+
+_ACCELERATION = 1e-3  # of its rms: noise of the acceleration below which nothing needs to be computed
+_TORQUE = 0.1  # of the torque's noise variance: more is worth a word
+
+
+def acceleration_noise(measured: Measurement) -> Array:
+    """Return the noise of the acceleration over its rms [n], from the lines of a periodic motion; 0 elsewhere."""
+    lines, variance = measured.line_share, measured.averaged_position_variance
+    if lines is None or variance is None or measured.base_frequency is None:
+        return np.zeros(len(measured.joints))
+    rates = (2.0 * np.pi * measured.base_frequency * np.arange(len(lines))) ** 4
+    noise = np.sqrt((lines.T @ rates) * 2.0 * variance / measured.motion.samples)
+    size = np.sqrt(np.mean(measured.motion.ddq**2, axis=0))
+    return np.asarray(noise / np.maximum(size, 1e-12))
+
+
+def torque_of_position_noise(measured: Measurement, structure: Structure, values: Array) -> Array:
+    """Return the variance [n] (Nm)^2 that the noise of the motion's lines gives the model's torque, mean over time.
+
+    Lines of equal noise sigma^2 / N (twice that but for the mean), cosine and sine alike, give the position a variance
+    v_0 at every instant, the velocity v_1, the acceleration v_2, and position and acceleration the covariance -v_1:
+    var tau = sum over joints of (dtau/dq)^2 v_0 + ((dtau/ddq)^2 - 2 dtau/dq dtau/dddq) v_1 + (dtau/dddq)^2 v_2.
+    Lines count by the share of them that the motion holds, which is what is left of their variance, and by what the low
+    pass of the measurement leaves of them.
+    """
+    lines, noise = measured.line_share, measured.averaged_position_variance
+    if lines is None or noise is None or measured.base_frequency is None:
+        return np.zeros(len(measured.joints))
+    rates = 2.0 * np.pi * measured.base_frequency * np.arange(len(lines))
+    size = noise / measured.motion.samples
+    gain = getattr(measured.low_pass, "gain", None)
+    weight = lines if gain is None else lines * np.asarray(gain, dtype=float)[: len(lines), None] ** 2
+    v0 = size * (2.0 * weight.sum(axis=0) - weight[0])
+    v1, v2 = (2.0 * size * (weight.T @ rates**power) for power in (2, 4))
+    slopes = torque_derivatives(structure, measured.motion, values)
+    q, v, a = slopes.position, slopes.velocity, slopes.acceleration
+    return np.asarray(np.mean(q**2 @ v0 + (v**2 - 2.0 * q * a) @ v1 + a**2 @ v2, axis=0))
+
+
+def position_notes(measurements: Sequence[Measurement], found: Solution, estimator: str) -> list[str]:
+    """Return a line for each measurement whose position noise biases least squares."""
+    if estimator not in ("ls", "wls"):
+        return []
+    out = []
+    values = found.values[: len(found.structure.parameters)]
+    for measured in measurements:
+        if acceleration_noise(measured).max() < _ACCELERATION:
+            continue
+        added, known = torque_of_position_noise(measured, found.structure, values), measured.averaged_variance
+        share = np.divide(added, known, out=np.zeros_like(added), where=known > 0)  # of none nothing is a share
+        worst = int(np.argmax(share))
+        if share[worst] > _TORQUE:
+            out.append(
+                f"{measured.source}: position noise adds {100.0 * share[worst]:.0f} % to the torque noise variance of"
+                f" {measured.joints[worst]} and biases {estimator}; --estimator ml takes it into account"
+            )
+    return out

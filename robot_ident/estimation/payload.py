@@ -7,18 +7,26 @@ found anew. What is known of the payload stays what it is while the rest is esti
 
 from __future__ import annotations
 
-from collections.abc import Iterable, Mapping, Sequence
-from dataclasses import dataclass
+from collections.abc import Callable, Iterable, Mapping, Sequence
+from dataclasses import dataclass, replace
 from typing import Any
 
 import numpy as np
 
 from robot_ident.errors import InputError
-from robot_ident.estimation.covariance import sandwich
+from robot_ident.estimation.covariance import sandwich, scaled_eigen
 from robot_ident.estimation.equations import Equations
 from robot_ident.estimation.problem import Problem
 from robot_ident.model.model import Model
-from robot_ident.recording.conditions import Conditions, KnownPayload, PayloadPart, hand, payload_columns
+from robot_ident.recording.conditions import (
+    Conditions,
+    KnownPayload,
+    PayloadPart,
+    entries,
+    hand,
+    payload_columns,
+    tensor,
+)
 from robot_ident.recording.measurement import Measurement
 from robot_ident.robot.rigid_body import STANDARD
 from robot_ident.robot.robot import Robot
@@ -26,8 +34,6 @@ from robot_ident.signals.motion import Array
 
 VAGUE = np.full(10, 200.0)  # kg, kg m, kg m^2: more than any payload, before data
 NOTHING = 10.0  # kg, m, kg m^2: a larger standard deviation is no knowledge of what a hand carries
-ENTRIES = ((0, 0), (0, 1), (1, 1), (0, 2), (1, 2), (2, 2))
-"""Where Ixx, Ixy, Iyy, Ixz, Iyz, Izz stand in the matrix."""
 _SURE = 1.96  # standard deviations of a 95 % interval
 _TOLD = 0.25  # share of what was known before that data must bring the standard deviation below
 _CLEARLY = 4.0  # standard deviations
@@ -64,9 +70,7 @@ class Body:
     @property
     def known(self) -> KnownPayload:
         """The same body as conditions state one."""
-        x, y, z = (float(c) for c in self.centre)
-        xx, xy, yy, xz, yz, zz = (float(self.inertia[i, j]) for i, j in ENTRIES)
-        return KnownPayload(self.mass, (x, y, z), (xx, xy, yy, xz, yz, zz))
+        return KnownPayload(self.mass, tuple(self.centre.tolist()), tuple(entries(self.inertia).tolist()))
 
     @property
     def in_words(self) -> str:
@@ -97,11 +101,9 @@ class Body:
             "mass_interval": [self.mass - _SURE * self.mass_std, self.mass + _SURE * self.mass_std],
             "centre": self.centre.tolist(),
             "centre_std": self.centre_std.tolist(),
-            "centre_interval": [
-                [float(c - _SURE * s), float(c + _SURE * s)] for c, s in zip(self.centre, self.centre_std, strict=True)
-            ],
-            "inertia": [float(self.inertia[i, j]) for i, j in ENTRIES],
-            "inertia_std": [float(self.inertia_std[i, j]) for i, j in ENTRIES],
+            "centre_interval": (self.centre[:, None] + _SURE * np.outer(self.centre_std, (-1.0, 1.0))).tolist(),
+            "inertia": entries(self.inertia).tolist(),
+            "inertia_std": entries(self.inertia_std).tolist(),
             "parameters": [
                 {"name": name, "value": float(value), "std": float(s), "told": told}
                 for name, value, s, told in zip(STANDARD, self.values, std, self.told, strict=True)
@@ -121,28 +123,21 @@ def body_of(values: Array, covariance: Array, robot: Robot, given: tuple[str, ..
 
     def derived(x: Array) -> Array:
         mass, first = x[0], x[1:4]
-        p = first / mass
-        about = _symmetric(x[4:]) - mass * (p @ p * np.eye(3) - np.outer(p, p))
-        turned = rotation.T @ about @ rotation
-        return np.concatenate([rotation.T @ (p - origin), [turned[i, j] for i, j in ENTRIES]])
+        about = tensor(x[4:]) - _spread(first) / mass
+        return np.concatenate([rotation.T @ (first / mass - origin), entries(rotation.T @ about @ rotation)])
 
-    slope = np.empty((9, 10))
-    sigma = np.sqrt(np.diag(covariance))
-    for k in range(10):
-        step = np.zeros(10)
-        step[k] = 1e-4 * max(float(sigma[k]), 1e-9)
-        slope[:, k] = (derived(values + step) - derived(values - step)) / (2.0 * step[k])
-    found = derived(values)
+    slope, found = _slope(derived, values, range(10)), derived(values)
     spread = np.sqrt(np.maximum(np.diag(slope @ covariance @ slope.T), 0.0))
-    told = tuple(bool(s < _TOLD * v) for s, v in zip(sigma, VAGUE, strict=True))
+    told = tuple((np.sqrt(np.diag(covariance)) < _TOLD * VAGUE).tolist())
     spread[:3] *= "centre" not in given
     spread[3:] *= "inertia" not in given
-    return Body(values, covariance, told, found[:3], spread[:3], _symmetric(found[3:]), _symmetric(spread[3:]), given)
+    return Body(values, covariance, told, found[:3], spread[:3], tensor(found[3:]), tensor(spread[3:]), given)
 
 
-def _symmetric(six: Sequence[float] | Array) -> Array:
-    xx, xy, yy, xz, yz, zz = six
-    return np.array([[xx, xy, xz], [xy, yy, yz], [xz, yz, zz]])
+def _slope(function: Callable[[Array], Array], values: Array, places: Sequence[int] | np.ndarray) -> Array:
+    """Return the derivatives of an analytic function by the values [10] at some places [k], by imaginary steps."""
+    steps = 1e-30j * np.eye(10)[list(places)]
+    return np.column_stack([function(values + step).imag for step in steps]) / 1e-30
 
 
 def part_of(stated: Iterable[tuple[str, Conditions]]) -> PayloadPart:
@@ -177,10 +172,7 @@ class Holding:
         self.given = part.given
         self._mass = part.mass
         self._centre = None if part.centre is None else self._origin + rotation @ np.array(part.centre)
-        self._inertia = None
-        if part.inertia is not None:
-            xx, xy, yy, xz, yz, zz = part.inertia
-            self._inertia = rotation @ np.array([[xx, xy, xz], [xy, yy, yz], [xz, yz, zz]]) @ rotation.T
+        self._inertia = None if part.inertia is None else rotation @ tensor(part.inertia) @ rotation.T
 
     @property
     def curved(self) -> bool:
@@ -203,42 +195,22 @@ class Holding:
         if self._centre is not None:
             out[1:4] = out[0] * self._centre
         if self._inertia is not None and out[0] != 0.0:
-            out[4:] = _six(self._inertia + _spread(out[1:4]) / out[0])
+            out[4:] = entries(self._inertia + _spread(out[1:4]) / out[0])
         return out
 
     def directions(self, values: Array) -> tuple[Array, Array]:
         """Return how the ten parameters may change about `values` [10, k], and what is known of each way before data
         [k].
         """
-        columns, vague = [], []
-        mass, first = self._mass is None, self._centre is None
-        place = self._centre if self._centre is not None else values[1:4] / (values[0] or 1.0)
         bound = self._inertia is not None and (self._centre is not None or values[0] != 0.0)
-        if mass:
-            column = np.zeros(10)
-            column[0] = 1.0
-            column[1:4] = 0.0 if first else place
-            column[4:] = (-1.0 if first else 1.0) * _six(_spread(place)) * bound
-            columns.append(column)
-            vague.append(VAGUE[0])
-        if first:
-            for axis in np.eye(3):
-                bent = np.outer(axis, place) + np.outer(place, axis)
-                columns.append(np.concatenate([[0.0], axis, _six(np.trace(bent) * np.eye(3) - bent) * bound]))
-            vague.extend(VAGUE[1:4])
-        if not bound:
-            columns.extend(np.eye(10)[4:])
-            vague.extend(VAGUE[4:])
-        return np.array(columns).T, np.array(vague)
+        fixed = [self._mass is not None, *[self._centre is not None] * 3, *[bound] * 6]
+        free = np.flatnonzero(np.logical_not(fixed))
+        return _slope(self.settled, values, free), VAGUE[free]
 
 
 def _spread(first: Array) -> Array:
     """Return f^2 1 - f f' [3, 3]."""
     return np.asarray(first @ first * np.eye(3) - np.outer(first, first))
-
-
-def _six(matrix: Array) -> Array:
-    return np.array([matrix[i, j] for i, j in ENTRIES])
 
 
 _ROUNDS = 8
@@ -275,8 +247,6 @@ class PayloadFit:
 
 def bare(conditions: Conditions) -> Conditions:
     """Return the conditions of a recording whose payload is to be found, whatever they state of it."""
-    from dataclasses import replace
-
     return replace(conditions, payload=None, estimated=False)
 
 
@@ -300,8 +270,8 @@ def identify_payload(
     linear = model.linear
     equations = problem.equations(structure, linear)
     columns = rows_of_payload(measurements, equations, robot, range(len(measurements)))
-    free = _free(model)
-    held = [k for k in range(len(linear)) if k not in free]
+    friction = {effect.name for effect in structure.effects if effect.symmetry in ("dissipative", "memory", "mixed")}
+    held = [k for k, parameter in enumerate(structure.parameters) if parameter.effect not in friction]
     root = _inverse_root(model.covariance[np.ix_(held, held)])
     p, holding = len(linear), Holding(part, robot)
     values = holding.start()
@@ -321,12 +291,20 @@ def identify_payload(
             " robot_ident design --only payload --model MODEL -o payload.yaml"
         )
     residual = right - jacobian @ solved
-    noise = {
-        joint: _finite(np.sqrt(np.mean(equations.variance[equations.joint == k])))
-        for k, joint in enumerate(robot.joints)
-    }
-    rms = _rms(residual, equations, robot.joints)
-    return PayloadFit(found, rms, noise, stated, (*found.notes, *_loud(rms, noise)))
+    rms, noise = {}, {}
+    for joint, name in enumerate(robot.joints):
+        rows = equations.joint == joint
+        rms[name] = float(np.sqrt(np.mean(residual[rows] ** 2)))
+        level = float(np.sqrt(np.mean(equations.variance[rows])))
+        noise[name] = level if np.isfinite(level) else None
+    notes = list(found.notes)
+    loud = [joint for joint, level in noise.items() if level is not None and rms[joint] > _LOUD * level]
+    if loud:
+        notes.append(
+            f"the residual at {', '.join(loud)} is more than {_LOUD:g} times the noise: intervals hold for noise alone,"
+            " and what the model lacks there (or a hand that swings) goes into the payload"
+        )
+    return PayloadFit(found, rms, noise, stated, tuple(notes))
 
 
 def rows_of_payload(
@@ -335,23 +313,13 @@ def rows_of_payload(
     """Return the ten columns [R, 10] of a payload that some of the measurements carried, zero in rows of the others."""
     out = np.zeros((equations.rows, 10))
     for block in blocks:
-        whole = measurements[block].passed(payload_columns(robot, measurements[block].motion))
-        rows = equations.block == block
-        out[rows] = whole[equations.sample[rows], equations.joint[rows]]
+        equations.put(out, block, measurements[block].passed(payload_columns(robot, measurements[block].motion)))
     return out
-
-
-def _free(model: Model) -> list[int]:
-    """Return the linear parameters that are found anew: friction's."""
-    loose = {e.name for e in model.structure.effects if e.symmetry in ("dissipative", "memory", "mixed")}
-    return [k for k, parameter in enumerate(model.structure.parameters) if parameter.effect in loose]
 
 
 def _inverse_root(covariance: Array) -> Array:
     """Return R [p, p] with R' R = C^-1; directions without any spread are held firmly."""
-    size = np.sqrt(np.diag(covariance))
-    scale = np.where(size > 0, size, 1.0)
-    values, vectors = np.linalg.eigh(covariance / np.outer(scale, scale))
+    scale, values, vectors = scaled_eigen(covariance)
     values = np.maximum(values, _DIGITS * max(float(values[-1]), _DIGITS))
     return np.asarray((vectors / np.sqrt(values)).T / scale)
 
@@ -370,18 +338,15 @@ def solve_beside(
     jacobian [R, p + m]: derivatives of torque; right [R] Nm. known: places [k] among the first p, and the root [k, k]
     of their information before data.
     """
-    noise = problem.noise
-    weight = np.sqrt(noise.independent)
-    white = noise.whiten(jacobian) * weight[:, None]
-    total = jacobian.shape[1]
+    noise, total = problem.noise, jacobian.shape[1]
     held, root = known
     before = np.zeros((len(held) + len(vague), total))
     before[: len(held), list(held)] = root
     before[len(held) :, total - len(vague) :] = np.diag(1.0 / vague)
-    stacked = np.vstack([white, before])
+    stacked = np.vstack([noise.weigh(jacobian), before])
     scale = np.linalg.norm(stacked, axis=0)
     scale = np.where(scale > 0, scale, 1.0)
-    target = np.concatenate([noise.whiten(right) * weight, np.zeros(len(before))])
+    target = np.concatenate([noise.weigh(right), np.zeros(len(before))])
     q, triangle = np.linalg.qr(stacked / scale)
     left, size, turn = np.linalg.svd(triangle)
     kept = size > _DIGITS * size[0]
@@ -391,25 +356,5 @@ def solve_beside(
     if not problem.unknown and noise.weighs:
         return solved, np.asarray(bread)
     residual = right - jacobian @ solved
-    prior = before.T @ before
     data = sandwich(bread, noise.precision(jacobian), residual, equations, noise, problem.unknown)
-    return solved, np.asarray(data + bread @ prior @ bread)
-
-
-def _rms(residual: Array, equations: Equations, joints: Sequence[str]) -> dict[str, float]:
-    return {joint: float(np.sqrt(np.mean(residual[equations.joint == k] ** 2))) for k, joint in enumerate(joints)}
-
-
-def _finite(value: float) -> float | None:
-    return float(value) if np.isfinite(value) else None
-
-
-def _loud(rms: Mapping[str, float], noise: Mapping[str, float | None]) -> list[str]:
-    """Return a line that names the joints whose residual is far above the noise."""
-    loud = [joint for joint, level in noise.items() if level is not None and rms[joint] > _LOUD * level]
-    if not loud:
-        return []
-    return [
-        f"the residual at {', '.join(loud)} is more than {_LOUD:g} times the noise: intervals hold for noise alone, and"
-        " what the model lacks there (or a hand that swings) goes into the payload"
-    ]
+    return solved, np.asarray(data + bread @ before.T @ before @ bread)

@@ -18,6 +18,7 @@ from typing import Any
 import numpy as np
 
 from robot_ident.errors import InputError
+from robot_ident.estimation.covariance import scaled_eigen
 from robot_ident.estimation.driving import POSITIVE
 from robot_ident.estimation.problem import Solution
 from robot_ident.model.structure import Structure
@@ -31,45 +32,22 @@ LENGTH = 0.3
 """Size of a link [m], which scales its moments."""
 
 PLACE = {name: place for place, name in enumerate(STANDARD)}
+_COLUMN, _ROW = np.tril_indices(4)  # the upper triangle of J, by columns
+IDENTITY = (_ROW == _COLUMN).astype(float)
+"""The upper triangle of the unit matrix [10]."""
+TRIANGLE = np.zeros((10, 10))
+"""From standard parameters to the upper triangle of J, off-diagonal entries times sqrt 2."""
+TRIANGLE[:6, 4:] = 0.5 * np.outer(IDENTITY[:6], IDENTITY[:6]) - np.diag(np.where(IDENTITY[:6], 1.0, np.sqrt(2.0)))
+TRIANGLE[6:9, 1:4] = np.sqrt(2.0) * np.eye(3)
+TRIANGLE[9, 0] = 1.0
 
 
 def least_eigenvalues(standard: Array) -> Array:
     """Return the smallest eigenvalue of every link's pseudo-inertia [n], of standard parameters [10 n]."""
-    links = np.asarray(standard).reshape(-1, 10)
-    inertia = np.empty((len(links), 3, 3))
-    for (row, column), name in {
-        (0, 0): "Ixx", (0, 1): "Ixy", (0, 2): "Ixz", (1, 1): "Iyy", (1, 2): "Iyz", (2, 2): "Izz"
-    }.items():  # fmt: skip
-        inertia[:, row, column] = inertia[:, column, row] = links[:, PLACE[name]]
-    out = np.empty((len(links), 4, 4))
-    out[:, :3, :3] = 0.5 * np.trace(inertia, axis1=1, axis2=2)[:, None, None] * np.eye(3) - inertia
-    out[:, :3, 3] = out[:, 3, :3] = links[:, 1:4]
-    out[:, 3, 3] = links[:, 0]
+    triangles = np.asarray(standard).reshape(-1, 10) @ TRIANGLE.T / np.where(IDENTITY, 1.0, np.sqrt(2.0))
+    out = np.empty((len(triangles), 4, 4))
+    out[:, _ROW, _COLUMN] = out[:, _COLUMN, _ROW] = triangles
     return np.asarray(np.linalg.eigvalsh(out)[:, 0])
-
-
-def _triangle() -> Array:
-    """Return the matrix [10, 10] from standard parameters to the upper triangle of J, by columns, off-diagonal entries
-    times sqrt 2.
-    """
-    root = np.sqrt(2.0)
-    out = np.zeros((10, 10))
-    xx, xy, yy, xz, yz, zz = (PLACE[name] for name in ("Ixx", "Ixy", "Iyy", "Ixz", "Iyz", "Izz"))
-    for row, minus in ((0, xx), (2, yy), (5, zz)):
-        out[row, [xx, yy, zz]] = 0.5
-        out[row, minus] = -0.5
-    for row, product in ((1, xy), (3, xz), (4, yz)):
-        out[row, product] = -root
-    for row, moment in ((6, "mx"), (7, "my"), (8, "mz")):
-        out[row, PLACE[moment]] = root
-    out[9, PLACE["m"]] = 1.0
-    return out
-
-
-TRIANGLE = _triangle()
-
-IDENTITY = np.array([1.0, 0, 1.0, 0, 0, 1.0, 0, 0, 0, 1.0])
-"""The upper triangle of the unit matrix [10]."""
 
 
 _PRIOR = 1e-4  # weight, in chi-square, of staying near the URDF's inertias where the torque does not tell
@@ -117,13 +95,12 @@ class Nearest:
         gather[b:, 11 * n :] = np.eye(p - b)
         scale = np.concatenate([inertial_scale(structure, values[:b]), np.maximum(np.abs(values[b:]), 1.0)])
         start = np.concatenate([robot.rigid.parameters, robot.drives.armature, values[b:]])
-        size = np.sqrt(np.diag(covariance))
-        if not np.all(size > 0):
-            unknown = structure.names[int(np.argmin(size))]
+        size, power, vectors = scaled_eigen(covariance)
+        if not np.all(np.diag(covariance) > 0):
+            unknown = structure.names[int(np.argmin(np.diag(covariance)))]
             raise InputError(
                 f"the variance of {unknown} is zero; nothing can be near to parameters without uncertainty"
             )
-        power, vectors = np.linalg.eigh(covariance / np.outer(size, size))
         whiten = (vectors / np.sqrt(np.maximum(power, _SHARPEST * power[-1]))).T / size
         positive = np.array([*range(10 * n, 11 * n), *(11 * n + k - b for k in never_negative)])
         return cls(gather, scale, start / scale, whiten, positive, n)
@@ -192,8 +169,8 @@ def solve(quadratic: Array, linear: Array, a: Array, b: Array, *, zero: int, pos
     settings.max_iter = 200
     cones = [clarabel.ZeroConeT(zero)] if zero else []
     cones += [clarabel.NonnegativeConeT(positive), *(clarabel.PSDTriangleConeT(4) for _ in range(links))]
-    matrices = sparse.csc_matrix(sparse.triu(quadratic)), sparse.csc_matrix(a)
-    answer = clarabel.DefaultSolver(matrices[0], linear, matrices[1], b, cones, settings).solve()
+    upper = sparse.csc_matrix(sparse.triu(quadratic))
+    answer = clarabel.DefaultSolver(upper, linear, sparse.csc_matrix(a), b, cones, settings).solve()
     if str(answer.status) not in ("Solved", "AlmostSolved"):
         raise InputError(
             f"no physically consistent parameters were found (the solver says {answer.status}): the estimate lies too"
@@ -235,19 +212,16 @@ def _broken_moments(structure: Structure, values: Array) -> list[str]:
     for link in range(n):
         for axis, (others, minus) in _SECOND.items():
             moment = np.zeros(11 * n)
-            for name in others:
-                moment[10 * link + PLACE[name]] = 1.0
-            moment[10 * link + PLACE[minus]] = -1.0
+            moment[[10 * link + PLACE[name] for name in (*others, minus)]] = 1.0, 1.0, -1.0
             weights, *_ = np.linalg.lstsq(base.regrouping.T, moment, rcond=None)
             weights[np.abs(weights) < 1e-9] = 0.0
             if np.abs(base.regrouping.T @ weights - moment).max() > 1e-9 or weights @ own >= 0:
                 continue
-            left = _sum(base.names, np.where(weights > 0, weights, 0.0))
-            right = _sum(base.names, np.where(weights < 0, -weights, 0.0))
-            sizes = float(np.maximum(weights, 0) @ own), float(np.maximum(-weights, 0) @ own)
+            more, less = np.maximum(weights, 0.0), np.maximum(-weights, 0.0)
             out.append(
-                f"{left} >= {right} does not hold: {sizes[0]:.4g} < {sizes[1]:.4g} (second moment of link {link + 1}"
-                f" along {axis}, {others[0]} + {others[1]} - {minus}, is negative)"
+                f"{_sum(base.names, more)} >= {_sum(base.names, less)} does not hold: {more @ own:.4g} <"
+                f" {less @ own:.4g} (second moment of link {link + 1} along {axis}, {others[0]} + {others[1]} -"
+                f" {minus}, is negative)"
             )
     return out
 
@@ -349,14 +323,20 @@ def nearest_physical(found: Solution) -> Consistent:
     x, values = program.to(estimate)
     step = values - estimate
     rise = program.squared_distance(step)
-    n = structure.robot.n
-    equations = found.equations
-    before = equations.torque - equations.phi @ estimate
-    after = equations.torque - equations.phi @ values
+    n, equations = structure.robot.n, found.equations
+    before, after = (equations.torque - equations.phi @ theta for theta in (estimate, values))
     violated = violations(structure, estimate)
     if rise > NEAR and not violated:
         violated = (separating(structure, estimate, program.normal(step)),)
     projected = projected_covariance(program, values, found.covariance)
+    sharpened = None
+    if projected is not None:
+        std, other = np.sqrt(np.diag(found.covariance)), np.sqrt(np.diag(projected))
+        sharpened = float(1.0 - np.min(other / np.where(std > 0, std, 1.0), where=std > 0, initial=1.0))
+    rotors = x[10 * n : 11 * n] * structure.base.regrouping[:, 10 * n :].any(axis=0)
+    for parameter, value in zip(structure.parameters, values, strict=True):
+        if parameter.effect == "rotor_inertia" and parameter.joint is not None:
+            rotors[structure.robot.joint_index(parameter.joint)] += value
     return Consistent(
         solution=replace(
             found,
@@ -365,12 +345,11 @@ def nearest_physical(found: Solution) -> Consistent:
             chi_square=found.chi_square + rise,
         ),
         inertias=x[: 10 * n],
-        rotors=x[10 * n : 11 * n] * structure.base.regrouping[:, 10 * n :].any(axis=0)
-        + _free_rotors(structure, values),
+        rotors=rotors,
         distance=float(np.sqrt(max(rise, 0.0))),
         residual_rise=float(np.sum(after**2) / np.sum(before**2) - 1.0),
         violated=violated,
-        sharpened=None if projected is None else _sharpened(projected, found.covariance),
+        sharpened=sharpened,
     )
 
 
@@ -383,9 +362,7 @@ def projected_covariance(program: Nearest, values: Array, covariance: Array) -> 
     covariance, so that it is smaller on the whole. None where a draw can't be projected.
     """
     p, size = len(values), len(covariance)
-    scale = np.sqrt(np.diag(covariance))
-    scale = np.where(scale > 0, scale, 1.0)
-    power, vectors = np.linalg.eigh(covariance / np.outer(scale, scale))
+    scale, power, vectors = scaled_eigen(covariance)
     root = vectors * np.sqrt(np.maximum(power, 0.0))
     draws = np.random.default_rng(1997).standard_normal((max(_DRAWS, 3 * size), size))
     draws = draws @ np.linalg.inv(np.linalg.cholesky(draws.T @ draws / len(draws))).T
@@ -395,17 +372,3 @@ def projected_covariance(program: Nearest, values: Array, covariance: Array) -> 
     except InputError:
         return None
     return np.asarray(error.T @ error / len(error))
-
-
-def _sharpened(projected: Array, covariance: Array) -> float:
-    before = np.sqrt(np.diag(covariance))
-    ratio = np.sqrt(np.diag(projected)) / np.where(before > 0, before, 1.0)
-    return float(1.0 - np.min(ratio, where=before > 0, initial=1.0))
-
-
-def _free_rotors(structure: Structure, values: Array) -> Array:
-    out = np.zeros(structure.robot.n)
-    for parameter, value in zip(structure.parameters, values, strict=True):
-        if parameter.effect == "rotor_inertia" and parameter.joint is not None:
-            out[structure.robot.joint_index(parameter.joint)] += value
-    return out

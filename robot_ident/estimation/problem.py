@@ -69,10 +69,14 @@ class Problem:
         """Return the problem whose unknown noise is what a structure at these inner parameters leaves."""
         if not self.unknown:
             return self
-        other = copy(self)
         equations = self.equations(structure, None)
-        other.variance, other.notes = _variances(equations, structure, self.measurements, self.source)
-        other.noise = row_noise(self.measurements, equations, other.variance)
+        return self.weighted_by(equations, *_variances(equations, structure, self.measurements, self.source))
+
+    def weighted_by(self, equations: Equations, variance: Array, notes: tuple[str, ...]) -> Problem:
+        """Return the problem whose rows have other variances [R], with the notes that say where they come from."""
+        other = copy(self)
+        other.variance, other.notes = variance, notes
+        other.noise = row_noise(self.measurements, equations, variance)
         return other
 
     def beside(self, values: Array, equations: Equations) -> Problem | None:
@@ -94,16 +98,16 @@ class Problem:
         """Return the equations for given inner parameters and torques."""
         return stack(self.measurements, structure, values, self.compared)
 
-    def linear(self, structure: Structure, start: Array | None = None) -> tuple[Array, Array, Equations]:
-        """Return (theta [p], (F' W F)^-1, equations) for given inner parameters; `covariance` says what the noise makes
-        of it.
+    def linear(self, structure: Structure) -> tuple[Array, Array, Equations]:
+        """Return theta [p] for given inner parameters, (F' W F)^-1 and the equations that it solves; `covariance` says
+        what the noise makes of it.
         """
-        values = start
-        if structure.uses_torque:
-            values = self._without_torque_effects(structure) if start is None else start
-            for _ in range(_TORQUE_ROUNDS - 1):
-                values, _, _ = self._once(structure, values)
-        return self._once(structure, values if structure.uses_torque else None)
+        near = self._without_torque_effects(structure) if structure.uses_torque else None
+        for _ in range(_TORQUE_ROUNDS if structure.uses_torque else 1):
+            equations = self.equations(structure, near)
+            factored = self.factored(equations.phi, self.names)
+            values = near = factored.solve(self.right(equations.torque))
+        return values, factored.inverse_information(), equations
 
     def factored(self, phi: Array, names: Sequence[str]) -> Factor:
         """Factorise the weighted columns [R, p]."""
@@ -125,12 +129,6 @@ class Problem:
             return bread
         weighed = self.noise.precision(jacobian) if self.weighted else jacobian
         return sandwich(bread, weighed, residual, equations, self.noise, self.unknown)
-
-    def _once(self, structure: Structure, torques: Array | None) -> tuple[Array, Array, Equations]:
-        """Return (theta [p], (F' W F)^-1, equations) with the columns that belong to given parameters."""
-        equations = self.equations(structure, torques)
-        factored = self.factored(equations.phi, self.names)
-        return factored.solve(self.right(equations.torque)), factored.inverse_information(), equations
 
     def _without_torque_effects(self, structure: Structure) -> Array:
         """Return a first theta [p] from the columns that don't depend on torque, zero elsewhere."""
@@ -213,6 +211,21 @@ def with_inner(problem: Problem, structure: Structure, values: Array, equations:
     return np.hstack(columns), np.concatenate([np.arange(p), p + np.flatnonzero(free)])
 
 
+def beside_wls(
+    estimator: str, values: Array, start: Solution, covariance: Array, least: float, words: tuple[str, str]
+) -> str:
+    """Return in a line whether and where an estimate differs from weighted least squares by more than `least` sigmas,
+    and with what words for either.
+    """
+    names = [parameter.name for parameter in (*start.structure.parameters, *start.structure.inner)]
+    sigma = np.sqrt(np.diag(covariance))
+    shift = np.abs(values - start.values) / np.where(sigma > 0, sigma, np.inf)
+    moved = [f"{names[k]} {shift[k]:.2g}" for k in np.argsort(-shift)[:5] if shift[k] > least]
+    if moved:
+        return f"{estimator} differs from wls, in standard deviations: {', '.join(moved)}{words[0]}"
+    return f"{estimator} agrees with wls within {shift.max():.2g} standard deviations{words[1]}"
+
+
 def _variances(
     equations: Equations, structure: Structure, measurements: Sequence[Measurement], source: str
 ) -> tuple[Array, tuple[str, ...]]:
@@ -229,9 +242,8 @@ def _variances(
     residual = equations.torque - phi @ theta
     variance = equations.variance.copy()
     share = equations.rows / (equations.rows - len(names))
-    for block in range(len(measurements)):
-        for joint in range(structure.robot.n):
-            rows = (equations.block == block) & (equations.joint == joint) & unknown
+    for block in np.unique(equations.block[unknown]):
+        for rows in (own & unknown for own in equations.of_joints(block)):
             if rows.any():
                 variance[rows] = max(float(np.mean(residual[rows] ** 2)) * share, 1e-12)
     which = ", ".join(measurements[block].source for block in np.unique(equations.block[unknown]))

@@ -36,40 +36,61 @@ class Drift:
 
 
 @dataclass(frozen=True)
-class PerPeriod:
-    """Estimates [M, p] from each period of one recording alone.
+class _Repeated:
+    """Estimates [K, p] of one model from parts of its data, their scatter, and what sigma lets expect of it."""
 
-    scatter [p]: their standard deviation; of_mean [p]: that over sqrt(M), to be held beside the averaged sigma.
-    """
-
-    source: str
     values: Array
     sigma: Array
-    drift: tuple[Drift, ...]
 
     @property
     def scatter(self) -> Array:
-        """Standard deviation of the estimates of single periods [p]."""
+        """Standard deviation of the estimates [p]."""
         return np.std(self.values, axis=0, ddof=1)
+
+    @property
+    def expected(self) -> Array:
+        """What the noise lets expect of it [p]."""
+        raise NotImplementedError
+
+    @property
+    def ratio(self) -> float:
+        """Root mean square over the parameters of scatter over expected: 1 where noise alone makes estimates differ."""
+        return float(np.sqrt(np.mean((self.scatter / self.expected) ** 2)))
+
+    def exceeding(self, least: float, chance: float) -> list[tuple[int, float]]:
+        """Return the parameters whose scatter is more than `least` times the expected one, and more than by chance, and
+        how many times.
+        """
+        from scipy.special import chdtri
+
+        ratio, free = self.scatter / self.expected, len(self.values) - 1
+        bound = max(least, float(np.sqrt(chdtri(free, chance / len(ratio)) / free)))
+        return [(int(k), float(ratio[k])) for k in np.argsort(-ratio) if ratio[k] > bound]
+
+
+@dataclass(frozen=True)
+class PerPeriod(_Repeated):
+    """Estimates [M, p] from each period of one recording alone, and the sigma [p] of their mean.
+
+    of_mean [p]: their scatter over sqrt(M), to be held beside that sigma.
+    """
+
+    source: str
+    drift: tuple[Drift, ...]
+
+    @property
+    def expected(self) -> Array:
+        """What the sigma of the mean lets expect of single periods [p]."""
+        return self.sigma * np.sqrt(len(self.values))
 
     @property
     def of_mean(self) -> Array:
         """What that scatter lets expect of the mean's standard deviation [p]."""
         return self.scatter / np.sqrt(len(self.values))
 
-    @property
-    def ratio(self) -> float:
-        """Root mean square of scatter / sqrt(M) over the averaged sigma: 1 where noise alone makes periods differ."""
-        return float(np.sqrt(np.mean((self.of_mean / self.sigma) ** 2)))
-
     def restless(self) -> list[tuple[int, float]]:
         """Return the parameters whose scatter exceeds what sigma says by a quarter and by chance, and how far."""
-        from scipy.special import chdtri
-
-        count, p = self.values.shape
-        ratio = self.of_mean / self.sigma
-        bound = max(1.25, float(np.sqrt(chdtri(count - 1, 1e-4 / p) / (count - 1))))
-        return [(int(k), float(ratio[k])) for k in np.argsort(-ratio) if ratio[k] > bound]
+        return self.exceeding(1.25, 1e-4)
 
     def to_dict(self, names: Sequence[str]) -> dict[str, Any]:
         """Return plain data for `model.yaml`."""
@@ -97,43 +118,46 @@ def per_period(measurements: Sequence[Measurement], found: Solution, estimator: 
     itself, at the motion of their mean.
     """
     out = []
-    p = len(found.structure.parameters)
     for measured in measurements:
-        if measured.period_torque is None or len(measured.period_torque) < _LEAST:
+        torques = measured.period_torque
+        if torques is None or len(torques) < _LEAST:
             continue
         try:
-            values, sigma = _estimates(measured, found, estimator)
+            values, sigma = _estimates(measured, torques, found, weighted=estimator != "ls")
         except InputError:  # alone it does not excite all that the recordings do together: a stop that it never meets
             continue
-        drift = _drifts(values, found, len(measurements))
-        out.append(PerPeriod(measured.source, values[:, :p], sigma, drift))
+        out.append(PerPeriod(values, sigma, measured.source, _drifts(values, found, len(measurements))))
     return tuple(out)
 
 
-def _estimates(measured: Measurement, found: Solution, estimator: str) -> tuple[Array, Array]:
-    """Return theta [M, p] of each period by linear least squares, and the sigma [p] of their mean."""
-    problem = Problem([measured], found.structure, weighted=estimator != "ls")
+def _linear(
+    measurements: Sequence[Measurement], found: Solution, *, weighted: bool = True
+) -> tuple[Problem, Equations]:
+    """Return the linear problem of some of the measurements, inner parameters as all of them say, and its equations."""
+    problem = Problem(measurements, found.structure, weighted=weighted)
     linear = found.values[: len(found.structure.parameters)]
     equations = problem.equations(found.structure, linear)
-    problem = problem.beside(linear, equations) or problem
-    solver = problem.factored(equations.phi, found.structure.names)
-    torques = measured.period_torque
-    assert torques is not None
-    values = np.empty((len(torques), len(linear)))
+    return problem.beside(linear, equations) or problem, equations
+
+
+def _sigma(problem: Problem, equations: Equations, values: Array, names: Sequence[str]) -> Array:
+    """Return the standard deviations [p] of an estimate by linear least squares."""
+    residual = equations.torque - equations.phi @ values
+    return np.sqrt(np.diag(problem.covariance(equations, equations.phi, residual, names)))
+
+
+def _estimates(measured: Measurement, torques: Array, found: Solution, *, weighted: bool) -> tuple[Array, Array]:
+    """Return theta [M, p] of each period's torque [M, N, n], and the sigma [p] of their mean; gaps hold the mean's."""
+    names = found.structure.names
+    problem, equations = _linear([measured], found, weighted=weighted)
+    solver = problem.factored(equations.phi, names)
+    values = np.empty((len(torques), len(names)))
     for first in range(0, len(torques), _AT_ONCE):
         some = slice(first, first + _AT_ONCE)
-        rows = np.column_stack([_rows(measured, one, equations) for one in torques[some]])
+        whole = [measured.passed(np.where(np.isfinite(one), one, measured.torque)) for one in torques[some]]
+        rows = np.column_stack([one[equations.sample, equations.joint] for one in whole])
         values[some] = solver.solve(problem.right(rows)).T
-    residual = equations.torque - equations.phi @ values.mean(axis=0)
-    covariance = problem.covariance(equations, equations.phi, residual, found.structure.names)
-    return values, np.sqrt(np.diag(covariance))
-
-
-def _rows(measured: Measurement, torque: Array, equations: Equations) -> Array:
-    """Return one period's torque [N, n] at the rows of the equations [R]; gaps hold the mean period's."""
-    whole = measured.passed(np.where(np.isfinite(torque), torque, measured.torque))
-    out: Array = whole[equations.sample, equations.joint]
-    return out
+    return values, _sigma(problem, equations, values.mean(axis=0), names)
 
 
 def _drifts(values: Array, found: Solution, recordings: int) -> tuple[Drift, ...]:
@@ -194,12 +218,10 @@ _CHANCE = 1e-3  # that a parameter is called restless where noise alone makes da
 
 
 @dataclass(frozen=True)
-class Days:
+class Days(_Repeated):
     """Estimates [D, p] of each day alone, with their sigma [D, p]; none where there are fewer than three days."""
 
     days: tuple[str, ...]
-    values: Array
-    sigma: Array
 
     @property
     def enough(self) -> bool:
@@ -207,35 +229,20 @@ class Days:
         return len(self.values) >= _LEAST
 
     @property
-    def scatter(self) -> Array:
-        """Standard deviation of the days' estimates [p]."""
-        return np.std(self.values, axis=0, ddof=1)
-
-    @property
     def expected(self) -> Array:
         """What the noise of each day lets expect of it [p]."""
         return np.sqrt(np.mean(self.sigma**2, axis=0))
 
-    @property
-    def ratio(self) -> float:
-        """Root mean square over the parameters of scatter over expected: 1 where noise alone makes days differ."""
-        return float(np.sqrt(np.mean((self.scatter / self.expected) ** 2)))
-
-    def restless(self) -> list[int]:
-        """Return the parameters that scatter more than twice what sigma says, and more than by chance."""
-        from scipy.special import chdtri
-
-        ratio, free = self.scatter / self.expected, len(self.values) - 1
-        bound = max(_TWICE, float(np.sqrt(chdtri(free, _CHANCE / len(ratio)) / free)))
-        return [int(k) for k in np.argsort(-ratio) if ratio[k] > bound]
+    def restless(self) -> list[tuple[int, float]]:
+        """Return the parameters that scatter more than twice what sigma says, and more than by chance, and how far."""
+        return self.exceeding(_TWICE, _CHANCE)
 
     def notes(self, names: Sequence[str]) -> list[str]:
         """Return a line where days differ by more than the noise explains."""
         loud = self.restless() if self.enough else []
         if not loud:
             return []
-        ratio = self.scatter / self.expected
-        listed = ", ".join(f"{names[k]} {ratio[k]:.2g} times" for k in loud)
+        listed = ", ".join(f"{names[k]} {size:.2g} times" for k, size in loud)
         return [f"{len(self.days)} days scatter more than sigma says, in {listed}: trust the scatter between days"]
 
     def to_dict(self, names: Sequence[str]) -> dict[str, Any]:
@@ -266,24 +273,15 @@ def by_day(measurements: Sequence[Measurement], found: Solution) -> Days:
     for measured in measurements:
         groups.setdefault(day_of(measured), []).append(measured)
     known = tuple(sorted(day for day in groups if day))
-    nothing = Days(known, np.zeros((0, 0)), np.zeros((0, 0)))
+    nothing = Days(np.zeros((0, 0)), np.zeros((0, 0)), known)
     if len(known) < _LEAST or "" in groups:
         return nothing
+    names, values, sigma = found.structure.names, [], []
     try:
-        estimates = [_estimate(groups[day], found) for day in known]
+        for day in known:
+            problem, equations = _linear(groups[day], found)
+            values.append(problem.factored(equations.phi, names).solve(problem.right(equations.torque)))
+            sigma.append(_sigma(problem, equations, values[-1], names))
     except InputError:  # a day alone does not excite all that the days do together
         return nothing
-    values, sigma = (np.array(part) for part in zip(*estimates, strict=True))
-    return Days(known, values, sigma)
-
-
-def _estimate(measurements: Sequence[Measurement], found: Solution) -> tuple[Array, Array]:
-    """Return theta [p] and sigma [p] of one day by linear least squares, inner parameters as all days say."""
-    problem = Problem(measurements, found.structure)
-    linear = found.values[: len(found.structure.parameters)]
-    equations = problem.equations(found.structure, linear)
-    problem = problem.beside(linear, equations) or problem
-    names = found.structure.names
-    values = problem.factored(equations.phi, names).solve(problem.right(equations.torque))
-    covariance = problem.covariance(equations, equations.phi, equations.torque - equations.phi @ values, names)
-    return values, np.sqrt(np.diag(covariance))
+    return Days(np.array(values), np.array(sigma), known)

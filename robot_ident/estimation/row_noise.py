@@ -99,6 +99,10 @@ class RowNoise:
             out[block.rows] = solve_triangular(block.cholesky, x[block.rows], lower=True, check_finite=False)
         return out
 
+    def weigh(self, x: Array) -> Array:
+        """Return W^1/2 x for x [R, ...] as least squares counts it, the smearing of a low pass taken into account."""
+        return np.asarray((self.whiten(x).T * np.sqrt(self.independent)).T)
+
     def precision(self, x: Array) -> Array:
         """Return the weights that wls gives, W x for x [R, p]: S^-1 x where S is known in blocks, else x / spread."""
         from scipy.linalg import cho_solve

@@ -7,7 +7,7 @@ least squares problems", 1973). Effects whose columns depend on the model's torq
 
 from __future__ import annotations
 
-from collections.abc import Callable, Sequence
+from collections.abc import Callable, Collection, Sequence
 from dataclasses import dataclass, replace
 
 import numpy as np
@@ -17,9 +17,9 @@ from robot_ident.effects.torque_ripple import TorqueRipple
 from robot_ident.effects.torque_scale import TorqueScale
 from robot_ident.errors import InputError
 from robot_ident.estimation.instruments import instrumental_variables
+from robot_ident.estimation.least_squares import Factor
 from robot_ident.estimation.maximum_likelihood import maximum_likelihood
 from robot_ident.estimation.problem import STEP, Problem, Solution, inner_bounds, solution
-from robot_ident.estimation.projection import Projection
 from robot_ident.estimation.torque_scales import with_scales
 from robot_ident.model.structure import Structure
 from robot_ident.recording.measurement import Measurement
@@ -29,21 +29,66 @@ _MOST_STEPS = 25  # of the search for inner parameters: five of them at once tak
 
 
 @dataclass(frozen=True)
+class Projection:
+    """What a model leaves of the torque while the inner parameters of some effects are searched.
+
+    With F = [A, B(s)], A the columns that stay, and A = Q R, a trial of s factorises B - Q Q' B alone.
+    near [p]: linear parameters whose torque other effects see meanwhile, None where none does. order [p]: columns that
+    stay, then those that move. stays: the factorisation of the former, None where every trial is solved as a whole.
+    """
+
+    problem: Problem
+    near: Array | None
+    order: np.ndarray
+    stays: Factor | None
+
+    @classmethod
+    def of(cls, problem: Problem, structure: Structure, searched: Collection[str]) -> Projection:
+        """Take up a search over the inner parameters of the effects whose labels are given."""
+        moves = structure.places_of(lambda effect: effect.label in searched or effect.uses_torque)
+        order = np.concatenate([np.flatnonzero(~moves), np.flatnonzero(moves)])
+        try:
+            near = problem.linear(structure)[0] if structure.uses_torque else None
+            held = order[: int(np.sum(~moves))]
+            phi = problem.equations(structure, near).phi[:, held]
+            stays = problem.factored(phi, [problem.names[k] for k in held])
+        except InputError:  # the motion doesn't excite a column; with other inner parameters it may
+            return cls(problem, None, order, None)
+        return cls(problem, near, order, stays)
+
+    def residual(self, structure: Structure) -> Array:
+        """Return the whitened residual [R] at theta(s); InputError where the motion doesn't excite a column."""
+        if self.stays is None:
+            values, _, equations = self.problem.linear(structure)
+        else:
+            equations = self.problem.equations(structure, self.near)
+            moving = equations.phi[:, self.order[len(self.stays.scale) :]]
+            names = [self.problem.names[k] for k in self.order]
+            factored = self.stays.beside(self.problem.right(moving), names, self.problem.source)
+            values = np.empty(len(self.order))
+            values[self.order] = factored.solve(self.problem.right(equations.torque))
+        return self.problem.noise.whiten(equations.torque - equations.phi @ values)
+
+    def cost(self, structure: Structure) -> float:
+        """Return the squared error at theta(s); inf where the motion doesn't excite a column."""
+        try:
+            return float(np.sum(self.residual(structure) ** 2))
+        except InputError:
+            return float("inf")
+
+
+@dataclass(frozen=True)
 class Estimator:
     """How parameters are estimated: what it is, whether rows are weighted by their noise, what follows the solution."""
 
     meaning: str
     weighted: bool
-    finish: Callable[[Problem, Solution], Solution]
-
-
-def _as_it_is(problem: Problem, found: Solution) -> Solution:
-    return found
+    finish: Callable[[Problem, Solution], Solution] | None = None
 
 
 ESTIMATORS: dict[str, Estimator] = {
-    "ls": Estimator("ordinary least squares (eq. 10)", False, _as_it_is),
-    "wls": Estimator("least squares weighted by the noise (eq. 7)", True, _as_it_is),
+    "ls": Estimator("ordinary least squares (eq. 10)", False),
+    "wls": Estimator("least squares weighted by the noise (eq. 7)", True),
     "ml": Estimator("maximum likelihood of parameters and trajectory together (eqs. 3 to 6)", True, maximum_likelihood),
     "iv": Estimator("instrumental variables, the model's own motion as instrument", True, instrumental_variables),
 }
@@ -63,7 +108,8 @@ def solve(measurements: Sequence[Measurement], structure: Structure, estimator: 
             searched = with_scales(used, _refine(used, _scan(used, searched)))
         values, _, equations = used.linear(searched)
         problem = used.beside(values, equations)
-    return ESTIMATORS[estimator].finish(used, solution(used, searched, values, equations))
+    finish, found = ESTIMATORS[estimator].finish, solution(used, searched, values, equations)
+    return found if finish is None else finish(used, found)
 
 
 def _refuse_hidden(measurements: Sequence[Measurement], structure: Structure) -> None:
@@ -87,10 +133,10 @@ def _scan(problem: Problem, structure: Structure) -> Structure:
             settings += _lines(problem, structure, effect)
         if len(settings) < 2:
             continue
-        trials = [_replaced(structure, index, setting) for setting in settings]
+        before, after = structure.effects[:index], structure.effects[index + 1 :]
+        trials = [replace(structure, effects=(*before, effect.at(setting), *after)) for setting in settings]
         left = Projection.of(problem, structure, [effect.label])
-        costs = [_cost(left, trial) for trial in trials]
-        structure = trials[int(np.argmin(costs))]
+        structure = min(trials, key=left.cost)
     return structure
 
 
@@ -111,20 +157,6 @@ def _lines(problem: Problem, structure: Structure, effect: TorqueRipple) -> list
 def _searched(effect: Effect) -> bool:
     """Return whether an effect has inner parameters that are searched on columns of its own."""
     return bool(effect.inner) and not isinstance(effect, TorqueScale)
-
-
-def _cost(left: Projection, structure: Structure) -> float:
-    """Return the squared error at theta(s); inf where the motion doesn't excite a column."""
-    try:
-        return float(np.sum(left.residual(structure) ** 2))
-    except InputError:
-        return float("inf")
-
-
-def _replaced(structure: Structure, index: int, setting: dict[str, float]) -> Structure:
-    effects = list(structure.effects)
-    effects[index] = effects[index].at(setting)
-    return replace(structure, effects=tuple(effects))
 
 
 def _refine(problem: Problem, structure: Structure) -> Structure:
@@ -151,18 +183,14 @@ def _refine(problem: Problem, structure: Structure) -> Structure:
         return structure.with_settings(moved)
 
     start = np.clip((scaled(settings) - lowest) / range_, 1e-6, 1 - 1e-6)
-    unexplained: Array | None = None
     left = Projection.of(problem, structure, [effect.label for effect in effects])
 
     def rest(x: Array) -> Array:
         """Return the projected residual; where the motion no longer meets a column, as if nothing were explained."""
-        nonlocal unexplained
         try:
             return left.residual(at(x))
         except InputError:
-            if unexplained is None:
-                unexplained = problem.noise.whiten(problem.equations(structure, None).torque)
-            return unexplained
+            return problem.noise.whiten(problem.equations(structure, None).torque)
 
     found = least_squares(rest, start, bounds=(0.0, 1.0), diff_step=STEP, max_nfev=_MOST_STEPS, xtol=1e-5, ftol=1e-7)
     return at(found.x)

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Iterable
 from dataclasses import asdict, dataclass
 from datetime import date
 from pathlib import Path
@@ -41,10 +42,9 @@ class KnownPayload:
         """
         rotation, origin = hand(robot)
         p = origin + rotation @ np.array(self.centre)
-        own = rotation @ _tensor(self.inertia) @ rotation.T
+        own = rotation @ tensor(self.inertia) @ rotation.T
         about = own + self.mass * (p @ p * np.eye(3) - np.outer(p, p))
-        entries = [about[i, j] for i, j in ((0, 0), (0, 1), (1, 1), (0, 2), (1, 2), (2, 2))]
-        return np.array([self.mass, *(self.mass * p), *entries])
+        return np.array([self.mass, *(self.mass * p), *entries(about)])
 
     def torque(self, robot: Robot, motion: Motion) -> Array:
         """Return what it adds to the torque along a motion [N, n] Nm: Y_last(q, dq, ddq) of its ten parameters."""
@@ -271,16 +271,22 @@ def in_metres(centre: Vector) -> str:
     return f"centre: [{told}] m lies {np.linalg.norm(centre):.3g} m from the flange: millimetres? write [{metres}]"
 
 
-def _tensor(inertia: Inertia) -> Array:
+def tensor(inertia: Iterable[Any]) -> Array:
+    """Return the symmetric matrix [3, 3] of Ixx, Ixy, Iyy, Ixz, Iyz, Izz."""
     xx, xy, yy, xz, yz, zz = inertia
     return np.array([[xx, xy, xz], [xy, yy, yz], [xz, yz, zz]])
+
+
+def entries(matrix: Array) -> Array:
+    """Return xx, xy, yy, xz, yz, zz [6] of a symmetric matrix [3, 3]."""
+    return matrix[(0, 0, 1, 0, 1, 2), (0, 1, 1, 2, 2, 2)]
 
 
 def _check_inertia(payload: KnownPayload | PayloadPart, path: Path) -> None:
     """Raise InputError where no body has such moments of inertia about its centre."""
     if payload.inertia is None:
         return
-    moments = np.linalg.eigvalsh(_tensor(payload.inertia))
+    moments = np.linalg.eigvalsh(tensor(payload.inertia))
     if moments[0] < -1e-12 or moments[0] + moments[1] < moments[2] * (1 - 1e-9) - 1e-12:
         raise InputError(f"{path}: payload.inertia = {list(payload.inertia)}: no body has these moments of inertia")
 

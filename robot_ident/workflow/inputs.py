@@ -176,7 +176,7 @@ def prior_information(words: Sequence[str], target: Target, model: Model | None,
 
 
 def _of_recordings(bags: Sequence[str], target: Target, model: Model | None, bound: bool) -> Array:
-    from robot_ident.estimation.information import information
+    from robot_ident.estimation.maximum_likelihood import information
     from robot_ident.recording.measurement import Processing
     from robot_ident.recording.process import process
 

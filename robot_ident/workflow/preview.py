@@ -10,7 +10,7 @@ from robot_ident.diagnosis.diagnosis import Estimate
 from robot_ident.diagnosis.selection.refinement import best_values
 from robot_ident.effects import Effect, candidates_of, make_effect
 from robot_ident.errors import InputError
-from robot_ident.estimation.apart import apart
+from robot_ident.estimation.equations import apart
 from robot_ident.model.structure import Structure
 from robot_ident.recording.measurement import Measurement
 from robot_ident.regression.evidence import Evidence, extended, gather, held

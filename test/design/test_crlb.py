@@ -16,7 +16,7 @@ from robot_ident.design.program import Problem
 from robot_ident.design.target import Target
 from robot_ident.errors import InputError
 from robot_ident.estimation.identify import identify
-from robot_ident.estimation.information import information
+from robot_ident.estimation.maximum_likelihood import information
 from robot_ident.model.model import Model
 from robot_ident.model.structure import Structure
 from robot_ident.recording import Processing, Recording, process

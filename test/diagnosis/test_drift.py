@@ -12,7 +12,7 @@ from robot_ident.diagnosis.diagnose import diagnose
 from robot_ident.diagnosis.drift import drift_tests
 from robot_ident.effects import make_effect
 from robot_ident.errors import InputError
-from robot_ident.estimation.apart import apart
+from robot_ident.estimation.equations import apart
 from robot_ident.estimation.identify import estimate
 from robot_ident.model.structure import Structure
 from robot_ident.recording.measurement import Measurement

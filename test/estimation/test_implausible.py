@@ -7,8 +7,8 @@ from typing import Any
 
 import numpy as np
 
+from robot_ident.estimation.driving import implausible_notes
 from robot_ident.estimation.equations import stack
-from robot_ident.estimation.implausible import implausible_notes
 from robot_ident.recording import process
 
 

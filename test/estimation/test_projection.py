@@ -13,7 +13,7 @@ from robot_ident.errors import InputError
 from robot_ident.estimation.equations import stack
 from robot_ident.estimation.least_squares import factor
 from robot_ident.estimation.problem import Problem
-from robot_ident.estimation.projection import Projection
+from robot_ident.estimation.solve import Projection
 from robot_ident.model.structure import Structure
 from robot_ident.recording import Measurement, Recording, process
 from robot_ident.signals.filters import PeriodicLowPass
