@@ -163,16 +163,13 @@ def refuse_untold(measurements: Sequence[Measurement]) -> None:
 def refuse_without_scale(measurements: Sequence[Measurement], robot: Robot) -> None:
     """Raise InputError where unknown payloads come with drives none of which tells Nm: the scale of both is free."""
     unknown = [m for m in measurements if m.conditions.estimated]
-    if not unknown:
-        return
-    name = unknown[0].conditions.body or "box"
-    drives = ", ".join(robot.ampere_joints)
-    raise InputError(
-        f"{', '.join(m.source for m in unknown)}: payload and drive gains ({drives}) are both unknown, and data tell"
-        f" their product alone: weigh it and state that (conditions: payload: {{estimate: {name}, mass: KG}}), and"
-        " gains, centre and inertia are found; the recordings without it tell the gains over one another, and a model"
-        " in A"
-    )
+    if unknown:
+        raise InputError(
+            f"{', '.join(m.source for m in unknown)}: payload and drive gains ({', '.join(robot.ampere_joints)}) are"
+            " both unknown, and data tell their product alone: weigh it and state that (conditions: payload:"
+            f" {{estimate: {unknown[0].conditions.body or 'box'}, mass: KG}}), and gains, centre and inertia are found;"
+            " the recordings without it tell the gains over one another, and a model in A"
+        )
 
 
 @dataclass(frozen=True)

@@ -17,7 +17,6 @@ from robot_ident.configuration import line_of
 from robot_ident.estimation.declaration import LOSSES, SHAPE, Declared, clustered
 from robot_ident.estimation.problem import Solution
 from robot_ident.recording.measurement import Measurement
-from robot_ident.robot.drives import Effort
 from robot_ident.robot.robot import Robot
 from robot_ident.signals.motion import Array, Motion
 
@@ -64,7 +63,9 @@ def contradiction(judged: Sequence[Declared], robot: Robot) -> Contradiction | N
     sensor feels no friction to speak of on any joint.
     """
     trusted = [d for d in judged if d.verdict != "not_told" and d.explained > SHAPE]
-    turned = [d for d in trusted if d.verdict == "sign" and _turned(d)]
+    turned = [
+        d for d in trusted if d.verdict == "sign" and d.friction < LOSSES and d.inertia < 0.0 and not d.gravity >= 0.0
+    ]
     if turned:
         return _sign(turned, robot, alone=len(turned) == len(trusted))
     loaded = [d for d in trusted if np.isfinite(d.gravity)]
@@ -92,11 +93,6 @@ def _one_message(scaled: Sequence[Declared], trusted: Sequence[Declared], robot:
     small = len(scaled) > 1 and all(d.share < 1.0 / _FAR for d in scaled)
     in_torque = [d for d in trusted if d not in scaled and np.isfinite(d.gravity) and abs(d.gravity - 1.0) < _NEAR]
     return alike and small and effort.common.quantity == "torque" and not in_torque
-
-
-def _turned(d: Declared) -> bool:
-    both = [share for share in (d.gravity, d.inertia) if np.isfinite(share)]
-    return all(share < 0 for share in both) and d.friction < LOSSES and np.isfinite(d.inertia)
 
 
 def _scaled(d: Declared) -> bool:
@@ -153,20 +149,14 @@ def _factor(scaled: Sequence[Declared], robot: Robot, *, alone: bool) -> Contrad
         hint = f"{change('current')}{every}, with torque_constant by joint if known ({fit} Nm/A would fit)"
         return Contradiction(f"{where}.quantity", "torque", hint, share)
     each = sizes if where != "effort" else np.exp(np.mean(np.log(sizes), keepdims=True))
-    gains = [_told_gain(effort, float(size)) for effort, size in zip(declared, each, strict=False)]
-    told = change(*(f"{{gain: {gain:.3g}}}" for gain in gains))
+    gains = np.array([effort.gain for effort in declared[: len(each)]]) / each
+    power = 10.0 ** np.round(np.log10(gains))  # a unit, where one is near
+    told = change(*(f"{{gain: {gain:.3g}}}" for gain in np.where(np.abs(gains / power - 1.0) < _NEAR, power, gains)))
     return Contradiction(f"{where}.gain", f"{declared[0].gain:g}", told, share)
 
 
 def _all_near(values: np.ndarray) -> bool:
     return bool(np.all(np.isfinite(values)) and np.all(np.abs(values - 1.0) < _NEAR))
-
-
-def _told_gain(effort: Effort, share: float) -> float:
-    """Return the gain with which the share would be 1, a power of ten where one is near: a unit."""
-    gain = effort.gain / share
-    power = 10.0 ** round(np.log10(gain))
-    return float(power) if abs(gain / power - 1.0) < _NEAR else gain
 
 
 _ALONG = 0.9  # cosine of the angle between found and declared row from which on they are the same
@@ -216,8 +206,7 @@ def _rows(measured: Measurement, robot: Robot, coupling: Array) -> tuple[Array, 
         return None
     scaled = columns / scale
     values, *_ = np.linalg.lstsq(scaled, torque, rcond=1e-9)
-    residual = torque - scaled @ values
-    plain, *_ = np.linalg.lstsq(scaled[:, n:], torque, rcond=1e-9)
+    residual, plain = torque - scaled @ values, np.linalg.lstsq(scaled[:, n:], torque, rcond=1e-9)[0]
     without = np.sum((torque - scaled[:, n:] @ plain) ** 2, axis=0)
     explained = 1.0 - np.sum(residual**2, axis=0) / np.maximum(without, 1e-300)
     block = max(1, round(_BLOCK / (measured.dt * measured.decimate)))

@@ -90,13 +90,8 @@ def gain_of_all(judged: Sequence[Declared], robot: Robot) -> list[str]:
     Data can't say whether all efforts or all masses are off. A current in ampere is off by its torque constant.
     """
     in_torque = {name for j, name in enumerate(robot.joints) if not robot.in_ampere(j)}
-    told = [
-        d
-        for d in judged
-        if np.isfinite(d.share)
-        and d.explained > _LEAST
-        and (d.verdict == "consistent" or (d.verdict == "factor" and d.joint in in_torque))
-    ]
+    telling = [d for d in judged if d.verdict == "consistent" or (d.verdict == "factor" and d.joint in in_torque)]
+    told = [d for d in telling if np.isfinite(d.share) and d.explained > _LEAST]
     shares = np.array([x for d in told for x in (d.gravity, d.inertia) if np.isfinite(x)])
     if len(told) < 2 or min(shares) <= 0.0:
         return []

@@ -148,23 +148,14 @@ _STILL = 1e-7  # of ln K, between rounds
 class _Currents:
     """The stacked equations in reported units with the payload's torque [R] Nm, and which joints' gains are free.
 
-    The first `arm` columns are the arm's, those after them what unknown payloads may add.
+    names: of the columns, the arm's and after them what unknown payloads may add.
     """
 
     problem: Problem
     equations: Equations
     load: Array
     free: tuple[int, ...]
-    arm: int
-
-    @property
-    def names(self) -> tuple[str, ...]:
-        """The names of the columns."""
-        return (*self.problem.names, *_directions(self.equations.phi.shape[1] - self.arm))
-
-    def carried(self, theta: Array) -> Array:
-        """Return the torque [R] Nm of all payloads, those that were found with `theta` among them."""
-        return np.asarray(self.load + self.equations.phi[:, self.arm :] @ theta[self.arm :])
+    names: list[str]
 
     def model(self, theta: Array, g: Array) -> tuple[Array, Array]:
         """Return the current [R] and its derivatives by theta and ln g of the free joints [R, p + k]."""
@@ -204,9 +195,8 @@ def estimate_gains(measurements: Sequence[Measurement], structure: Structure) ->
             f"{problem.source}: all were recorded with the same payload; drive gains need one without it, or another"
         )
     held, further = open_load(measurements, equations, robot)
-    arm = equations.phi.shape[1]
     equations = replace(equations, phi=np.hstack([equations.phi, further]))
-    currents = _Currents(problem, equations, load + held, free, arm)
+    currents = _Currents(problem, equations, load + held, free, [*problem.names, *_directions(further.shape[1])])
     start = _start([m for m in measurements if not m.conditions.estimated], robot)
     if not absolute:
         start = start / start[free[0]]
@@ -217,7 +207,8 @@ def estimate_gains(measurements: Sequence[Measurement], structure: Structure) ->
         g = _like_the_others(g, vague, free, robot)
         g, theta, logarithm = _search(currents, g, (*scale, *vague))
         logarithm += np.diag([_VAGUE**2 if joint in vague else 0.0 for joint in free])
-    gains = _gains(currents, robot, 1.0 / g, logarithm, currents.carried(theta), absolute=absolute)
+    carried = currents.load + further @ theta[len(problem.names) :]
+    gains = _gains(currents, robot, 1.0 / g, logarithm, carried, absolute=absolute)
     if not absolute or set(gains.unknown) != set(gains.joints):
         return gains
     return replace(gains, exchanged=_exchanged(currents, measurements, robot, 1.0 / start))
@@ -256,13 +247,12 @@ def _start(measurements: Sequence[Measurement], robot: Robot) -> Array:
 
     Where that tells nothing, as of a last joint whose torque is all friction, the drive counts as like the others.
     """
-    out = np.ones(robot.n)
+    g, judged = np.ones(robot.n), judge_all(measurements, robot)
     free = [joint for joint in range(robot.n) if robot.in_ampere(joint)]
-    for joint, declared in enumerate(judge_all(measurements, robot)):
-        if joint in free:
-            out[joint] = 1.0 / declared.share if declared.share > _SURE * declared.std else np.nan
-    untold = tuple(joint for joint in free if np.isnan(out[joint]))
-    return 1.0 / _like_the_others(1.0 / out, untold, free, robot)
+    untold = [joint for joint in free if not judged[joint].share > _SURE * judged[joint].std]
+    told = [joint for joint in free if joint not in untold]
+    g[told] = [judged[joint].share for joint in told]
+    return 1.0 / _like_the_others(g, untold, free, robot)
 
 
 def _like_the_others(g: Array, untold: Sequence[int], free: Sequence[int], robot: Robot) -> Array:
@@ -281,23 +271,19 @@ def _search(currents: _Currents, g: Array, held: tuple[int, ...]) -> tuple[Array
     """Return g [n], theta [p] and the covariance of ln K [k, k] by Gauss-Newton on theta and ln g, some held."""
     equations, problem = currents.equations, currents.problem
     free, p = currents.free, currents.equations.phi.shape[1]
-    before = np.log(g[list(free)])
     searched = [k for k, joint in enumerate(free) if joint not in held]
+    places = [free[k] for k in searched]
     columns = [*range(p), *(p + k for k in searched)]
-    names = [*currents.names, *(f"gain of joint {free[k] + 1}" for k in searched)]
-    problem = _with_noise(problem, currents, g)
-    theta = np.zeros(p)
+    names = [*currents.names, *(f"gain of joint {joint + 1}" for joint in places)]
+    problem, before = _with_noise(problem, currents, g), np.log(g[places])
     for _ in range(_ROUNDS):
         factor = g[equations.joint]
-        theta = problem.factored(factor[:, None] * equations.phi, currents.names).solve(
-            problem.right(equations.torque - factor * currents.load)
-        )
+        solver = problem.factored(factor[:, None] * equations.phi, currents.names)
+        theta = solver.solve(problem.right(equations.torque - factor * currents.load))
         current, jacobian = currents.model(theta, g)
-        logs = np.log(g[list(free)])
-        step = _step(problem, jacobian[:, columns], equations.torque - current, p, (before - logs)[searched])
+        step = _step(problem, jacobian[:, columns], equations.torque - current, p, before - np.log(g[places]))
         g = g.copy()
-        for k, change in zip(searched, step, strict=True):
-            g[free[k]] *= np.exp(np.clip(change, -0.7, 0.7))
+        g[places] *= np.exp(np.clip(step, -0.7, 0.7))
         problem = _with_noise(problem, currents, g)
         if not searched or np.abs(step).max() < _STILL:
             break
@@ -327,9 +313,8 @@ def _with_noise(problem: Problem, currents: _Currents, g: Array) -> Problem:
         return problem
     equations = currents.equations
     factor = g[equations.joint]
-    phi = factor[:, None] * equations.phi
-    theta, *_ = np.linalg.lstsq(phi, equations.torque - factor * currents.load, rcond=None)
-    residual = equations.torque - factor * (equations.phi @ theta + currents.load)
+    phi, torque = factor[:, None] * equations.phi, equations.torque - factor * currents.load
+    residual = torque - phi @ np.linalg.lstsq(phi, torque, rcond=None)[0]
     variance = equations.variance.copy()
     for block in problem.unknown:
         for rows in equations.of_joints(block):
@@ -342,7 +327,6 @@ def _gains(
 ) -> Gains:
     """Return the gains with what is loaded by payloads of torque `load` [R] Nm, and what stays unknown."""
     free, equations = currents.free, currents.equations
-    sigma = np.sqrt(np.diag(logarithm))
     payload, unloaded = [], []
     for joint in free:
         rows = equations.joint == joint
@@ -354,17 +338,11 @@ def _gains(
         if size < _LOADED * whole or size < noise:
             unloaded.append(robot.joints[joint])
     names = tuple(robot.joints[joint] for joint in free)
-    vague = [name for name, s in zip(names, sigma, strict=True) if s > _UNKNOWN] if absolute else list(names)
-    return Gains(
-        names,
-        tuple("N/A" if robot.prismatic[joint] else "Nm/A" for joint in free),
-        constant[list(free)],
-        logarithm,
-        np.array(payload),
-        tuple(unloaded),
-        tuple(vague),
-        absolute,
-    )
+    units = tuple("N/A" if robot.prismatic[joint] else "Nm/A" for joint in free)
+    spread = zip(names, np.diag(logarithm), strict=True)
+    unknown = tuple(name for name, s in spread if s > _UNKNOWN**2 or not absolute)
+    values = constant[list(free)]
+    return Gains(names, units, values, logarithm, np.array(payload), tuple(unloaded), unknown, absolute)
 
 
 def with_known_gains(

@@ -37,20 +37,14 @@ class Driven:
     @property
     def notes(self) -> tuple[str, ...]:
         """What is wrong, in words: of a joint that is driven its coefficients say nothing more."""
-        said = []
-        if self.joints:
-            which = ", ".join(f"{name} (by {size:.0f} sigma)" for name, size in self.joints.items())
-            said.append(
-                f"friction that drives instead of braking: {which}; the sign of the effort, of the position or of time"
-                " is wrong there"
-            )
-        if self.coefficients:
-            which = ", ".join(f"{name} (by {size:.0f} sigma)" for name, size in self.coefficients.items())
-            said.append(
-                f"negative, which it can't be: {which}; a sign is wrong, or it stands in for something that the model"
-                " lacks"
-            )
-        return tuple(said)
+        joints, coefficients = (
+            ", ".join(f"{name} (by {size:.0f} sigma)" for name, size in found.items())
+            for found in (self.joints, self.coefficients)
+        )
+        sign = "the sign of the effort, of the position or of time is wrong there"
+        lack = "a sign is wrong, or it stands in for something that the model lacks"
+        driving = (f"friction that drives instead of braking: {joints}; {sign}",) if joints else ()
+        return (*driving, *((f"negative, which it can't be: {coefficients}; {lack}",) if coefficients else ()))
 
 
 def driven(structure: Structure, measurements: Sequence[Measurement], values: Array, covariance: Array) -> Driven:

@@ -103,9 +103,7 @@ class EffortChecks:
         self._measured = [(measured, EffortRows(measured, robot)) for measured in measurements]
 
     def foreign(self) -> str:
-        """Return which joints' efforts are none of this motion, in a sentence that says what they look like; or
-        nothing.
-        """
+        """Return which joints' efforts are none of this motion, in a sentence that says what they look like; or ""."""
         return self._first(_not_of_this_motion)
 
     def clocks_apart(self) -> str:
@@ -121,11 +119,8 @@ class EffortChecks:
 
     def _first(self, look: Callable[[EffortRows], list[str]]) -> str:
         """Return what a look at the recordings says of the first one of which it says something."""
-        for measured, rows in self._measured:
-            told = look(rows)
-            if told:
-                return f"{measured.source}: {'; '.join(told)}"
-        return ""
+        told = ((measured.source, look(rows)) for measured, rows in self._measured)
+        return next((f"{source}: {'; '.join(words)}" for source, words in told if words), "")
 
     def gravity(self) -> Contradiction | None:
         """Return what the efforts say of gravity where that is far from what is declared, by the robot YAML or a
@@ -154,12 +149,12 @@ def undecided_directions(measured: Measurement, robot: Robot) -> str:
     if robot.effort.coupling is not None:
         return ""
     rows, alike = EffortRows(measured, robot), []
-    left = sum(1.0 - _explained(*rows.of(joint), rows.block)[0] for joint in rows.moving)
+    left = _left(rows)
     for joint in rows.moving:
         turn, motion = np.where(np.arange(robot.n) == joint, -1.0, 1.0), measured.motion
         turned = replace(motion, q=motion.q * turn, dq=motion.dq * turn, ddq=motion.ddq * turn)
         other = EffortRows(replace(measured, motion=turned, torque=measured.torque * turn), robot)
-        if sum(1.0 - _explained(*other.of(k), other.block)[0] for k in other.moving) < _AS_WELL * left + _ALIKE:
+        if _left(other) < _AS_WELL * left + _ALIKE:
             alike.append(robot.joints[joint])
     if not alike:
         return ""
@@ -167,6 +162,11 @@ def undecided_directions(measured: Measurement, robot: Robot) -> str:
         f"these data can't tell which way {', '.join(alike)} turn{'s' * (len(alike) == 1)}: position and effort turned"
         " round together fit as well; compare a motion of the robot with the URDF's axis"
     )
+
+
+def _left(rows: EffortRows) -> float:
+    """Return what own motions leave of the joints' efforts, in parts of their power."""
+    return sum(1.0 - _explained(*rows.of(joint), rows.block)[0] for joint in rows.moving)
 
 
 def _not_of_this_motion(rows: EffortRows) -> list[str]:

@@ -144,8 +144,8 @@ def out_of_step(rows: EffortRows) -> list[str]:
     near = max(1, round(_NEAR / rows.spacing))
     found = []
     for number, efforts in enumerate(rows.efforts if bases else (), start=1):
-        left = [_left_by_shift(basis, efforts[:, joint]) for basis, joint in zip(bases, rows.moving, strict=True)]
-        total = np.mean(left, axis=0)
+        pairs = zip(bases, rows.moving, strict=True)
+        total = np.mean([_left_by_shift(basis, efforts[:, joint]) for basis, joint in pairs], axis=0)
         if len(total) < 3 * near:
             return []
         steps = np.arange(len(total))

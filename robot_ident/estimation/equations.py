@@ -157,19 +157,16 @@ def _groups(measured: Measurement) -> list[Measurement]:
         return [measured]
     out = []
     for rows in np.array_split(np.arange(len(periods)), min(_GROUPS, len(periods))):
-        present = np.isfinite(periods[rows])
-        torque = np.where(present, periods[rows], 0.0).sum(axis=0) / np.maximum(present.sum(axis=0), 1)
-        share = len(rows) / len(periods)
-        out.append(
-            replace(
-                measured,
-                motion=replace(measured.motion, began=tuple(measured.motion.began[k] for k in rows)),
-                torque=torque,
-                used=measured.used & present.any(axis=0),
-                periods=len(rows),
-                averages=measured.averages * share,
-                variance_dof=measured.variance_dof * share,
-                period_torque=None,
-            )
+        present, share = np.isfinite(periods[rows]), len(rows) / len(periods)
+        group = replace(
+            measured,
+            motion=replace(measured.motion, began=tuple(measured.motion.began[k] for k in rows)),
+            torque=np.where(present, periods[rows], 0.0).sum(axis=0) / np.maximum(present.sum(axis=0), 1),
+            used=measured.used & present.any(axis=0),
+            periods=len(rows),
+            averages=measured.averages * share,
+            variance_dof=measured.variance_dof * share,
+            period_torque=None,
         )
+        out.append(group)
     return out

@@ -7,6 +7,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
+from robot_ident.estimation.covariance import scaled_eigen
 from robot_ident.estimation.problem import Solution
 from robot_ident.model.structure import Structure
 from robot_ident.recording.measurement import Measurement
@@ -20,6 +21,7 @@ _CONDITION = 100.0  # of the normalised columns, above which excitation is calle
 _BLAME = 0.3  # share of a column in a weak direction
 _STATES = 300  # random ones within the limits
 _LISTED = 12  # names in a line
+_REMEDY = "design a longer motion that is faster and wider (robot_ident design), or add recordings of others"
 _FASTER = 2.0  # where a robot gives no limit: times what was recorded
 
 
@@ -27,14 +29,12 @@ _FASTER = 2.0  # where a robot gives no limit: times what was recorded
 class Identifiability:
     """How far the data determine the parameters [p].
 
-    relative [p]: sigma over value. influence [p]: rms torque that a sigma is worth on random states within the robot's
+    influence [p]: rms torque that a sigma is worth on random states within the robot's
     limits, over the rms torque there, at the joint where it matters most. uncertainty [n]: that of the whole model.
     open: parameters that are not known and matter. pairs: nearly collinear estimates (name, name, correlation). weak:
     columns that make the condition number large.
     """
 
-    names: tuple[str, ...]
-    relative: Array
     influence: Array
     uncertainty: Array
     open: tuple[str, ...]
@@ -42,7 +42,6 @@ class Identifiability:
     weak: tuple[str, ...]
     condition_number: float
     joints: tuple[str, ...]
-    remedy: str
 
     @property
     def poor(self) -> bool:
@@ -57,10 +56,10 @@ class Identifiability:
             worst = int(np.argmax(self.uncertainty))
             out.append(
                 f"badly excited: on other motions within the robot's limits the torque of {self.joints[worst]} is"
-                f" uncertain by {_percent(self.uncertainty[worst])}; {self.remedy}"
+                f" uncertain by {_percent(self.uncertainty[worst])}; {_REMEDY}"
             )
         if self.open:
-            out.append(f"the data cannot give {_listed(self.open)}: sigma exceeds half of the value; {self.remedy}")
+            out.append(f"the data cannot give {_listed(self.open)}: sigma exceeds half of the value; {_REMEDY}")
         if self.condition_number > _CONDITION:
             out.append(
                 f"condition number {self.condition_number:.3g} (good: below 30): the columns of {_listed(self.weak)}"
@@ -85,12 +84,13 @@ def identifiability(found: Solution, measurements: Sequence[Measurement]) -> Ide
     columns = _columns(structure, _states(structure, measurements))
     size = np.sqrt(np.mean((columns @ values) ** 2, axis=0))
     size = np.maximum(size, 1e-3 * max(float(size.max()), 1e-12))
-    influence = np.max(np.maximum(_rms(columns), _recorded(found)) * sigma / size[:, None], axis=0)
+    # along the recordings what single states don't tell
+    past, equations = structure.places_of(lambda effect: effect.uses_torque or not effect.symbolic), found.equations
+    recorded = [past * _rms(equations.phi[equations.joint == joint]) for joint in range(structure.robot.n)]
+    influence = np.max(np.maximum(_rms(columns), recorded) * sigma / size[:, None], axis=0)
     spread = np.einsum("kjp,pq,kjq->j", columns, covariance, columns, optimize=True) / len(columns)
     unknown = np.flatnonzero((relative > _OPEN) & (influence > _MATTERS))
     return Identifiability(
-        names=structure.names,
-        relative=relative,
         influence=influence,
         uncertainty=np.sqrt(np.maximum(spread, 0.0)) / size,
         open=tuple(structure.names[k] for k in unknown[np.argsort(-influence[unknown])]),
@@ -98,30 +98,21 @@ def identifiability(found: Solution, measurements: Sequence[Measurement]) -> Ide
         weak=_weak(found),
         condition_number=found.condition_number,
         joints=structure.robot.joints,
-        remedy="design a longer motion that is faster and wider (robot_ident design), or add recordings of others",
     )
 
 
 def _columns(structure: Structure, states: Motion) -> Array:
     """Return the columns [K, n, p] at single states; zero for effects that depend on the past or on torque."""
-    parts = [structure.reported(structure.rigid_columns(states))]
-    for effect in structure.effects:
+    out = np.zeros((states.samples, structure.robot.n, len(structure.parameters)))
+    out[:, :, : len(structure.base.columns)] = structure.reported(structure.rigid_columns(states))
+    for effect, own in structure.placed:
         if effect.symbolic and not effect.uses_torque:
-            parts.append(effect.columns(states))
-        else:
-            parts.append(np.zeros((states.samples, structure.robot.n, len(effect.coefficients))))
-    return np.concatenate(parts, axis=2)
+            out[:, :, own] = effect.columns(states)
+    return out
 
 
 def _rms(columns: Array) -> Array:
     return np.asarray(np.sqrt(np.mean(columns**2, axis=0)))
-
-
-def _recorded(found: Solution) -> Array:
-    """Return the rms [n, p] of the columns that single states don't tell, along the recordings; zero for the others."""
-    structure, equations = found.structure, found.equations
-    past = structure.places_of(lambda effect: effect.uses_torque or not effect.symbolic)
-    return np.array([past * _rms(equations.phi[equations.joint == joint]) for joint in range(structure.robot.n)])
 
 
 def _states(structure: Structure, measurements: Sequence[Measurement]) -> Motion:
@@ -158,11 +149,8 @@ def _pairs(names: Sequence[str], covariance: Array, sigma: Array) -> tuple[tuple
 def _weak(found: Solution) -> tuple[str, ...]:
     """Return the columns that take part in directions whose singular value is under a hundredth of the largest."""
     scaled = found.equations.phi / np.sqrt(found.variance)[:, None]
-    norm = np.linalg.norm(scaled, axis=0)
-    gram = scaled.T @ scaled / np.outer(norm, norm)
-    size, vectors = np.linalg.eigh(gram)
-    weak = size < size[-1] / _CONDITION**2
-    share = np.abs(vectors[:, weak]).max(axis=1) if weak.any() else np.zeros(len(norm))
+    _, size, vectors = scaled_eigen(scaled.T @ scaled)
+    share = np.abs(vectors[:, size < size[-1] / _CONDITION**2]).max(axis=1, initial=0.0)
     return tuple(found.structure.names[k] for k in np.argsort(-share) if share[k] > _BLAME)
 
 

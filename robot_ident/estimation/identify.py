@@ -194,7 +194,11 @@ def estimate(
         notes += consistent.notes
     linear = found.values[: len(structure.parameters)]
     equations = found.equations if taken is measurements else stack(measurements, found.structure, linear)
-    residual = _fits(equations, equations.torque - equations.phi @ linear, structure)
+    residual = {}
+    for joint, name in enumerate(structure.robot.joints):
+        rows = equations.joint == joint
+        torque = equations.torque[rows]
+        residual[name] = fit(torque - equations.phi[rows] @ linear, torque, equations.variance[rows])
     notes = [*implausible_notes(found.structure, equations, linear, np.sqrt(np.diag(found.covariance))), *notes]
     _, logdet = np.linalg.slogdet(found.covariance[: len(linear), : len(linear)])
     return Model(
@@ -232,11 +236,9 @@ def _misfit_notes(residual: Mapping[str, Fit], equations: Equations) -> list[str
     """Return a line that names the joints whose residual is more than their noise."""
     joints = []
     for number, (name, fit) in enumerate(residual.items()):
-        if not fit.noise_variance:
-            continue
-        ratio = fit.mse / fit.noise_variance
+        ratio = fit.mse / fit.noise_variance if fit.noise_variance else 0.0
         rows = float(np.sum(equations.independent[equations.joint == number]))
-        if ratio > 1.2 and ratio > 1.0 + 5.0 * np.sqrt(2.0 / rows):
+        if ratio > max(1.2, 1.0 + 5.0 * np.sqrt(2.0 / rows)):
             joints.append(f"{name} {ratio:.3g}")
     if not joints:
         return []
@@ -248,40 +250,18 @@ def _misfit_notes(residual: Mapping[str, Fit], equations: Equations) -> list[str
 
 def _noise(measurements: Sequence[Measurement]) -> NoiseLevel:
     """Return the noise of one sample, pooled over recordings by their degrees of freedom."""
-    weights = np.array([measured.variance_dof for measured in measurements])
-    periodic = [measured for measured, dof in zip(measurements, weights, strict=True) if dof > 0]
-    first = periodic[0] if periodic else measurements[0]
-
-    def pooled(variances: list[Array]) -> tuple[float | None, ...]:
-        if not periodic:
-            return (None,) * len(measurements[0].joints)
-        mean = np.average(np.array(variances), axis=0, weights=weights[weights > 0])
-        return tuple(float(value) for value in mean)
-
-    return NoiseLevel(
-        pooled([measured.torque_variance for measured in periodic]),
-        pooled([measured.position_variance for measured in periodic]),
-        first.periods,
-        first.samples_per_period,
-    )
-
-
-def _fits(equations: Equations, residual: Array, structure: Structure) -> dict[str, Fit]:
-    out = {}
-    for joint, name in enumerate(structure.robot.joints):
-        rows = equations.joint == joint
-        out[name] = fit(residual[rows], equations.torque[rows], equations.variance[rows])
-    return out
+    periodic = [measured for measured in measurements if measured.variance_dof > 0]
+    if not periodic:
+        unknown, first = (None,) * len(measurements[0].joints), measurements[0]
+        return NoiseLevel(unknown, unknown, first.periods, first.samples_per_period)
+    weights, first = [measured.variance_dof for measured in periodic], periodic[0]
+    torque = np.average([measured.torque_variance for measured in periodic], axis=0, weights=weights)
+    position = np.average([measured.position_variance for measured in periodic], axis=0, weights=weights)
+    return NoiseLevel(tuple(torque.tolist()), tuple(position.tolist()), first.periods, first.samples_per_period)
 
 
 def fit(residual: Array, torque: Array, variance: Array) -> Fit:
     """Return how well a model follows one joint: residual, torque and noise variance of its rows [R]."""
-    mse = float(np.mean(residual**2))
-    noise = float(np.mean(variance))
-    size = float(np.sum(torque**2))
-    return Fit(
-        mse,
-        float(np.sqrt(mse)),
-        noise if np.isfinite(noise) else None,
-        float(np.sqrt(np.sum(residual**2) / size)) if size else None,
-    )
+    mse, noise, size = float(np.mean(residual**2)), float(np.mean(variance)), float(np.sum(torque**2))
+    relative = float(np.sqrt(np.sum(residual**2) / size)) if size else None
+    return Fit(mse, float(np.sqrt(mse)), noise if np.isfinite(noise) else None, relative)

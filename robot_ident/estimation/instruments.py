@@ -17,7 +17,7 @@ import numpy as np
 
 from robot_ident.errors import InputError
 from robot_ident.estimation.covariance import long_run_scores
-from robot_ident.estimation.equations import Equations, stack
+from robot_ident.estimation.equations import stack
 from robot_ident.estimation.problem import Problem, Solution, beside_wls, solution
 from robot_ident.recording.measurement import Measurement
 from robot_ident.signals.filters import ZeroPhaseLowPass
@@ -46,7 +46,16 @@ def instrumental_variables(problem: Problem, start: Solution) -> Solution:
     reconstructed = [_reconstructed(measured) for measured in problem.measurements]
     other = stack(reconstructed, structure, start.values[:p])
     weighed = problem.noise.precision(other.phi)
-    values, bread = _solved(weighed, equations, problem)
+    rows, columns = (np.linalg.norm(part, axis=0) for part in (weighed, equations.phi))
+    rows, columns = np.where(rows > 0, rows, 1.0), np.where(columns > 0, columns, 1.0)
+    normal = (weighed / rows).T @ (equations.phi / columns)
+    if np.linalg.cond(normal) > 1e10:
+        raise InputError(
+            f"{problem.source}: the motion is too rough for instruments: what the samples about an instant say of it"
+            " does not excite every parameter; use --estimator wls"
+        )
+    bread = np.linalg.inv(normal) / np.outer(columns, rows)  # (Z' W F)^-1
+    values = bread @ (weighed.T @ equations.torque)
     found = solution(problem, structure, values, equations)
     residual = equations.torque - equations.phi @ values
     covariance = bread @ long_run_scores(weighed, residual, equations, problem.noise, problem.unknown) @ bread.T
@@ -57,21 +66,6 @@ def instrumental_variables(problem: Problem, start: Solution) -> Solution:
             f"{', '.join(own)}: periodic, its own instrument; --estimator ml takes noise of its positions into account"
         )
     return replace(found, covariance=covariance, notes=tuple(notes))
-
-
-def _solved(weighed: Array, equations: Equations, problem: Problem) -> tuple[Array, Array]:
-    """Return theta [p] = (Z' W F)^-1 Z' W b and (Z' W F)^-1."""
-    rows = np.linalg.norm(weighed, axis=0)
-    columns = np.linalg.norm(equations.phi, axis=0)
-    rows, columns = np.where(rows > 0, rows, 1.0), np.where(columns > 0, columns, 1.0)
-    normal = (weighed / rows).T @ (equations.phi / columns)
-    if np.linalg.cond(normal) > 1e10:
-        raise InputError(
-            f"{problem.source}: the motion is too rough for instruments: what the samples about an instant say of it"
-            " does not excite every parameter; use --estimator wls"
-        )
-    inverse = np.linalg.inv(normal) / np.outer(columns, rows)
-    return inverse @ (weighed.T @ equations.torque), inverse
 
 
 def _reconstructed(measured: Measurement) -> Measurement:

@@ -1,4 +1,4 @@
-"""Least squares on the stacked equations, plain and weighted, with covariance."""
+"""Weighted least squares on the stacked equations by QR factorisation, with covariance."""
 
 from __future__ import annotations
 
@@ -15,7 +15,7 @@ _RANK = 1e-10  # singular values below this share of the largest (columns scaled
 
 @dataclass(frozen=True)
 class Factor:
-    """A QR factorisation of W^1/2 F with its columns scaled to norm 1: what every solution of one F shares.
+    """A QR factorisation of weighted rows W^1/2 F, columns scaled to norm 1: what every solution of one F shares.
 
     condition_number: s_max / s_min of that matrix, the paper's c1.
     """
@@ -23,47 +23,41 @@ class Factor:
     q: Array
     r: Array
     scale: Array
-    root_weight: Array
     condition_number: float
 
     def solve(self, torque: Array) -> Array:
-        """Return theta [p] (or [p, runs]) for torque [R] (or [R, runs])."""
+        """Return theta [p] (or [p, runs]) for the torque [R] (or [R, runs]), weighted as the rows are."""
         from scipy.linalg import solve_triangular
 
-        right = (torque.T * self.root_weight).T
-        solution = solve_triangular(self.r, self.q.T @ right)
-        theta: Array = (solution.T / self.scale).T
-        return theta
+        return np.asarray((solve_triangular(self.r, self.q.T @ torque).T / self.scale).T)
 
     def beside(self, further: Array, names: Sequence[str], source: str) -> Factor:
         """Factorise [F, G] for further columns G [R, k], what is known of F as it is; names: of all p + k.
 
         [F, G] = [Q, Q2] [[R, Q' G], [0, R2]] with Q2 R2 = G - Q Q' G. InputError as `factor`.
         """
-        scaled, scale = _scaled(further * self.root_weight[:, None], names[len(self.scale) :], source)
+        scaled, scale = _scaled(further, names[len(self.scale) :], source)
         shared = self.q.T @ scaled
         rest = scaled - self.q @ shared
         again = self.q.T @ rest  # once more: what rounding has left along Q
         q, r = np.linalg.qr(rest - self.q @ again)
         whole = np.block([[self.r, shared + again], [np.zeros((len(r), len(self.r))), r]])
         condition = _condition_number(whole, names, source)
-        return Factor(np.hstack([self.q, q]), whole, np.concatenate([self.scale, scale]), self.root_weight, condition)
+        return Factor(np.hstack([self.q, q]), whole, np.concatenate([self.scale, scale]), condition)
 
     def inverse_information(self) -> Array:
         """Return (F' W F)^-1 [p, p]."""
         from scipy.linalg import solve_triangular
 
         half = solve_triangular(self.r, np.eye(len(self.r))) / self.scale[:, None]
-        covariance: Array = half @ half.T
-        return covariance
+        return np.asarray(half @ half.T)
 
 
-def factor(phi: Array, weight: Array, names: Sequence[str], source: str) -> Factor:
-    """Factorise W^1/2 F for F [R, p] and weights [R]; InputError names the columns where F lacks rank."""
-    root = np.sqrt(weight)
-    scaled, scale = _scaled(phi * root[:, None], names, source)
+def factor(rows: Array, names: Sequence[str], source: str) -> Factor:
+    """Factorise weighted rows W^1/2 F [R, p]; InputError names the columns where F lacks rank."""
+    scaled, scale = _scaled(rows, names, source)
     q, r = np.linalg.qr(scaled)
-    return Factor(q, r, scale, root, _condition_number(r, names, source))
+    return Factor(q, r, scale, _condition_number(r, names, source))
 
 
 def _scaled(phi: Array, names: Sequence[str], source: str) -> tuple[Array, Array]:
@@ -87,12 +81,3 @@ def _condition_number(r: Array, names: Sequence[str], source: str) -> float:
             " excite more joints or drop an effect"
         )
     return float(singular[0] / singular[-1])
-
-
-def ordinary(phi: Array, torque: Array, variance: Array, names: Sequence[str], source: str) -> tuple[Array, Array]:
-    """Return (theta, covariance) of ordinary least squares: theta = F+ b (eq. 10), cov = F+ S F+'."""
-    found = factor(phi, np.ones(len(torque)), names, source)
-    theta = found.solve(torque)
-    bread = found.inverse_information()
-    covariance = bread @ (phi.T @ (phi * variance[:, None])) @ bread
-    return theta, covariance

@@ -100,15 +100,6 @@ class State:
 
 
 @dataclass(frozen=True)
-class Step:
-    """A Levenberg-Marquardt step: of theta and free inner parameters [a] and of each delta, the fall predicted."""
-
-    theta: Array
-    delta: tuple[Array, ...]
-    predicted: float
-
-
-@dataclass(frozen=True)
 class Normal:
     """The arrow: F_tt [a, a], gradient [a]; of each measurement F_td [a, d], F_dd [d, d] with prior, gradient [d]."""
 
@@ -131,19 +122,19 @@ class Normal:
             slope = slope - cross @ cho_solve(factors[-1], right)
         return own, slope, factors
 
-    def step(self, damping: float) -> Step:
-        """Solve with the diagonals enlarged by 1 + damping."""
+    def step(self, damping: float) -> tuple[Array, list[Array], float]:
+        """Return the changes of theta and free inner parameters [a] and of each delta, the diagonals enlarged by
+        1 + damping, and the fall of chi-square that they predict.
+        """
         from scipy.linalg import cho_solve
 
         own, slope, factors = self.information(damping)
         scale = np.sqrt(np.diag(own))
         theta = np.linalg.solve(own / np.outer(scale, scale), slope / scale) / scale
-        delta = tuple(
-            cho_solve(factored, right - cross.T @ theta)
-            for factored, cross, right in zip(factors, self.cross, self.inner_slope, strict=True)
-        )
+        blocks = zip(factors, self.cross, self.inner_slope, strict=True)
+        delta = [cho_solve(factored, right - cross.T @ theta) for factored, cross, right in blocks]
         gain = float(theta @ self.slope + sum(d @ g for d, g in zip(delta, self.inner_slope, strict=True)))
-        return Step(theta, delta, gain)
+        return theta, delta, gain
 
 
 def _movable(measured: Measurement, noise: Array, structure: Structure, values: Array) -> Mask:
@@ -179,12 +170,12 @@ def maximum_likelihood(problem: Problem, start: Solution) -> Solution:
     normal, neglected = _normal(trajectories, state)
     damping = 0.0
     for _ in range(_ITERATIONS):
-        step = normal.step(damping)
-        trial = _moved(problem, trajectories, state, step)
+        theta, delta, predicted = normal.step(damping)
+        trial = _moved(problem, trajectories, state, theta, delta)
         if trial.cost <= state.cost * (1.0 + 1e-12):
             state, damping = trial, 0.1 * damping if damping > 1e-8 else 0.0
             normal, _ = _normal(trajectories, state)
-            if step.predicted < _TOLERANCE:
+            if predicted < _TOLERANCE:
                 break
         else:
             damping = max(10.0 * damping, 1e-4)
@@ -208,15 +199,16 @@ def _at(
     return State(structure, values, tuple(delta), here, equations, residual, cost)
 
 
-def _moved(problem: Problem, trajectories: Sequence[Trajectory], state: State, step: Step) -> State:
-    p = len(state.values)
-    delta = [old + new for old, new in zip(state.delta, step.delta, strict=True)]
-    structure = state.structure
-    if len(step.theta) > p:
+def _moved(
+    problem: Problem, trajectories: Sequence[Trajectory], state: State, step: Array, further: Sequence[Array]
+) -> State:
+    p, structure = len(state.values), state.structure
+    if len(step) > p:
         settings, (lower, upper, free) = structure.settings.copy(), inner_bounds(structure)
-        settings[free] = np.clip(settings[free] + step.theta[p:], lower[free], upper[free])
+        settings[free] = np.clip(settings[free] + step[p:], lower[free], upper[free])
         structure = structure.with_settings(settings)
-    return _at(problem, trajectories, structure, state.values + step.theta[:p], delta)
+    delta = [old + new for old, new in zip(state.delta, further, strict=True)]
+    return _at(problem, trajectories, structure, state.values + step[:p], delta)
 
 
 def _normal(trajectories: Sequence[Trajectory], state: State) -> tuple[Normal, tuple[str, ...]]:
@@ -243,12 +235,12 @@ def _finished(state: State, start: Solution, normal: Normal, neglected: tuple[st
     """Return the solution at the optimum with the Cramer-Rao bound and what ml changed."""
     found = solution(state.problem, state.structure, state.values, state.equations)
     information, *_ = normal.information()
-    scale = np.sqrt(np.diag(information))
-    bound = np.linalg.inv(information / np.outer(scale, scale)) / np.outer(scale, scale)
+    root = np.sqrt(np.diag(information))
+    scale = np.outer(root, root)
     _, place = with_inner(state.problem, state.structure, state.values, state.equations)
     covariance = np.zeros_like(found.covariance)
     # coloured noise that is not weighed by its inverse: what it adds to the bound is added here
-    plain = np.linalg.inv(normal.own / np.outer(scale, scale)) / np.outer(scale, scale)
+    bound, plain = (np.linalg.inv(part / scale) / scale for part in (information, normal.own))
     excess = found.covariance[np.ix_(place, place)] - plain if not state.problem.noise.weighs else 0.0
     covariance[np.ix_(place, place)] = bound + excess
     words = ": position noise matters here", ": position noise does not matter here"

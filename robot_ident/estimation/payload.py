@@ -174,11 +174,6 @@ class Holding:
         self._centre = None if part.centre is None else self._origin + rotation @ np.array(part.centre)
         self._inertia = None if part.inertia is None else rotation @ tensor(part.inertia) @ rotation.T
 
-    @property
-    def curved(self) -> bool:
-        """Whether what is known bends the space of what is left, so that it takes several steps to be found."""
-        return self._inertia is not None and self._centre is None
-
     def start(self) -> Array:
         """Return the ten parameters [10] to begin with: a known mass where the hand is, else nothing."""
         values = np.zeros(10)
@@ -272,10 +267,13 @@ def identify_payload(
     columns = rows_of_payload(measurements, equations, robot, range(len(measurements)))
     friction = {effect.name for effect in structure.effects if effect.symmetry in ("dissipative", "memory", "mixed")}
     held = [k for k, parameter in enumerate(structure.parameters) if parameter.effect not in friction]
-    root = _inverse_root(model.covariance[np.ix_(held, held)])
+    # R' R = C^-1; directions without any spread are held firmly
+    size, power, vectors = scaled_eigen(model.covariance[np.ix_(held, held)])
+    root = (vectors / np.sqrt(np.maximum(power, _DIGITS * max(float(power[-1]), _DIGITS)))).T / size
     p, holding = len(linear), Holding(part, robot)
     values = holding.start()
-    for _ in range(_ROUNDS if holding.curved else 1):
+    # a known inertia about an unknown centre bends the space of what is left
+    for _ in range(_ROUNDS if part.inertia and not part.centre else 1):
         directions, vague = holding.directions(values)
         jacobian = np.hstack([equations.phi, columns @ directions])
         right = equations.torque - equations.phi @ linear - columns @ values
@@ -315,13 +313,6 @@ def rows_of_payload(
     for block in blocks:
         equations.put(out, block, measurements[block].passed(payload_columns(robot, measurements[block].motion)))
     return out
-
-
-def _inverse_root(covariance: Array) -> Array:
-    """Return R [p, p] with R' R = C^-1; directions without any spread are held firmly."""
-    scale, values, vectors = scaled_eigen(covariance)
-    values = np.maximum(values, _DIGITS * max(float(values[-1]), _DIGITS))
-    return np.asarray((vectors / np.sqrt(values)).T / scale)
 
 
 def solve_beside(

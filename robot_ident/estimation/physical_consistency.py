@@ -148,12 +148,8 @@ def pseudo_inertia_rows(scale: Array, slope: Array, offset: Array, least: float 
 
     The floor `least` under the eigenvalues is that of a link of unit mass in units of the link's own.
     """
-    rows, rights = [], []
-    for first in range(0, len(slope), 10):
-        own = slice(first, first + 10)
-        rows.append(-TRIANGLE @ slope[own])
-        rights.append(TRIANGLE @ offset[own] - least / scale[first] * IDENTITY)
-    return np.vstack(rows), np.concatenate(rights)
+    triangles = np.kron(np.eye(len(slope) // 10), TRIANGLE)
+    return -triangles @ slope, triangles @ offset - np.kron(least / scale[: len(slope) : 10], IDENTITY)
 
 
 def solve(quadratic: Array, linear: Array, a: Array, b: Array, *, zero: int, positive: int, links: int) -> Array:
@@ -280,20 +276,19 @@ class Consistent:
     @property
     def notes(self) -> tuple[str, ...]:
         """What happened, in a line or two."""
-        if not self.violated:
-            said: tuple[str, ...] = ("the parameters are physically possible as estimated",)
-        else:
-            said = (
-                *(f"not physically possible as estimated: {one}" for one in self.violated),
-                f"nearest possible parameters taken: {self.distance:.3g} standard deviations away (chi-square"
-                f" +{self.distance**2:.3g}), mean squared residual {100 * self.residual_rise:+.2g} %",
-            )
+        said = [f"not physically possible as estimated: {one}" for one in self.violated]
+        said.append(
+            f"nearest possible parameters taken: {self.distance:.3g} standard deviations away (chi-square"
+            f" +{self.distance**2:.3g}), mean squared residual {100 * self.residual_rise:+.2g} %"
+            if self.violated
+            else "the parameters are physically possible as estimated"
+        )
         if self.sharpened is None:
-            return (*said, "sigma is that of the data alone, an upper bound: what is possible could not be counted in")
-        if self.sharpened > 0.01:
+            said.append("sigma is that of the data alone, an upper bound: what is possible could not be counted in")
+        elif self.sharpened > 0.01:
             what = f"up to {100 * self.sharpened:.2g} % smaller than the data alone would give it"
-            said = (*said, f"sigma counts in what is physically possible: {what}")
-        return said
+            said.append(f"sigma counts in what is physically possible: {what}")
+        return tuple(said)
 
     def to_dict(self) -> dict[str, Any]:
         """Return plain data for `model.yaml`."""

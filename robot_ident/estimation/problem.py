@@ -11,7 +11,7 @@ import numpy as np
 from robot_ident.effects.torque_scale import SPREAD, TorqueScale
 from robot_ident.estimation.covariance import sandwich
 from robot_ident.estimation.equations import Compared, Equations, stack
-from robot_ident.estimation.least_squares import Factor, factor, ordinary
+from robot_ident.estimation.least_squares import Factor, factor
 from robot_ident.estimation.row_noise import RowNoise, row_noise
 from robot_ident.model.structure import Structure
 from robot_ident.recording.measurement import Measurement
@@ -111,13 +111,11 @@ class Problem:
 
     def factored(self, phi: Array, names: Sequence[str]) -> Factor:
         """Factorise the weighted columns [R, p]."""
-        if not self.weighted:
-            return factor(phi, np.ones(len(phi)), names, self.source)
-        return factor(self.noise.whiten(phi), self.noise.independent, names, self.source)
+        return factor(self.right(phi), names, self.source)
 
     def right(self, torque: Array) -> Array:
-        """Return the torque [R] as the factor of the columns takes it."""
-        return self.noise.whiten(torque) if self.weighted else torque
+        """Return rows [R, ...] as the factor of the columns takes them."""
+        return self.noise.weigh(torque) if self.weighted else torque
 
     def covariance(self, equations: Equations, jacobian: Array, residual: Array, names: Sequence[str]) -> Array:
         """Return the covariance [p, p] of parameters whose derivatives of torque are `jacobian` [R, p].
@@ -148,32 +146,24 @@ def solution(problem: Problem, structure: Structure, values: Array, equations: E
     covariance = np.zeros((len(parameters),) * 2)
     names = [parameters[k].name for k in place]
     covariance[np.ix_(place, place)] = problem.covariance(equations, jacobian, residual, names)
-    covariance = _beside_prior(covariance, structure)
+    for k, scale in enumerate(structure.settings, len(structure.parameters)):
+        if parameters[k].effect == TorqueScale.name:  # known before data: (C^-1 + 1 / (a SPREAD)^2)^-1
+            column = covariance[:, k]
+            covariance = covariance - np.outer(column, column) / (column[k] + (SPREAD * scale) ** 2)
     known = not problem.unknown and not problem.noise.bands
     independent = equations.independent
+    weighed = factor(equations.phi / np.sqrt(problem.variance)[:, None], structure.names, problem.source)
     return Solution(
         structure=structure,
         values=np.concatenate([values, structure.settings]),
         covariance=covariance,
         equations=equations,
         variance=problem.variance,
-        condition_number=factor(
-            equations.phi, 1.0 / problem.variance, structure.names, problem.source
-        ).condition_number,
+        condition_number=weighed.condition_number,
         notes=problem.notes,
         chi_square=float(np.sum(independent * problem.noise.whiten(residual) ** 2)) if known else float("nan"),
         dof=float(np.sum(independent) - len(place)) if known else float("nan"),
     )
-
-
-def _beside_prior(covariance: Array, structure: Structure) -> Array:
-    """Return the covariance [p + r] with what is known of torque scales before data: (C^-1 + 1 / (a SPREAD)^2)^-1."""
-    out, p = covariance, len(structure.parameters)
-    for place, scale in zip(range(p, p + len(structure.inner)), structure.settings, strict=True):
-        if structure.inner[place - p].effect == TorqueScale.name:
-            column = out[:, place]
-            out = out - np.outer(column, column) / (column[place] + (SPREAD * scale) ** 2)
-    return out
 
 
 def inner_bounds(structure: Structure) -> tuple[Array, Array, np.ndarray]:
@@ -201,13 +191,10 @@ def with_inner(problem: Problem, structure: Structure, values: Array, equations:
             joint = structure.robot.joint_index(structure.inner[k].joint or "")
             columns.append(np.where(equations.joint == joint, links / settings[k], 0.0)[:, None])
             continue
-        step = STEP * (upper[k] - lower[k])
-        ends = []
-        for side in (-1.0, 1.0):
-            moved = settings.copy()
-            moved[k] = np.clip(moved[k] + side * step, lower[k], upper[k])
-            ends.append((moved[k], problem.equations(structure.with_settings(moved), values).phi @ values))
-        columns.append(((ends[1][1] - ends[0][1]) / (ends[1][0] - ends[0][0]))[:, None])
+        ends = np.clip(settings[k] + STEP * (upper[k] - lower[k]) * np.array([-1.0, 1.0]), lower[k], upper[k])
+        moved = [np.where(np.arange(len(settings)) == k, end, settings) for end in ends]
+        before, after = (problem.equations(structure.with_settings(one), values).phi @ values for one in moved)
+        columns.append(((after - before) / (ends[1] - ends[0]))[:, None])
     return np.hstack(columns), np.concatenate([np.arange(p), p + np.flatnonzero(free)])
 
 
@@ -233,13 +220,11 @@ def _variances(
     unknown = ~np.isfinite(equations.variance) | (equations.variance <= 0)
     if not unknown.any():
         return equations.variance, ()
-    ones = np.ones(equations.rows)
     silent = np.linalg.norm(equations.phi, axis=0) == 0.0
     silent[: len(structure.base.columns)] = False  # of effects that depend on a torque not known yet
     names = [name for name, drop in zip(structure.names, silent, strict=True) if not drop]
     phi = equations.phi[:, ~silent]
-    theta, _ = ordinary(phi, equations.torque, ones, names, source)
-    residual = equations.torque - phi @ theta
+    residual = equations.torque - phi @ factor(phi, names, source).solve(equations.torque)
     variance = equations.variance.copy()
     share = equations.rows / (equations.rows - len(names))
     for block in np.unique(equations.block[unknown]):

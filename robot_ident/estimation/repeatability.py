@@ -5,7 +5,7 @@ what drifts.
 from __future__ import annotations
 
 from collections.abc import Sequence
-from dataclasses import dataclass
+from dataclasses import asdict, dataclass
 from datetime import UTC, datetime
 from typing import Any
 
@@ -94,22 +94,16 @@ class PerPeriod(_Repeated):
 
     def to_dict(self, names: Sequence[str]) -> dict[str, Any]:
         """Return plain data for `model.yaml`."""
+        rows = zip(names, self.scatter, self.of_mean, self.sigma, self.values.T, strict=True)
         return {
             "source": self.source,
             "periods": len(self.values),
             "scatter_over_sigma": self.ratio,
             "parameters": {
-                name: {
-                    "scatter": float(s),
-                    "of_mean": float(m),
-                    "sigma": float(g),
-                    "values": [float(v) for v in column],
-                }
-                for name, s, m, g, column in zip(
-                    names, self.scatter, self.of_mean, self.sigma, self.values.T, strict=True
-                )
+                name: {"scatter": float(s), "of_mean": float(m), "sigma": float(g), "values": values.tolist()}
+                for name, s, m, g, values in rows
             },
-            "drift": [{"joint": d.joint, "p_value": d.p_value, "change": d.change} for d in self.drift],
+            "drift": [asdict(drift) for drift in self.drift],
         }
 
 
@@ -182,15 +176,11 @@ def _drifts(values: Array, found: Solution, recordings: int) -> tuple[Drift, ...
         # Hotelling's T^2 of a slope whose covariance has M - 2 degrees of freedom
         p_value = float(fdtrc(len(own), freedom, statistic * freedom / (len(own) * (count - 2))))
         if p_value < _ALPHA / (structure.robot.n * recordings):
-            out.append(Drift(name, p_value, _change(found, own, joint, slope * (count - 1), mean)))
+            phi = found.equations.phi[found.equations.joint == joint][:, own]
+            friction, change = phi @ mean[own], phi @ slope[own] * (count - 1)
+            size = float(friction @ friction)
+            out.append(Drift(name, p_value, float(change @ friction) / size if size else 0.0))
     return tuple(out)
-
-
-def _change(found: Solution, own: Sequence[int], joint: int, change: Array, mean: Array) -> float:
-    """Return the mean change of friction over the rows of a joint, as a share of the friction."""
-    phi = found.equations.phi[found.equations.joint == joint][:, own]
-    size = np.sum((phi @ mean[list(own)]) ** 2)
-    return float((phi @ change[list(own)]) @ (phi @ mean[list(own)]) / size) if size else 0.0
 
 
 def drift_notes(periods: Sequence[PerPeriod], names: Sequence[str]) -> tuple[str, ...]:
@@ -251,10 +241,7 @@ class Days(_Repeated):
         if not self.enough:
             return {**data, "scatter_over_sigma": None, "parameters": {}}
         rows = zip(names, self.scatter, self.expected, self.values.T, strict=True)
-        parameters = {
-            name: {"scatter": float(s), "sigma": float(e), "values": [float(v) for v in values]}
-            for name, s, e, values in rows
-        }
+        parameters = {n: {"scatter": float(s), "sigma": float(e), "values": v.tolist()} for n, s, e, v in rows}
         return {**data, "scatter_over_sigma": self.ratio, "parameters": parameters}
 
 

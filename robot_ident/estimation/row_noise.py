@@ -38,13 +38,11 @@ class Passband:
     def multiply(self, x: Array) -> Array:
         """Return S x for x [r, p]."""
         measured = self.measurement
-        if measured.noise is None or measured.low_pass is None:
-            raise ValueError("a pass band needs a spectrum and a low pass")
+        assert measured.noise is not None and measured.low_pass is not None
         grid = np.zeros((measured.noise.samples, len(measured.joints), x.shape[1]))
         grid[self.place] = x
         spread = measured.noise.multiply(measured.low_pass.apply(grid))
-        out: Array = measured.low_pass.apply(spread)[self.place] / measured.averages
-        return out
+        return np.asarray(measured.low_pass.apply(spread)[self.place] / measured.averages)
 
 
 @dataclass(frozen=True)
@@ -72,12 +70,10 @@ class RowNoise:
         to what is lacking there, and joints share parameters.
         """
         ratio = residual**2 / self.variance
-        loud = {
-            block
-            for block in {int(equations.block[one.rows[0]]) for one in self.blocks}
-            for joint in np.unique(equations.joint)
-            if np.mean(ratio[(equations.block == block) & (equations.joint == joint)]) > _NOT_NOISE
-        }
+        coloured = {int(equations.block[one.rows[0]]) for one in self.blocks}
+        loud = [
+            block for block in coloured if any(np.mean(ratio[rows]) > _NOT_NOISE for rows in equations.of_joints(block))
+        ]
         blocks = (replace(one, weighs=int(equations.block[one.rows[0]]) not in loud) for one in self.blocks)
         return replace(self, blocks=tuple(blocks))
 
@@ -86,16 +82,12 @@ class RowNoise:
         """Variance [R] that counts, the smearing of a low pass included."""
         return self.variance / self.independent
 
-    @property
-    def _weighing(self) -> list[Block]:
-        return [block for block in self.blocks if block.weighs]
-
     def whiten(self, x: Array) -> Array:
         """Return W^1/2 x for x [R, ...], S^-1/2 x where S weighs, the smearing of a low pass left in."""
         from scipy.linalg import solve_triangular
 
         out: Array = (x.T / np.sqrt(self.variance)).T
-        for block in self._weighing:
+        for block in (one for one in self.blocks if one.weighs):
             out[block.rows] = solve_triangular(block.cholesky, x[block.rows], lower=True, check_finite=False)
         return out
 
@@ -108,7 +100,7 @@ class RowNoise:
         from scipy.linalg import cho_solve
 
         out: Array = x / self.spread[:, None]
-        for block in self._weighing:
+        for block in (one for one in self.blocks if one.weighs):
             out[block.rows] = cho_solve((block.cholesky, True), x[block.rows], check_finite=False)
         return out
 
@@ -141,6 +133,8 @@ def row_noise(measurements: Sequence[Measurement], equations: Equations, varianc
 
 def _blocks(measured: Measurement, equations: Equations, rows: np.ndarray) -> list[Block]:
     """Return the blocks of one measurement: joints together where they share noise, else each coloured one alone."""
+    from scipy.linalg import cholesky
+
     spectrum = measured.noise
     assert spectrum is not None
     joints = range(len(measured.joints))
@@ -156,14 +150,7 @@ def _blocks(measured: Measurement, equations: Equations, rows: np.ndarray) -> li
             time, joint = equations.sample[part] * measured.decimate, equations.joint[part]
             lag = (time[None, :] - time[:, None]) % spectrum.samples
             covariance = lagged[lag, joint[:, None], joint[None, :]]
-            out.append(Block(part, _cholesky(covariance)))
+            # a spectrum that falls to nothing is held at 1e-4 of its mean, lest its lines rule
+            floor = 1e-4 * float(np.mean(np.diag(covariance))) * np.eye(len(covariance))
+            out.append(Block(part, cholesky(covariance + floor, lower=True, check_finite=False)))
     return out
-
-
-def _cholesky(covariance: Array) -> Array:
-    """Return the lower factor; a spectrum that falls to nothing is held at 1e-4 of its mean, lest its lines rule."""
-    from scipy.linalg import cholesky
-
-    floor = 1e-4 * float(np.mean(np.diag(covariance)))
-    factor: Array = cholesky(covariance + floor * np.eye(len(covariance)), lower=True, check_finite=False)
-    return factor

@@ -88,14 +88,13 @@ def montecarlo(motion: Motion, structure: Structure, variance: Array, *, runs: i
             " (Nm^2, of one sample; robot_ident info prints its root for a recording) under joints in the robot YAML"
         )
     columns = structure.columns(motion)
-    rows = columns.reshape(-1, columns.shape[2])
-    noise = np.sqrt(np.tile(variance, motion.samples))
-    solver = factor(rows, 1.0 / noise**2, structure.names, "montecarlo")
+    rows = (columns / np.sqrt(variance)[:, None]).reshape(-1, columns.shape[2])  # in units of the noise
+    solver = factor(rows, structure.names, "montecarlo")
     true = structure.true_values()
     covariance = solver.inverse_information()
     exact = rows @ true
     batches = [(seed, number, min(_BATCH, runs - first)) for number, first in enumerate(range(0, runs, _BATCH))]
-    estimates = np.hstack(run_parallel(partial(_identified, solver=solver, exact=exact, noise=noise), batches))
+    estimates = np.hstack(run_parallel(partial(_identified, solver=solver, exact=exact), batches))
     error = estimates - true[:, None]
     mean_error = error.mean(axis=1)
     sigma, sample = np.sqrt(np.diag(covariance)), estimates.std(axis=1, ddof=1)
@@ -122,13 +121,13 @@ def montecarlo(motion: Motion, structure: Structure, variance: Array, *, runs: i
     )
 
 
-def _identified(batch: tuple[int, int, int], solver: Factor, exact: Array, noise: Array) -> Array:
+def _identified(batch: tuple[int, int, int], solver: Factor, exact: Array) -> Array:
     """Return the estimates [p, count] of a batch (seed, number, count) of runs; each batch has random numbers of its
     own.
     """
     seed, number, count = batch
     rng = np.random.default_rng([seed, number])
-    return np.column_stack([solver.solve(exact + noise * rng.standard_normal(len(noise))) for _ in range(count)])
+    return np.column_stack([solver.solve(exact + rng.standard_normal(len(exact))) for _ in range(count)])
 
 
 def _ratio_interval(runs: int) -> tuple[float, float]:

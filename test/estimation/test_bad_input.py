@@ -122,4 +122,4 @@ def test_periodic_and_other_recordings_make_one_estimate(arm: Any) -> None:
 def test_columns_that_the_motion_leaves_empty_are_named() -> None:
     phi = np.column_stack([np.arange(1.0, 6.0), np.zeros(5), np.ones(5)])
     with pytest.raises(InputError, match="run: the motion does not excite end_stop@joint_2; move the joints"):
-        factor(phi, np.ones(5), ["p1", "end_stop@joint_2", "torque_offset@joint_1"], "run")
+        factor(phi, ["p1", "end_stop@joint_2", "torque_offset@joint_1"], "run")

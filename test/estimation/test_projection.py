@@ -92,10 +92,10 @@ def test_further_columns_are_factorised_beside_what_is_known() -> None:
     rng = np.random.default_rng(3)
     phi = rng.normal(size=(200, 9)) * 10.0 ** np.arange(-4, 5)
     phi[:, 8] += 1e5 * phi[:, 2]  # further columns that almost depend on the known ones
-    weight, torque = rng.uniform(0.1, 3.0, 200), rng.normal(size=200)
+    torque = rng.normal(size=200)
     names = [f"p{k}" for k in range(9)]
-    once = factor(phi, weight, names, "data")
-    beside = factor(phi[:, :6], weight, names[:6], "data").beside(phi[:, 6:], names, "data")
+    once = factor(phi, names, "data")
+    beside = factor(phi[:, :6], names[:6], "data").beside(phi[:, 6:], names, "data")
     np.testing.assert_allclose(beside.solve(torque), once.solve(torque), rtol=1e-8)
     np.testing.assert_allclose(beside.inverse_information(), once.inverse_information(), rtol=1e-7)
     assert beside.condition_number == pytest.approx(once.condition_number, rel=1e-8)
@@ -107,6 +107,6 @@ def test_further_columns_are_factorised_beside_what_is_known() -> None:
 )
 def test_further_columns_that_tell_nothing_are_refused(further: Array, said: str) -> None:
     phi = np.column_stack([np.ones(50), *np.random.default_rng(4).normal(size=(2, 50))])
-    known = factor(phi, np.ones(50), ["p0", "p1", "p2"], "data")
+    known = factor(phi, ["p0", "p1", "p2"], "data")
     with pytest.raises(InputError, match=said):
         known.beside(further[:, None], ["p0", "p1", "p2", "p3"], "data")
