@@ -16,8 +16,7 @@ OFFSET, ROTOR, SCALE = "torque_offset", "rotor_inertia", "torque_scale"
 PIECES = 8
 """Of the path, each left out in turn."""
 
-_AS_GOOD = 1.0  # standard errors of the pieces' differences: what is within them of the best predicts as well
-_SCALES_SERVE = 2.0  # standard errors by which torque scales have to predict better than none
+_BETTER = 2.0  # standard errors by which torque scales have to predict better than none, one pass than averages
 _SCALES_TOLD = 3.0  # from which on they count as measured: true motor torques got .87 to 1.37 below it
 _USUAL = 0.7, 1.4  # what a scale lies between, unless a unit or a gear ratio is wrong
 
@@ -84,11 +83,6 @@ class Choice:
         return min(free, key=lambda one: one.score).worse(self.taken)
 
     @property
-    def as_asked(self) -> bool:
-        """Whether the recordings that are fitted are processed as they were before the choice."""
-        return self.taken is None or self.taken.averaged or self.taken.processing.periodic is not False
-
-    @property
     def scale_spread(self) -> Array | None:
         """Standard errors [n] of torque scales over the pieces, None where there are none."""
         return self.taken.fitted.scale_spread if self.taken is not None and self.taken.scaled else None
@@ -127,9 +121,9 @@ def best_of(candidates: Sequence[Candidate]) -> Candidate:
     """
     free = [one for one in candidates if not one.scaled]
     best, first = min(free, key=lambda one: one.score), min(candidates, key=lambda one: one.score)
-    if first.scaled and best.worse(first) >= _SCALES_SERVE:
+    if first.scaled and best.worse(first) >= _BETTER:
         best, free = first, [one for one in candidates if one.scaled]
-    alike = [one for one in free if one.averaged and one.worse(best) <= _AS_GOOD]
+    alike = [one for one in free if one.averaged and one.worse(best) <= _BETTER]
     return min(alike or [best], key=lambda one: one.score)
 
 
@@ -137,7 +131,7 @@ def note_of(taken: Candidate, candidates: Sequence[Candidate], band: float) -> s
     """Return what was taken and by how much others are worse, in a line."""
     kinds = {OFFSET: "offsets", ROTOR: "rotor inertias", SCALE: "torque scales"}
     has = [word for name, word in kinds.items() if any(x.startswith(name) for x in taken.effects)]
-    way = "periods averaged" if taken.averaged else _one_pass(taken.processing)
+    way = _averaged(taken.processing) if taken.averaged else _one_pass(taken.processing)
     rivals = {
         "periods averaged" if not taken.averaged else "as one pass": [
             one for one in candidates if one.averaged is not taken.averaged
@@ -182,6 +176,11 @@ def torque_scale_notes(choice: Choice, scales: Mapping[str, tuple[float, float]]
 def _standard_errors(differences: Array) -> float:
     spread = float(np.std(differences, ddof=1) * np.sqrt(len(differences)))
     return float(differences.sum() / spread) if spread > 0.0 else 0.0
+
+
+def _averaged(processing: Processing) -> str:
+    low_pass = processing.low_pass
+    return "periods averaged" if low_pass is None else f"periods averaged and low-passed at {low_pass:.3g} Hz"
 
 
 def _one_pass(processing: Processing) -> str:

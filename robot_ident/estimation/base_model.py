@@ -25,7 +25,7 @@ from robot_ident.recording.process import process
 from robot_ident.recording.recording import Recording
 from robot_ident.recording.torque_channel import chain_of
 from robot_ident.robot.robot import Robot
-from robot_ident.signals.filters import SoftPeriodicLowPass
+from robot_ident.signals.filters import PeriodicLowPass
 from robot_ident.signals.motion import Array, Mask
 
 DIFFERENTIATION = (0.5, 0.7, 1.0, 2.0)  # times the band
@@ -60,7 +60,7 @@ def choose_base(
     band = coherent_band(parts, full, asked, most)
     ways = _ways(parts, default, full, asked, band)
     labels = [effect.label for effect in full.effects[len(plain.effects) :]]
-    told, open_ = _identifiable(ways[0].judged, full, labels)
+    told, open_ = _identifiable(ways[0].judged[0], full, labels)
     # a stated payload's torque is taken off in Nm, before any scale
     loaded = any(part.conditions.payload is not None for part in parts)
     scaled = () if robot.ampere_joints or loaded else robot.joints[1:]
@@ -105,13 +105,13 @@ def _looked_at(recording: Recording, robot: Robot, asked: Processing) -> tuple[R
 @dataclass(frozen=True)
 class _Way:
     """One way to process: sums over the rows that are fitted, of which a share is independent, and over those that
-    judge.
+    judge, in one or several differentiations.
     """
 
     processing: Processing
     averaged: bool
     fitted: Grams
-    judged: Grams
+    judged: tuple[Grams, ...]
     independent: float = 1.0
 
 
@@ -137,7 +137,8 @@ def _ways(
     used = [np.logical_and.reduce([way[k].used for way in passes]) for k in range(len(parts))]
     places = [_Places.of(one, rows, here) for one, rows, here in zip(default, passes[0], used, strict=True)]
     asks_periods = asked.periodic is True
-    out = []
+    out: list[_Way] = []
+    judges: list[Grams] = []
     for way in passes:
         columns = [rows.columns(structure) for rows in way]
 
@@ -148,6 +149,7 @@ def _ways(
             )
 
         judged = sums(band)
+        judges.append(judged)
         wide = way[0].wide
         for cutoff in _row_bands(asked, band):
             processing = replace(
@@ -159,11 +161,9 @@ def _ways(
             )
             fitted = judged if cutoff == band else sums(cutoff)
             share = min(1.0, 2.0 * cutoff * way[0].dt)
-            out.append(_Way(asked if asks_periods else processing, False, fitted, judged, share))
-    if all(place.phase is not None for place in places):
-        averaged = [
-            replace(way, processing=asked) for way in _averaged(default, passes[0], places, used, structure, band)
-        ]
+            out.append(_Way(asked if asks_periods else processing, False, fitted, (judged,), share))
+    if all(place.repeats for place in places):
+        averaged = _averaged(default, tuple(judges), structure, asked, band)
         # what is longer than a choice looks at is averaged: as one pass, its rows would be more than they tell
         only = asks_periods or any(part.samples >= _LONGEST for part in parts)
         return averaged[:1] if only else [*out, *averaged]
@@ -192,10 +192,10 @@ def _every(asked: Processing, rows: Sequence[ThinRows], cutoff: float) -> int:
 
 @dataclass(frozen=True)
 class _Places:
-    """The piece of the path that each row [N] belongs to, -1: none; of what repeats, its place [N] in the period."""
+    """The piece of the path that each row [N] belongs to, -1: none, and whether the path repeats."""
 
     piece: np.ndarray
-    phase: Array | None
+    repeats: bool
 
     @classmethod
     def of(cls, default: Measurement, rows: ThinRows, used: Mask) -> _Places:
@@ -208,54 +208,43 @@ class _Places:
             phase = default.cycles.phase(t + start) / default.cycles.length
             found = np.isfinite(phase)
             inside[found] = np.minimum(phase[found] * PIECES, PIECES - 1)
-            return cls(inside, np.where(found, phase, 0.0))
+            return cls(inside, True)
         if default.base_frequency is not None:
-            phase = np.zeros(len(t))
             for began in default.motion.began:
                 here = (t >= began) & (t < began + 1.0 / default.base_frequency)
-                phase[here] = (t[here] - began) * default.base_frequency
-                inside[here] = np.minimum(phase[here] * PIECES, PIECES - 1)
-            return cls(inside, phase)
+                inside[here] = np.minimum((t[here] - began) * default.base_frequency * PIECES, PIECES - 1)
+            return cls(inside, True)
         counted = np.flatnonzero(used.any(axis=1))
         if len(counted):
             first, last = counted[0], counted[-1] + 1
             inside[first:last] = np.arange(last - first) * PIECES // (last - first)
-        return cls(inside, None)
+        return cls(inside, False)
 
 
 def _averaged(
-    default: Sequence[Measurement],
-    rows: Sequence[ThinRows],
-    places: Sequence[_Places],
-    used: Sequence[Mask],
-    structure: Structure,
-    band: float,
+    default: Sequence[Measurement], judges: tuple[Grams, ...], structure: Structure, asked: Processing, band: float
 ) -> list[_Way]:
-    """Return averages of periods: fitted to the mean period, judged on every period as it was measured.
+    """Return averages of periods: fitted to the mean period, judged on all rows of one pass, in its differentiations.
 
-    Fitted as they are, and through the low pass of the target, as a non-periodic candidate's rows are: above it, what
-    the model lacks would count against averages alone.
+    Judged on their own columns, averages would predict well for having less noise in them, which another path's lack.
+    Fitted as they are, and through a low pass at the band: above it, what the model lacks would count against averages
+    alone, and encoder noise would make inertias too small.
     """
-    whole, passed, judged = [], [], []
-    for one, row, place, here in zip(default, rows, places, used, strict=True):
+    whole, passed = [], []
+    for one in default:
         columns = structure.columns(one.motion)
         count = len(columns)
         piece = (np.arange(count) * PIECES // count)[one.rows]
-        assert place.phase is not None and one.base_frequency is not None
-        low_pass = SoftPeriodicLowPass(band, one.base_frequency, count)
-        smooth, torque = low_pass.apply(columns), low_pass.apply(one.torque)
+        assert one.base_frequency is not None
         counted = one.used[one.rows]
         whole.append(Grams.of(one.passed(columns), one.passed(one.torque), piece, counted, PIECES))
-        if one.cycles is None:  # cycles have passed one
-            passed.append(Grams.of(one.passed(smooth), one.passed(torque), piece, counted, PIECES))
-        at = place.phase * count
-        low = np.floor(at).astype(int)
-        share = (at - low)[:, None, None]
-        along = (1.0 - share) * smooth[low % count] + share * smooth[(low + 1) % count]
-        judged.append(Grams.of(along, row.torque(band), place.piece, here, PIECES))
-    judge = total(judged)
-    ways = (whole, passed) if len(passed) == len(whole) else (whole,)
-    return [_Way(Processing(), averaged=True, fitted=total(fitted), judged=judge) for fitted in ways]
+        if one.low_pass is None:
+            lines = replace(one, low_pass=PeriodicLowPass(band, one.base_frequency, count))
+            passed.append(Grams.of(lines.passed(columns), lines.passed(one.torque), piece, counted, PIECES))
+    ways = [(asked, whole)]
+    if len(passed) == len(whole):
+        ways.append((replace(asked, low_pass=band), passed))
+    return [_Way(processing, True, total(fitted), judges) for processing, fitted in ways]
 
 
 @dataclass(frozen=True)
@@ -326,7 +315,9 @@ def _judged(
         kept = np.array([k for k, name in enumerate(names) if told[k] and (name not in labels or name in chosen)])
         rigid = kept < len(structure.base.columns)
         free = scaled * (np.arange(structure.robot.n) > 0)
-        error, fitted = held_out(way.fitted.kept(kept), way.judged.kept(kept), way.independent, rigid, free > 0)
-        torque = way.judged.yy.sum(axis=0)
-        out.append(Candidate(way.processing, both, way.averaged, error, torque, kept, fitted))
+        judged = [sums.kept(kept) for sums in way.judged]
+        errors, fitted = held_out(way.fitted.kept(kept), judged, way.independent, rigid, free > 0)
+        torque = way.judged[0].yy.sum(axis=0)  # the same in every differentiation
+        made = [Candidate(way.processing, both, way.averaged, error, torque, kept, fitted) for error in errors]
+        out.append(min(made, key=lambda one: one.score))
     return out

@@ -6,7 +6,7 @@ reported, own what belongs to its row alone. Any choice of columns is fitted and
 
 from __future__ import annotations
 
-from collections.abc import Iterable
+from collections.abc import Iterable, Sequence
 from dataclasses import dataclass, replace
 
 import numpy as np
@@ -133,16 +133,22 @@ def _solved(h: Array, r: Array) -> Array:
     return np.asarray(np.linalg.solve(scaled, r / size) / size)
 
 
-def held_out(fitted: Grams, judged: Grams, independent: float, rigid: Mask, free: Mask) -> tuple[Array, Fitted]:
-    """Return the squared error [F, n] in every piece of what the others give, and the fit to all of them."""
+def held_out(
+    fitted: Grams, judged: Sequence[Grams], independent: float, rigid: Mask, free: Mask
+) -> tuple[list[Array], Fitted]:
+    """Return the squared error [F, n] in every piece of what the others give, of all rows that judge, and the fit to
+    all pieces.
+    """
     pieces = len(fitted.yy)
     everything = fit(fitted, np.ones(pieces), independent, rigid, free)
-    out = np.empty(judged.yy.shape)
+    out = [np.empty(one.yy.shape) for one in judged]
     scales = np.empty((pieces, len(free)))
     for f in range(pieces):
         weight = np.ones(pieces)
         weight[f] = FAINT
         without = fit(fitted, weight, independent, rigid, free, everything)
-        out[f], scales[f] = loss(judged, without, rigid)[f], without.scale
+        scales[f] = without.scale
+        for error, one in zip(out, judged, strict=True):
+            error[f] = loss(one, without, rigid)[f]
     spread = np.sqrt((pieces - 1) * np.var(scales, axis=0))
     return out, replace(everything, scale_spread=spread)

@@ -131,9 +131,10 @@ def with_base(
     known, with_gains, gains = with_known_gains(recordings, measurements, structure, processing)
     further = [effect.label for effect in structure.added]
     choice = choose_base(recordings, replace(with_gains.robot, base=robot.base), further, processing)
-    if choice.as_asked and not choice.effects:
+    taken = replace(choice.processing, band=processing.band, band_derivative=processing.band_derivative)
+    if taken == processing and not choice.effects:
         return Chosen(known, with_gains, gains, choice)
-    if not choice.as_asked:
+    if taken != processing:
         measurements = [process(recording, robot, choice.processing) for recording in recordings]
     structure = structure.with_further(choice.effects)
     return Chosen(*with_known_gains(recordings, measurements, structure, choice.processing), choice)

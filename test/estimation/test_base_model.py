@@ -23,9 +23,11 @@ from robot_ident.recording import Processing, Recording
 from robot_ident.recording.process import process
 from robot_ident.robot import Robot, load_robot
 from robot_ident.signals.motion import Array, Motion
+from robot_ident.testbed.base_trial import run_base_case
 from robot_ident.testbed.like_real import like_real
 from robot_ident.testbed.phenomena import plant_physics
 from robot_ident.testbed.simulation import Play
+from robot_ident.testbed.trial import Case
 from robot_ident.trajectories.fourier_series import FourierSeries
 
 VISCOUS = np.array([8.0, 9.0, 6.0, 1.2, 1.1, 0.7])
@@ -80,7 +82,7 @@ def test_pieces_left_out_are_judged_as_a_fit_without_them_does() -> None:
     torque = columns @ rng.standard_normal(5) + np.array([0.1, 3.0]) * rng.standard_normal((400, 2))
     used = rng.random((400, 2)) > 0.1
     sums = Grams.of(columns, torque, piece, used, 8)
-    error, _ = held_out(sums, sums, 1.0, np.ones(5, dtype=bool), np.zeros(2, dtype=bool))
+    (error,), _ = held_out(sums, [sums], 1.0, np.ones(5, dtype=bool), np.zeros(2, dtype=bool))
     for out in range(8):
         theta, variance = np.zeros(5), np.ones(2)
         for _ in range(40):
@@ -99,7 +101,7 @@ def test_a_joint_without_rows_weighs_nothing() -> None:
     torque = columns @ np.array([1.0, -2.0, 0.5]) + 0.01 * rng.standard_normal((80, 2))
     used = np.tile([True, False], (80, 1))
     sums = Grams.of(columns, torque, piece, used, 8)
-    error, fitted = held_out(sums, sums, 1.0, np.ones(3, dtype=bool), np.array([False, True]))
+    (error,), fitted = held_out(sums, [sums], 1.0, np.ones(3, dtype=bool), np.array([False, True]))
     np.testing.assert_allclose(fitted.theta, [1.0, -2.0, 0.5], atol=0.02)
     assert np.all(error[:, 1] == 0.0) and np.all(error[:, 0] > 0.0)
 
@@ -153,6 +155,11 @@ def test_what_is_chosen_predicts_another_path_as_well_as_the_best_fixed_filter(r
         for low_pass, wide in ((2.0, 4.0), (5.0, 5.0), (5.0, 10.0), (10.0, 20.0), (10.0, 40.0))
     ]
     assert error(identify([train], robot)) < 1.05 * min(map(error, fixed))
+
+
+def test_averages_are_not_taken_for_the_lesser_noise_of_their_columns(kuka: Robot) -> None:
+    """On another path, positions have the noise of one pass."""
+    assert run_base_case(Case(6025), kuka).ratio < 1.0  # four periods of four poses at 125 Hz
 
 
 def test_scales_are_found_within_their_sigma_and_none_where_all_report_alike(robot: Robot) -> None:

@@ -24,7 +24,7 @@ def test_the_spread_of_a_scale_over_pieces_is_its_error() -> None:
     z = []
     for _ in range(150):
         sums = drawn(rng, 1.1)
-        _, fitted = held_out(sums, sums, 1.0, rigid, free)
+        _, fitted = held_out(sums, [sums], 1.0, rigid, free)
         assert fitted.scale_spread is not None
         assert fitted.scale_spread[0] == 0.0, "the first joint's scale is held"
         z.append((fitted.scale[1] - 1.1) / fitted.scale_spread[1])
