@@ -6,6 +6,7 @@ from abc import ABC
 from collections.abc import Mapping, Sequence
 from copy import copy
 from dataclasses import dataclass, replace
+from functools import cached_property
 from itertools import product
 from typing import Any, ClassVar, Literal, NamedTuple, Protocol
 
@@ -358,7 +359,7 @@ class Effect(ABC):
             return None
         return f"effort is measured on the {self.robot.side(self.joint)} side: {self.before_sensor}"
 
-    @property
+    @cached_property
     def label(self) -> str:
         """The effect as users write it: `name@joint`, or `name`."""
         return self.name if self.place is None else f"{self.name}@{self.place}"

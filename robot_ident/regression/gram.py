@@ -211,8 +211,8 @@ def within_ranges(projected: Array, right: Array, size: Array, ranges: Ranges) -
         for chosen in combinations(alive, count):
             rows = list(chosen)
             block = projected[np.ix_(rows, rows)]
-            scale = np.sqrt(np.diag(block))
-            solution = least_solution(block / np.outer(scale, scale), right[rows] / scale) / scale
+            scale = np.sqrt(block.diagonal())
+            solution = least_solution(block / scale / scale[:, None], right[rows] / scale) / scale
             if any(not ranges[i][0] <= value <= ranges[i][1] for i, value in zip(rows, solution, strict=True)):
                 continue
             gain = float(solution @ right[rows])

@@ -15,6 +15,8 @@ from robot_ident.diagnosis.diagnosis import Diagnosis
 from robot_ident.diagnosis.selection.consistency import splits
 from robot_ident.diagnosis.selection.data_set import DataSet, Rows
 from robot_ident.diagnosis.selection.fitted_parameters import TWO_SIGMA, known_parameters
+from robot_ident.diagnosis.selection.hypotheses import Hypothesis
+from robot_ident.diagnosis.selection.probability import Election
 from robot_ident.diagnosis.selection.reversals import near_reversals, resolution, unresolved_rows
 from robot_ident.diagnosis.selection.search import Search
 from robot_ident.diagnosis.selection.unseen_reactions import with_unseen_reactions
@@ -24,6 +26,7 @@ from robot_ident.model.structure import Structure
 from robot_ident.recording.measurement import Measurement, Processing
 from robot_ident.recording.process import process
 from robot_ident.regression.evidence import extended, gather
+from robot_ident.robot import Robot
 from robot_ident.signals.fourier import above_noise
 
 OFFSET = "torque_offset@joint_1:torque_offset=6"
@@ -531,3 +534,11 @@ def test_an_offset_of_the_model_hides_nothing_by_its_formula(bench: Any) -> None
     data = DataSet(Rows.of(measured, structure), [])
     assert data.known_errors == {}
     assert labels(diagnose(measured, structure)) == {"load_friction@joint_1"}
+
+
+def test_what_may_stand_in_the_place_of_an_effect_acts_on_its_joints(kuka: Robot) -> None:
+    spring = Hypothesis(make_effect("gravity_spring@joint_2", kuka), {1: np.array([0])}, ((-np.inf, np.inf),))
+    shares = {("gravity_spring@joint_2",): 0.6, ("cable@joint_2", "torque_offset@joint_3"): 0.4}
+    joints = {"gravity_spring@joint_2": {1}, "cable@joint_2": {1}, "torque_offset@joint_3": {2}}
+    election = Election((spring,), shares, shares, joints={label: frozenset(at) for label, at in joints.items()})
+    assert election.instead_of(spring.label) == {"cable@joint_2"}

@@ -197,6 +197,11 @@ class FittedSet:
 
     def addition(self, number: int, *new: Hypothesis) -> Addition:
         """Return what further hypotheses are beside the fit of a number."""
+        if len(new) == len(new[0].at) == 1:  # no sums to make
+            ((joint, at),) = new[0].at.items()
+            seen = self._pool(joint)[1][number]
+            square, projected = seen.own[at[:, None], at], seen.projected[:, at]
+            return Addition(square - seen.cross[:, at].T @ projected, square.diagonal(), seen.right[at], projected)
         spans = _spans(new)
         count = sum(len(span) for span in spans)
         square, right = np.zeros((count, count)), np.zeros(count)

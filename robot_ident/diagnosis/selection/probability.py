@@ -20,13 +20,14 @@ class Election:
     shares: what a set of several effects on a joint wins counts for one of fewer that predicts as well but for what its
     formulas may err; alternatives: every set's own share. alike: sets with other effects in the place of some of the
     winner's, which predict as well as these but for what their formulas may err, since real causes are no nearer to a
-    formula; by the winner's labels, those in their place.
+    formula; by the winner's labels, those in their place. joints: whose torque an effect makes, by its label.
     """
 
     winner: Selected
     shares: Mapping[tuple[str, ...], float]
     alternatives: Mapping[tuple[str, ...], float]
     alike: Mapping[tuple[str, ...], Mapping[str, str]] = field(default_factory=dict)
+    joints: Mapping[str, frozenset[int]] = field(default_factory=dict)
 
     @property
     def tied(self) -> tuple[tuple[str, ...], ...]:
@@ -35,14 +36,14 @@ class Election:
         return (*often, *(key for key in self.alike if key not in often))
 
     def instead_of(self, label: str) -> set[str]:
-        """Return the labels of what other sets hold in the place of an effect of the winner."""
+        """Return the labels of what other sets hold in the place of an effect of the winner, on its joints."""
         mine = names(self.winner)
         out: set[str] = set()
         for key in self.tied:
             if key in self.alike:
                 out |= {other for own, other in self.alike[key].items() if own == label}
             elif label not in key:
-                out |= {other for other in key if other not in mine}
+                out |= {other for other in key if other not in mine and self.joints[other] & self.joints[label]}
         return out
 
     def probability(self, label: str) -> float:
@@ -79,7 +80,8 @@ def elect(search: Search, selected: Selected, seed: int = 0) -> Election:
     usual = next((sets[key] for key in alike if _more(winner, sets[key]) and _tenable(search, sets[key])), None)
     if usual is not None:
         winner, alike = usual, _all_alike(search, usual, sets)
-    return Election(winner, shares, own, alike)
+    joints = {h.label: frozenset(h.joints) for one in sets.values() for h in one}
+    return Election(winner, shares, own, alike, joints)
 
 
 def _all_alike(

@@ -227,9 +227,8 @@ class Search:
 
     def has_meaning(self, selected: Sequence[Hypothesis], some: Sequence[Hypothesis] | None = None) -> bool:
         """Return whether a set, or the model, holds all effects after which some of it (None: all) come."""
-        there = {*self.data.structure.labels, *(h.label for h in selected)}
-        after = [(type(h.effect).after, h.effect.place) for h in (selected if some is None else some)]
-        return all(not name or f"{name}@{place}" in there for name, place in after)
+        needed = {f"{h.effect.after}@{h.effect.place}" for h in (selected if some is None else some) if h.effect.after}
+        return needed <= {*self.data.structure.labels, *(h.label for h in selected)} if needed else True
 
     def first_looks(self) -> Iterator[tuple[FittedSet, Sequence[int]]]:
         """Yield what the model leaves of all joints, then what the effect that explains most of each joint leaves of
