@@ -41,7 +41,7 @@ def with_efforts(
     if "position" in beside:
         raise InputError(f"{source}: effort.field = position: topic {one_line(name)} holds the positions themselves")
     states = _pieces(storage, chosen)
-    filled = [_room_for_effort(piece, told, whole=set(joints) <= set(told)) for piece in states]
+    filled = [_room_for_effort(piece, told, joints) for piece in states]
     positions = assemble(filled, wanted, source, name, storage.notes, listing(storage))
     delay = usual_delay(*(np.concatenate([getattr(piece, which) for piece in states]) for which in ("stamp", "log")))
 
@@ -54,20 +54,16 @@ def with_efforts(
         index = named_topic(storage, source, beside, NUMBERS)
         return [numbers_of(batch) for batch in storage.batches([index])]
 
-    def series(joint: str, place: EffortSource) -> EffortSeries:
-        if place.topic is None:
-            raise TypeError("a source of efforts has a topic")
-        if place.index is None:
-            parts = list(_of_joint(pieces_of(place.topic), joint, place.field, delay))
-        else:
-            tables = [(log, table) for log, table in tables_of(place.topic) if table.shape[1] > place.index]
-            parts = [(log - delay, table[:, place.index]) for log, table in tables]
-        return _joined(parts, source, place, joint)
-
     tau, kept = positions.tau.copy(), np.ones(positions.samples, dtype=bool)
     used = {joint: one for joint, one in told.items() if joint in positions.names}
     for joint, place in used.items():
-        tau[:, positions.names.index(joint)], there = series(joint, place).at(positions.t, positions.start_ns)
+        if place.index is None:
+            parts = list(_of_joint(pieces_of(place.topic or name), joint, place.field, delay))
+        else:
+            tables = [(log, table) for log, table in tables_of(place.topic or name) if table.shape[1] > place.index]
+            parts = [(log - delay, table[:, place.index]) for log, table in tables]
+        series = _joined(parts, source, place, joint)
+        tau[:, positions.names.index(joint)], there = series.at(positions.t, positions.start_ns)
         kept &= there
     notes = [*positions.notes, *_said(used, name)]
     if not kept.any():
@@ -85,9 +81,9 @@ def _pieces(storage: Storage, index: int) -> list[Piece]:
     return [piece for batch in storage.batches([index]) for piece in decoder.decode(batch)]
 
 
-def _room_for_effort(piece: Piece, elsewhere: Collection[str], *, whole: bool) -> Piece:
-    """Return messages with zeros in place of efforts that stand elsewhere; whole: those of all joints do."""
-    if whole:
+def _room_for_effort(piece: Piece, elsewhere: Collection[str], joints: Sequence[str]) -> Piece:
+    """Return messages with zeros in place of efforts that stand elsewhere, of some joints or of all."""
+    if set(joints) <= set(elsewhere):
         return replace(piece, effort=np.zeros_like(piece.position))
     if piece.effort.shape[1] != len(piece.names):
         return piece

@@ -67,15 +67,10 @@ class JointStateDecoder:
         if not long_enough.all():
             self._refuse(int((~long_enough).sum()), "it has less than 4 bytes")
             batch, index = batch.pick(long_enough), index[long_enough]
-        if not len(batch):
-            return
-        codes = windows(batch.data, batch.start, 2).view(">u2")[:, 0].astype(np.int64)
-        if np.all(batch.size == batch.size[0]) and np.all(codes == codes[0]):
-            yield from self._decode_equal(batch, index, int(batch.size[0]) - ENCAPSULATION, int(codes[0]))
-            return
-        kinds = batch.size << 16 | codes
-        for kind in np.unique(kinds).tolist():
-            rows = np.flatnonzero(kinds == kind)
+        kinds = batch.size << 16 | windows(batch.data, batch.start, 2).view(">u2")[:, 0]
+        alike = len(kinds) > 0 and bool(np.all(kinds == kinds[0]))  # the usual case, which needs no sorting
+        for kind in (kinds[:1] if alike else np.unique(kinds)).tolist():
+            rows = slice(None) if alike else np.flatnonzero(kinds == kind)
             yield from self._decode_equal(batch.pick(rows), index[rows], (kind >> 16) - ENCAPSULATION, kind & 0xFFFF)
 
     def _decode_equal(self, batch: Batch, index: Integers, size: int, code: int) -> Iterator[Piece]:
@@ -198,10 +193,10 @@ def in_order(samples: Samples, place: str) -> tuple[Samples, list[str]]:
         notes.append(f"{int(follows.sum())} samples came late, with the stamp of another; they are spread over the gap")
         samples = _spread(samples, follows)
     again = np.concatenate([[False], np.diff(samples.stamp) == 0])
-    if again.any():
-        unlike = int(again.sum())
-        notes.append(f"{unlike} samples have the stamp of another with different content; the first one is kept")
-    return samples[~again] if again.any() else samples, notes
+    if not again.any():
+        return samples, notes
+    notes.append(f"{int(again.sum())} samples have the stamp of another with different content; the first one is kept")
+    return samples[~again], notes
 
 
 def _seconds(stamp: float | np.int64) -> str:
@@ -215,9 +210,10 @@ def _once(samples: Samples, notes: list[str]) -> Samples:
     equal = np.all(samples.q[rows] == samples.q[rows - 1], axis=1)
     equal &= np.all(samples.tau[rows] == samples.tau[rows - 1], axis=1)
     again[rows[~equal]] = False
-    if again.any():
-        notes.append(f"{int(again.sum())} samples came again with the same stamp and content; dropped")
-    return samples[~again] if again.any() else samples
+    if not again.any():
+        return samples
+    notes.append(f"{int(again.sum())} samples came again with the same stamp and content; dropped")
+    return samples[~again]
 
 
 def _bursts(stamp: NDArray[np.int64] | Array) -> NDArray[np.bool_]:
@@ -282,7 +278,14 @@ def assemble(
     when a joint is missing, no message has efforts, or a message contradicts itself.
     """
     place = f"{source}: topic {one_line(topic)}"
-    _check_lengths(pieces, place)
+    for piece in pieces:
+        for part in ("position", "velocity", "effort"):
+            length = getattr(piece, part).shape[1]
+            if length not in (0, len(piece.names)):
+                raise InputError(
+                    f"{place}, message {int(piece.index[0]) + 1}: {part} has {length} values for "
+                    f"{len(piece.names)} joints ({one_line(*piece.names) or 'no names'})"
+                )
     with_efforts = [piece for piece in pieces if piece.names and piece.effort.shape[1] and piece.position.shape[1]]
     if not with_efforts:
         lacking = "positions" if any(piece.effort.shape[1] for piece in pieces) else "efforts"
@@ -318,10 +321,7 @@ def _join(used: list[Piece], stamp: Integers) -> tuple[Samples, list[str]]:
     position = np.concatenate(positions)
     positions.clear()
     samples = Samples(stamp, position, np.concatenate(efforts), velocity)
-    efforts.clear()
-    if np.any(np.diff(index) < 0):
-        samples = samples[np.argsort(index)]
-    return samples, notes
+    return samples[np.argsort(index)] if np.any(np.diff(index) < 0) else samples, notes
 
 
 def _pace(stamp: Integers, log: Integers) -> float | None:
@@ -341,17 +341,6 @@ def _pace(stamp: Integers, log: Integers) -> float | None:
 
 def _size(pieces: Sequence[Piece]) -> int:
     return sum(len(piece.index) for piece in pieces)
-
-
-def _check_lengths(pieces: Sequence[Piece], place: str) -> None:
-    for piece in pieces:
-        for part in ("position", "velocity", "effort"):
-            length = getattr(piece, part).shape[1]
-            if length not in (0, len(piece.names)):
-                raise InputError(
-                    f"{place}, message {int(piece.index[0]) + 1}: {part} has {length} values for "
-                    f"{len(piece.names)} joints ({one_line(*piece.names) or 'no names'})"
-                )
 
 
 def _choose_joints(pieces: Sequence[Piece], joints: Sequence[str] | None, place: str) -> tuple[str, ...]:

@@ -95,39 +95,12 @@ class Scan:
     damage: str = ""
 
 
-class _Messages:
-    """Collects where Message records lie: single ones, and long runs of equal length."""
-
-    def __init__(self) -> None:
-        self._starts: list[Integers] = []
-        self._sizes: list[Integers] = []
-        self._single_starts: list[int] = []
-        self._single_sizes: list[int] = []
-
-    def add(self, start: int, size: int) -> None:
-        self._single_starts.append(start)
-        self._single_sizes.append(size)
-
-    def add_run(self, start: int, size: int, count: int) -> None:
-        self._gather()
-        self._starts.append(start + (9 + size) * np.arange(count, dtype=np.int64))
-        self._sizes.append(np.full(count, size, dtype=np.int64))
-
-    def _gather(self) -> None:
-        self._starts.append(np.array(self._single_starts, dtype=np.int64))
-        self._sizes.append(np.array(self._single_sizes, dtype=np.int64))
-        self._single_starts.clear()
-        self._single_sizes.clear()
-
-    def arrays(self) -> tuple[Integers, Integers]:
-        self._gather()
-        return np.concatenate(self._starts), np.concatenate(self._sizes)
-
-
 def scan(data: Bytes, begin: int, end: int) -> Scan:
     """Return the records between two bytes of `data`, up to and including the footer or the first damage."""
     view = memoryview(data)
-    messages = _Messages()
+    starts: list[int] = []  # of messages
+    sizes: list[int] = []
+    gathered: list[Integers] = []  # both [2, N], of single messages and of long runs of equal size
     others: list[tuple[int, int, int]] = []
     cut, damage = None, ""
     previous, streak = -1, 0
@@ -143,19 +116,25 @@ def scan(data: Bytes, begin: int, end: int) -> Scan:
             break
         position = content + size
         if opcode == MESSAGE:
-            messages.add(content, size)
+            starts.append(content)
+            sizes.append(size)
             streak = streak + 1 if size == previous else 0
             previous = size
             if streak == _STREAK:
                 streak = 0
                 count = _run(data, position, end, size)
-                messages.add_run(position + 9, size, count)
+                run = np.full((2, count), size, dtype=np.int64)
+                run[0] = position + 9 + (9 + size) * np.arange(count)
+                gathered += [np.array([starts, sizes], dtype=np.int64), run]
+                starts.clear()
+                sizes.clear()
                 position += count * (9 + size)
         elif opcode in _KEPT:
             others.append((opcode, content, size))
             if opcode == FOOTER:
                 break
-    return Scan(*messages.arrays(), tuple(others), position, cut, damage)
+    start, length = np.concatenate([*gathered, np.array([starts, sizes], dtype=np.int64)], axis=1)
+    return Scan(start, length, tuple(others), position, cut, damage)
 
 
 def _run(data: Bytes, begin: int, end: int, size: int) -> int:
@@ -196,26 +175,21 @@ class _Chunk:
     torn: bool = False
 
 
-def map_file(path: Path) -> Bytes:
-    """Return the bytes of a file without reading them; InputError when it is empty or can't be read."""
-    try:
-        with path.open("rb") as file:
-            return np.frombuffer(mmap.mmap(file.fileno(), 0, access=mmap.ACCESS_READ), dtype=np.uint8)
-    except ValueError as error:
-        raise InputError(f"{path}: the file is empty") from error
-    except OSError as error:
-        raise InputError(f"{path}: can't be read ({error.strerror})") from error
-
-
 class McapFile:
     """Storage of one `.mcap` file."""
 
     form = "MCAP file"
 
     def __init__(self, path: Path) -> None:
-        """Find the records; InputError when this is no MCAP file."""
+        """Find the records; InputError when this is no MCAP file or can't be read."""
         self.path = path
-        self._data = map_file(path)
+        try:
+            with path.open("rb") as file:
+                self._data = np.frombuffer(mmap.mmap(file.fileno(), 0, access=mmap.ACCESS_READ), dtype=np.uint8)
+        except ValueError as error:
+            raise InputError(f"{path}: the file is empty") from error
+        except OSError as error:
+            raise InputError(f"{path}: can't be read ({error.strerror})") from error
         if self._data[:8].tobytes() != MAGIC[: len(self._data)]:
             raise InputError(f"{path}: is no MCAP file (its first bytes are {self._data[:8].tobytes()!r})")
         self._scan = scan(self._data, 8, len(self._data))
@@ -224,8 +198,7 @@ class McapFile:
         self._places: dict[tuple[str, str, str], int] = {}
         self._index = np.full(1 << 16, -1, dtype=np.int64)  # channel -> topic
         self._chunk_notes: dict[int, str] = {}
-        self._claimed: dict[int, int] = {}  # by start of a chunk: bytes that it and those before unfold to
-        self._claims = 0
+        self._claimed: dict[int, int] = {}  # by start of a chunk: bytes that it and those opened before unfold to
         self._unknown_channels = 0
         self._statistics: dict[int, int] | None = None
         self._unended = False  # an end that our recorder keeps behind what it has written so far
@@ -273,24 +246,20 @@ class McapFile:
                 number, name, encoding = fields.number(2), fields.text(), fields.text()
                 self._schemas.setdefault(number, (name, encoding, fields.text()))
             elif opcode == CHANNEL:
-                self._learn_channel(fields)
+                number, schema, name, encoding = fields.number(2), fields.number(2), fields.text(), fields.text()
+                metadata = fields.mapping()
+                kind, definition_encoding, definition = self._schemas.get(schema, ("", "", ""))
+                qos, type_hash = (metadata.get(key, "") for key in ("offered_qos_profiles", "topic_type_hash"))
+                topic = Topic(name, kind, encoding, definition, definition_encoding, qos, type_hash)
+                self._index[number] = self._places.setdefault(topic.key, len(self._places))
+                if len(self._places) > len(self._topics):
+                    self._topics.append(topic)
             elif opcode == STATISTICS:
                 fields.take(42)
                 pairs = fields.number(4) // 10
                 self._statistics = {fields.number(2): fields.number(8) for _ in range(pairs)}
         except Damaged as damage:
             self._chunk_notes.setdefault(start, f"a record is damaged ({damage})")
-
-    def _learn_channel(self, fields: Fields) -> None:
-        number, schema, name, encoding = fields.number(2), fields.number(2), fields.text(), fields.text()
-        metadata = fields.mapping()
-        kind, definition_encoding, definition = self._schemas.get(schema, ("", "", ""))
-        qos, type_hash = (metadata.get(key, "") for key in ("offered_qos_profiles", "topic_type_hash"))
-        topic = Topic(name, kind, encoding, definition, definition_encoding, qos, type_hash)
-        place = self._places.setdefault(topic.key, len(self._places))
-        if place == len(self._topics):
-            self._topics.append(topic)
-        self._index[number] = place
 
     @cached_property
     def _summarised(self) -> bool:
@@ -419,13 +388,6 @@ class McapFile:
         elif len(found.start):
             yield data, found
 
-    def _claim(self, chunk: _Chunk, size: int) -> int:
-        """Return the bytes that the chunks opened so far, this one included, unfold to."""
-        if chunk.start not in self._claimed:
-            self._claims += size
-            self._claimed[chunk.start] = self._claims
-        return self._claimed[chunk.start]
-
     def _open(self, chunk: _Chunk) -> bytes:
         """Return the records of a chunk, decompressed; nothing, and a note, where none of it can be used."""
         try:
@@ -437,7 +399,10 @@ class McapFile:
             self._chunk_notes[chunk.start] = f"a chunk is left out: {damage}"
             return b""
         decompress = DECOMPRESSORS.get(compression)
-        too_large = size > LARGEST_CHUNK or self._claim(chunk, size) > most(len(self._data))
+        too_large = size > LARGEST_CHUNK
+        if not too_large:
+            before = next(reversed(self._claimed.values()), 0)
+            too_large = self._claimed.setdefault(chunk.start, before + size) > most(len(self._data))
         if decompress is None or too_large:
             unknown = f"compression {one_line(compression)!r} is not known"
             reason = unknown if decompress is None else f"it claims {size} bytes, more than any recording's"

@@ -72,7 +72,12 @@ class SqliteFile:
     def _read_topics(self) -> tuple[tuple[Topic, ...], tuple[int, ...]]:
         with closing(self._connect()) as connection:
             tables = {str(row[0]) for row in connection.execute("SELECT name FROM sqlite_master WHERE type = 'table'")}
-            self._refuse_computed(connection)
+            for table in ("topics", "messages", "message_definitions"):
+                computed = [str(row[1]) for row in connection.execute(f"PRAGMA table_xinfo({table})") if row[6]]
+                if computed:  # which no recorder writes and which may be any size
+                    raise InputError(
+                        f"{self.path}: column {one_line(computed[0])!r} of table {table!r} is computed; no bag's is"
+                    )
             if not {"topics", "messages"} <= tables:
                 raise InputError(
                     f"{self.path}: is a SQLite file but no bag (no tables 'topics' and 'messages'; it has: "
@@ -90,15 +95,6 @@ class SqliteFile:
                 topics.append(Topic(name, kind, encoding, *definitions.get(kind, ("", "")), qos, type_hash))
                 numbers.append(int(number))
         return tuple(topics), tuple(numbers)
-
-    def _refuse_computed(self, connection: sqlite3.Connection) -> None:
-        """Raise InputError where a table computes what it holds, which no recorder writes and which may be any size."""
-        for table in ("topics", "messages", "message_definitions"):
-            hidden = [str(row[1]) for row in connection.execute(f"PRAGMA table_xinfo({table})") if row[6]]
-            if hidden:
-                raise InputError(
-                    f"{self.path}: column {one_line(hidden[0])!r} of table {table!r} is computed; no bag's is"
-                )
 
     @cached_property
     def counts(self) -> tuple[int, ...]:
@@ -137,19 +133,19 @@ class SqliteFile:
             with closing(self._connect()) as connection:
                 for number, stamp, data in connection.execute(query, tuple(index_of)):
                     if isinstance(stamp, int) and isinstance(data, bytes):
-                        rows.append((number, stamp, data))
+                        rows.append((index_of[number], stamp, data))
                         held += len(data)
                     else:
                         self._damaged.add((number, len(rows) + done))
                     if len(rows) == _BATCH or held > _BATCH_BYTES:
                         done += len(rows)
-                        yield _batch(rows, index_of)
+                        yield _batch(rows)
                         rows, held = [], 0
         except _REFUSALS as error:
             done += len(rows)
             self._lost = f"{self.path.name} is damaged after {done} messages ({one_line(error)}); those before are used"
         if rows:
-            yield _batch(rows, index_of)
+            yield _batch(rows)
 
 
 def _missing_bytes(path: Path) -> int:
@@ -163,7 +159,6 @@ def _missing_bytes(path: Path) -> int:
     return max(0, pages * (65536 if page == 1 else page) - path.stat().st_size)
 
 
-def _batch(rows: list[tuple[int, int, bytes]], index_of: dict[int, int]) -> Batch:
-    numbers, stamps, payloads = zip(*rows, strict=True)
-    topic = np.array([index_of[number] for number in numbers], dtype=np.int64)
-    return Batch.of(payloads, topic, np.array(stamps, dtype=np.int64))
+def _batch(rows: list[tuple[int, int, bytes]]) -> Batch:
+    topics, stamps, payloads = zip(*rows, strict=True)
+    return Batch.of(payloads, np.array(topics, dtype=np.int64), np.array(stamps, dtype=np.int64))

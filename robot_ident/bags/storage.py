@@ -76,7 +76,7 @@ class Batch:
         first = int(self.start[index])
         return self.data[first : first + int(self.size[index])].tobytes()
 
-    def pick(self, rows: NDArray[np.bool_] | Integers) -> Batch:
+    def pick(self, rows: NDArray[np.bool_] | Integers | slice) -> Batch:
         """Return some of the messages, over the same buffer."""
         return Batch(
             self.data, self.start[rows], self.size[rows], self.topic[rows], self.log_time[rows], self.publish_time[rows]

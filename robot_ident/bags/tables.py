@@ -24,19 +24,8 @@ from robot_ident.signals.motion import Array
 
 _DELIMITERS = ",;\t"
 # what numpy and zipfile raise on archives that are damaged on purpose or by accident
-_UNREADABLE = (
-    ValueError,
-    TypeError,
-    LookupError,
-    ArithmeticError,
-    EOFError,
-    MemoryError,
-    RuntimeError,
-    SyntaxError,
-    tokenize.TokenError,
-    zipfile.BadZipFile,
-    zlib.error,
-)
+_OF_NUMPY = (ValueError, TypeError, LookupError, ArithmeticError, EOFError, MemoryError, RuntimeError, SyntaxError)
+_UNREADABLE = (*_OF_NUMPY, tokenize.TokenError, zipfile.BadZipFile, zlib.error)
 
 
 def read_csv(path: Path, joints: Sequence[str] | None = None) -> Recording:
@@ -78,10 +67,9 @@ def _header(path: Path) -> tuple[list[str], str, int]:
 
 def _joints_of(path: Path, header: list[str], joints: Sequence[str] | None) -> tuple[tuple[str, ...], list[str]]:
     there = [name.removeprefix("q_") for name in header if name.startswith("q_")]
-    twice = [(name, count) for name, count in Counter(header).items() if count > 1]
-    if twice:
-        name, count = twice[0]
-        raise InputError(f"{path}: column {one_line(name)!r} stands in the header {count} times")
+    for name, count in Counter(header).items():
+        if count > 1:
+            raise InputError(f"{path}: column {one_line(name)!r} stands in the header {count} times")
     if "t" not in header or not there:
         missing = "t" if "t" not in header else "q_NAME"
         raise InputError(
@@ -90,10 +78,9 @@ def _joints_of(path: Path, header: list[str], joints: Sequence[str] | None) -> t
         )
     names = tuple(there if joints is None else joints)
     known = set(header)
-    for name in names:
-        for column in (f"q_{name}", f"tau_{name}"):
-            if column not in known:
-                raise InputError(f"{path}: column {one_line(column)!r} is missing{did_you_mean(column, header)}")
+    for column in (f"{kind}_{name}" for name in names for kind in ("q", "tau")):
+        if column not in known:
+            raise InputError(f"{path}: column {one_line(column)!r} is missing{did_you_mean(column, header)}")
     used = {"t", *(f"{kind}_{name}" for kind in ("q", "dq", "tau") for name in there)}
     others = [name for name in header if name not in used]
     return names, [f"columns not used: {one_line(*others)}"] if others else []
@@ -203,26 +190,22 @@ def _load(path: Path) -> Mapping[str, Any]:
     if path.is_file() and not zipfile.is_zipfile(path):
         raise InputError(f"{path}: is no .npz archive")
     try:
-        _refuse_bomb(path)
+        with zipfile.ZipFile(path) as packed:
+            claimed = sum(entry.file_size for entry in packed.infolist())
+        if claimed > most(path.stat().st_size):
+            raise InputError(f"{path}: unfolds to {claimed} bytes, more than any recording of its size")
         with path.open("rb") as file, np.load(file, allow_pickle=False) as archive:
             arrays = {}
             for key in archive.files:
                 if key in ("t", "q", "tau", "dq", "names"):
                     arrays[key] = archive[key]
-            return arrays if arrays else dict.fromkeys(archive.files)
+            return arrays or dict.fromkeys(archive.files)
     except OSError as error:
         raise InputError(f"{path}: can't be read ({error.strerror or error})") from error
     except _UNREADABLE as error:
         first_line = (str(error).splitlines() or ["it is damaged"])[0]
         reason = "it is pickled; save plain arrays of numbers" if "allow_pickle" in first_line else first_line
         raise InputError(f"{path}: {key} can't be loaded ({reason})") from error
-
-
-def _refuse_bomb(path: Path) -> None:
-    with zipfile.ZipFile(path) as archive:
-        claimed = sum(entry.file_size for entry in archive.infolist())
-    if claimed > most(path.stat().st_size):
-        raise InputError(f"{path}: unfolds to {claimed} bytes, more than any recording of its size")
 
 
 def _numbers(path: Path, arrays: Mapping[str, Any], key: str) -> Array:

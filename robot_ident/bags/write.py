@@ -2,9 +2,11 @@
 
 from __future__ import annotations
 
+import heapq
 import time
 from collections.abc import Iterator, Sequence
 from dataclasses import dataclass
+from operator import itemgetter
 from pathlib import Path
 
 import numpy as np
@@ -36,11 +38,14 @@ class Series:
     velocity: Array | None = None
     effort: Array | None = None
 
-    def messages(self, rows: Integers) -> Iterator[bytes]:
-        """Yield some of the messages, serialised (CDR)."""
-        q, dq, tau = (None if field is None else field[rows] for field in (self.position, self.velocity, self.effort))
-        for row in cdr.serialise(self.names, self.stamps[rows], q, dq, tau):
-            yield row.tobytes()
+    def messages(self) -> Iterator[tuple[int, str, bytes]]:
+        """Yield stamp, topic and bytes (CDR) of the messages in the order of their stamps."""
+        order = np.argsort(self.stamps, kind="stable")
+        for rows in np.split(order, range(_AT_ONCE, len(order), _AT_ONCE)):
+            q, dq, tau = (None if part is None else part[rows] for part in (self.position, self.velocity, self.effort))
+            messages = cdr.serialise(self.names, self.stamps[rows], q, dq, tau)
+            for stamp, row in zip(self.stamps[rows].tolist(), messages, strict=True):
+                yield stamp, self.topic, row.tobytes()
 
 
 def write_recording(
@@ -89,15 +94,8 @@ def _write_bag(draft: Path, path: Path, series: Sequence[Series]) -> None:
     folder = draft.with_name(path.stem) if path.suffix == ".mcap" else draft
     topics = [Topic(one.topic, JOINT_STATE, qos=qos_text([Qos()])) for one in series]
     with BagWriter(folder, topics, shown_as=path) as bag:
-        stamps = np.concatenate([one.stamps for one in series])
-        source = np.repeat(np.arange(len(series)), [len(one.stamps) for one in series])
-        within = np.concatenate([np.arange(len(one.stamps)) for one in series])
-        order = np.argsort(stamps, kind="stable")
-        for first in range(0, len(order), _AT_ONCE):
-            block = order[first : first + _AT_ONCE]
-            messages = [one.messages(within[block[source[block] == number]]) for number, one in enumerate(series)]
-            for place, stamp in zip(source[block].tolist(), stamps[block].tolist(), strict=True):
-                bag.write(topics[place].name, next(messages[place]), stamp)
+        for stamp, topic, message in heapq.merge(*(one.messages() for one in series), key=itemgetter(0)):
+            bag.write(topic, message, stamp)
     if path.suffix == ".mcap":
         (folder / f"{folder.name}_0.mcap").rename(draft)
 
@@ -110,28 +108,18 @@ def write_prediction(path: Path | str, prediction: Prediction, *, force: bool = 
     """
     path = Path(path)
     if path.suffix not in TABLES:
-        write_series(path, _series(prediction), force=force)
+        stamps = (prediction.start_ns or time.time_ns()) + np.rint(prediction.t * 1e9).astype(np.int64)
+        q, dq = prediction.motion.q, prediction.motion.dq
+        efforts = {
+            "/predicted": prediction.torque,
+            "/predicted_lower": prediction.torque - prediction.band,
+            "/predicted_upper": prediction.torque + prediction.band,
+        }
+        series = [Series(topic, prediction.joints, stamps, q, dq, effort) for topic, effort in efforts.items()]
+        write_series(path, series, force=force)
         return
-    motion = prediction.motion
-    arrays = {
-        "t": prediction.t,
-        "names": np.array(prediction.joints),
-        "q": motion.q,
-        "dq": motion.dq,
-        "ddq": motion.ddq,
-    }
+    arrays = {"t": prediction.t, "names": np.array(prediction.joints)}
+    arrays |= {key: getattr(prediction.motion, key) for key in ("q", "dq", "ddq")}
     arrays |= {"tau": prediction.torque, "tau_std": prediction.std, "tau_band": prediction.band}
     with whole(path, force=force) as draft:
         write_table(draft, path.suffix, arrays, digits=12)
-
-
-def _series(prediction: Prediction) -> list[Series]:
-    start = prediction.start_ns or time.time_ns()
-    stamps = start + np.rint(prediction.t * 1e9).astype(np.int64)
-    efforts = {
-        "/predicted": prediction.torque,
-        "/predicted_lower": prediction.torque - prediction.band,
-        "/predicted_upper": prediction.torque + prediction.band,
-    }
-    q, dq = prediction.motion.q, prediction.motion.dq
-    return [Series(topic, prediction.joints, stamps, q, dq, effort) for topic, effort in efforts.items()]
