@@ -6,7 +6,6 @@ from __future__ import annotations
 
 from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import asdict, dataclass, replace
-from functools import cache
 from typing import Any
 
 from robot_ident.bags.cdr import message_types
@@ -75,9 +74,7 @@ def profiles_of(text: str) -> list[dict[str, Any]]:
     return list(profiles)
 
 
-VERSION = 9
 OPEN = "robot_ident_recording"  # key of the custom data in a bag that nobody has closed
-ROS_DISTRO = "jazzy"  # whose message definitions and hashes the bag holds
 
 
 def bag_metadata(
@@ -87,7 +84,7 @@ def bag_metadata(
     filled = [extent for _, extent in files if extent.messages]
     start = min((extent.first for extent in filled), default=0)
     return {
-        "version": VERSION,
+        "version": 9,
         "storage_identifier": "mcap",
         "duration": {"nanoseconds": max((extent.last for extent in filled), default=0) - start},
         "starting_time": {"nanoseconds_since_epoch": start},
@@ -118,7 +115,7 @@ def bag_metadata(
             for name, extent in files
         ],
         "custom_data": dict(custom_data) or None,
-        "ros_distro": ROS_DISTRO,
+        "ros_distro": "jazzy",  # whose message definitions and hashes the bag holds
     }
 
 
@@ -133,21 +130,16 @@ def yaml_text(content: Mapping[str, Any]) -> str:
     return str(yaml.dump(dict(content), Dumper=Plain, sort_keys=False, default_flow_style=False))
 
 
-@cache
-def definition_of(kind: str) -> tuple[str, str]:
-    """Return the text of a message type (`sensor_msgs/msg/JointState`) and its RIHS01 hash; empty where not known."""
-    store = message_types()
-    if kind not in store.fielddefs:
-        return "", ""
-    return store.generate_msgdef(kind, ros_version=2)[0], store.hash_rihs01(kind)
-
-
 def complete(topic: Topic) -> Topic:
-    """Return the topic with the definition and hash of its type, where it has none and the type is a standard one."""
+    """Return the topic with the definition and RIHS01 hash of its type, where it has none and the type is a standard
+    one.
+    """
     if topic.definition and topic.type_hash:
         return topic
-    definition, type_hash = definition_of(topic.type)
-    if topic.definition:
-        return replace(topic, type_hash=type_hash)
-    encoding = "ros2msg" if definition else topic.definition_encoding
-    return replace(topic, definition=definition, definition_encoding=encoding, type_hash=topic.type_hash or type_hash)
+    store = message_types()
+    if topic.type not in store.fielddefs:
+        return topic
+    if not topic.definition:
+        definition = store.generate_msgdef(topic.type, ros_version=2)[0]
+        topic = replace(topic, definition=definition, definition_encoding="ros2msg")
+    return replace(topic, type_hash=topic.type_hash or store.hash_rihs01(topic.type))

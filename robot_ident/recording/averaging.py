@@ -90,9 +90,7 @@ def average(recording: Recording, clock: Clock, period: float) -> tuple[Steady, 
     samples, mean = round(period), None
     if clock.index is not None and abs(period - samples) * steady.periods < 0.1:
         mean = _fold(recording, clock.index, steady, samples)
-    if mean is None:
-        mean = _fit(recording, clock, steady)
-    return steady, replace(mean, after=len(grid_q) - 1 - steady.last)
+    return steady, replace(mean or _fit(recording, clock, steady), after=len(grid_q) - 1 - steady.last)
 
 
 def _fold(recording: Recording, index: np.ndarray, steady: Steady, samples: int) -> Average | None:
@@ -112,10 +110,7 @@ def _fold(recording: Recording, index: np.ndarray, steady: Steady, samples: int)
         return table.reshape(steady.periods, samples, -1)
 
     q, tau = periods(recording.q), periods(recording.tau)
-    present = np.isfinite(q[:, :, 0]).sum(axis=0)
-    if present.min() < 2:
-        return None
-    return mean_of(q, tau)
+    return None if np.isfinite(q[:, :, 0]).sum(axis=0).min() < 2 else mean_of(q, tau)
 
 
 def mean_of(q: Array, tau: Array) -> Average:
@@ -173,15 +168,12 @@ def _fit(recording: Recording, clock: Clock, steady: Steady) -> Average:
     # 2 K + 1 of N
     averages = len(t) / samples
     note = f"samples fall on no common grid of phases: {count} Fourier lines fitted in least squares"
-    scatter = _placed(rest[:, n:], t, steady.periods, round(steady.period), frequency)
+    # what the fit left, on the nearest even grid of phases
+    even = round(steady.period)
+    table = np.full((steady.periods * even, n), np.nan)
+    table[np.clip(np.rint(t * frequency * even).astype(int), 0, len(table) - 1)] = rest[:, n:]
+    scatter = table.reshape(steady.periods, even, n)
     return Average(mean[:, :n], mean[:, n:], variance[:n], variance[n:], dof, averages, None, scatter, note, count)
-
-
-def _placed(rest: Array, t: Array, periods: int, samples: int, frequency: float) -> Array:
-    """Return what a fit left [R, n] at times t, on the nearest even grid of phases [M, N, n], gaps nan."""
-    table = np.full((periods * samples, rest.shape[1]), np.nan)
-    table[np.clip(np.rint(t * frequency * samples).astype(int), 0, len(table) - 1)] = rest
-    return table.reshape(periods, samples, -1)
 
 
 def _at(c: Lines, t: Array, frequency: float) -> Array:

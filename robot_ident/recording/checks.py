@@ -96,9 +96,9 @@ def without_leaps(recording: Recording) -> Recording:
 def _leapt(q: Array) -> Mask:
     """Return which samples [N] of a joint's positions lie between a leap and one back."""
     out = np.zeros(len(q), dtype=bool)
-    steps = np.diff(q)
-    if len(steps) < 20:
+    if len(q) <= 20:
         return out
+    steps = np.diff(q)
     far = max(_TOO_FAR * float(np.percentile(np.abs(steps), 99.0)), _LEAP * float(np.ptp(q)))
     leaps = np.flatnonzero(np.abs(steps) > far)
     for away, back in zip(leaps[:-1], leaps[1:], strict=True):
@@ -160,19 +160,15 @@ def check_plausible(recording: Recording, robot: Robot) -> None:
     """
     reach = np.maximum(np.abs(robot.limits.lower), np.abs(robot.limits.upper))
     size = np.maximum(recording.q.max(axis=0), -recording.q.min(axis=0))
-    for joint in range(robot.n):
-        if not np.isfinite(reach[joint]) or reach[joint] <= 0 or size[joint] <= _BEYOND * reach[joint]:
-            continue
-        unit = "m" if robot.prismatic[joint] else "rad"
-        hint = ": millimetres instead of metres?" if robot.prismatic[joint] else ": degrees instead of radians?"
+    for joint in np.flatnonzero(np.isfinite(reach) & (reach > 0) & (size > _BEYOND * reach)).tolist():
+        unit = "m: millimetres instead of metres?" if robot.prismatic[joint] else "rad: degrees instead of radians?"
         raise InputError(
             f"{recording.source}: {robot.joints[joint]} reaches {size[joint]:.4g},"
-            f" its limit is {reach[joint]:.4g} {unit}{hint}"
+            f" its limit is {reach[joint]:.4g} {unit}"
         )
     _check_speed(recording, robot)
     torque = np.maximum(recording.tau.max(axis=0), -recording.tau.min(axis=0))
-    for joint in range(robot.n):
-        limit = robot.limits.torque[joint]
+    for joint, limit in enumerate(robot.limits.torque):
         if np.isfinite(limit) and torque[joint] > 20.0 * limit and not robot.in_ampere(joint):
             raise InputError(
                 f"{recording.source}: the torque of {robot.joints[joint]} reaches {torque[joint]:.4g}, its limit is"
@@ -211,12 +207,10 @@ def check_efforts(recording: Recording) -> None:
     if np.all(recording.tau == 0.0):
         raise InputError(f"{recording.source}: every torque is zero; the driver publishes no effort")
     silent = silent_efforts(recording)
-    others = [name for name in recording.names if name not in silent]
-    if not silent:
-        return
-    way = f"; record with {', '.join(silent)} standing still, and identify --joints {','.join(others)}"
-    way = way if others else ""
-    raise InputError(f"{recording.source}: {silent_note(silent)}{way}")
+    if silent:
+        others = ",".join(name for name in recording.names if name not in silent)
+        way = f"; record with {', '.join(silent)} standing still, and identify --joints {others}" if others else ""
+        raise InputError(f"{recording.source}: {silent_note(silent)}{way}")
 
 
 def _check_speed(recording: Recording, robot: Robot) -> None:
@@ -226,8 +220,7 @@ def _check_speed(recording: Recording, robot: Robot) -> None:
     if len(t) < 20:
         return
     usual = np.percentile(np.abs(np.diff(q, axis=0)) / np.diff(t)[:, None], 90.0, axis=0)
-    for joint in range(robot.n):
-        limit = robot.limits.velocity[joint]
+    for joint, limit in enumerate(robot.limits.velocity):
         if np.isfinite(limit) and usual[joint] > _TOO_FAST * limit:
             unit = "m/s" if robot.prismatic[joint] else "rad/s"
             raise InputError(
@@ -249,20 +242,14 @@ def refuse_copies(measurements: Sequence[Measurement]) -> None:
     """
     for one, other in combinations(measurements, 2):
         of_one_torque = np.array_equal(one.torque, other.torque, equal_nan=True) or _of_one_noise(one, other)
-        if one is other or (of_one_torque and _of_one_place(one, other)):
+        a, b = one.motion.q, other.motion.q
+        at_once = a.shape == b.shape and np.all(np.abs(a - b).max(axis=0) <= _ALIKE * np.maximum(a.std(axis=0), 1e-9))
+        if one is other or (of_one_torque and (at_once or _repeats(one, other))):
             raise InputError(
                 f"{other.source} holds the samples of {one.source}: a copy of it, or a simulation of the"
                 " same motion without noise; give every one once, since the noise of both would be counted as"
                 " independent, and what is kept aside as not seen"
             )
-
-
-def _of_one_place(one: Measurement, other: Measurement) -> bool:
-    """Return whether two measurements go over the same positions, instant by instant or shifted by part of a period."""
-    a, b = one.motion.q, other.motion.q
-    if a.shape == b.shape and np.all(np.abs(a - b).max(axis=0) <= _ALIKE * np.maximum(a.std(axis=0), 1e-9)):
-        return True
-    return _repeats(one, other)
 
 
 def _of_one_noise(one: Measurement, other: Measurement) -> bool:
@@ -321,15 +308,13 @@ def _repeats(one: Measurement, other: Measurement) -> bool:
         return False
     samples = min(len(one.motion.q), len(other.motion.q))
     unit = np.maximum(one.motion.q.std(axis=0), 1e-12)
-    a, b = (_lines(measured.motion.q / unit, samples) for measured in (one, other))
+    a, b = (  # the lines of both as if they had been sampled as coarsely as the coarser one
+        np.fft.rfft(measured.motion.q / unit, axis=0)[: samples // 2 + 1] * (samples / measured.motion.samples)
+        for measured in (one, other)
+    )
     along: Array = np.fft.irfft((a * b.conj()).sum(axis=1), samples)
     whole: Array = np.fft.irfft((a * a.conj() + b * b.conj()).sum(axis=1), samples)
     return bool(whole[0] - 2.0 * along.max() <= _ALIKE**2 * samples * len(unit))
-
-
-def _lines(x: Array, samples: int) -> np.ndarray:
-    """Return the complex Fourier lines of a period x [N, n] as if it had been sampled less finely."""
-    return np.asarray(np.fft.rfft(x, axis=0)[: samples // 2 + 1] * (samples / len(x)))
 
 
 def silent_joints(measurements: Sequence[Measurement]) -> Mask:
@@ -421,8 +406,6 @@ def still_part(recording: Recording, angles: Mapping[str, float], instead: str =
 
 
 _SMALL = 0.1  # m; a robot without links between its joints, a slide say, has no reach that tells anything
-
-
 _HEAVIEST = 5000.0  # kg; the strongest arms lift half of that
 
 
@@ -441,10 +424,11 @@ def refuse_payload(conditions: Conditions, robot: Robot, source: Path | str) -> 
         raise InputError(f"{file}: {in_metres(centre)} (the whole arm is {reach:.2g} m long)")
     following = followers(robot)
     if following:
+        s = "s" * (len(following) == 1)
         raise InputError(
             f"{file}: the model of {robot.name} can't hold a payload: on the way to the flange {', '.join(following)}"
-            f" follow{'s' * (len(following) == 1)} another joint (mimic: a parallelogram or a belt) and stand"
-            f"{'s' * (len(following) == 1)} still in it; give recordings without a payload"
+            f" follow{s} another joint (mimic: a parallelogram or a belt) and stand{s} still in it; give recordings"
+            " without a payload"
         )
 
 

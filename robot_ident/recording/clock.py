@@ -88,7 +88,6 @@ def read_clock(recording: Recording) -> Clock:
     t = recording.t
     if len(t) < 20:
         raise InputError(f"{recording.source}: {len(t)} samples are too few to identify anything")
-    _refuse_two_rates(recording)
     _check_stamps(recording)
     index, start, dt = _grid(t)
     if index[-1] + 1 > _SPARSE * len(index):
@@ -104,17 +103,6 @@ def read_clock(recording: Recording) -> Clock:
     if stamps.kind == "true":
         return Clock(dt, t, None, missing, stamps, notes)
     return Clock(dt, start + dt * index, index, missing, stamps, notes)
-
-
-def _refuse_two_rates(recording: Recording) -> None:
-    """Raise InputError where the sample rate changes on the way: no grid fits both parts."""
-    pieces = np.array_split(np.diff(recording.t), 8)
-    step = np.array([np.median(piece) for piece in pieces])
-    if step.max() > _TWO_RATES * step.min() and len(recording.t) >= 200:
-        raise InputError(
-            f"{recording.source}: the sample rate changes from {1.0 / step[0]:.4g} Hz to"
-            f" {1.0 / step[np.argmax(np.abs(np.log(step / step[0])))]:.4g} Hz on the way; give each part as a recording"
-        )
 
 
 def fill(values: Array, index: np.ndarray) -> Array:
@@ -141,8 +129,15 @@ def roughness(q: Array) -> Array:
 
 
 def _check_stamps(recording: Recording) -> None:
-    """Raise InputError where the stamps can't be seconds of one recording."""
+    """Raise InputError where the stamps can't be seconds of one recording at one sample rate."""
     steps = np.diff(recording.t)
+    rates = np.array([1.0 / np.median(piece) for piece in np.array_split(steps, 8)])
+    if rates.max() > _TWO_RATES * rates.min() and len(steps) >= 199:
+        other = rates[np.argmax(np.abs(np.log(rates / rates[0])))]
+        raise InputError(
+            f"{recording.source}: the sample rate changes from {rates[0]:.4g} Hz to {other:.4g} Hz on the way;"
+            " give each part as a recording"
+        )
     usual = float(np.median(steps))
     if not _FASTEST <= usual <= _SLOWEST:
         raise InputError(f"{recording.source}: a sample every {usual:.3g} s; are its times in seconds?")

@@ -104,10 +104,11 @@ class Conditions:
     def notes(self, *, off: bool) -> tuple[str, ...]:
         """Return a line that says what is special, if anything is; off: a known payload's torque is taken off."""
         named = f" {self.body}" if self.body else ""
+        but = f" but for its {' and '.join(self.part.given)}" if self.part.given else ""
         found = f"payload{named} of {self.payload.mass:g} kg{' taken off' if off else ''}" if self.payload else ""
         words = [
             found + self._assumptions,
-            f"payload{named} {self._lacking}" if self.estimated and not self.payload else "",
+            f"payload{named} unknown{but}" if self.estimated and not self.payload else "",
             f"tool {self.tool}" if self.tool else "",
             "" if self.gravity is None else f"gravity {', '.join(f'{g:g}' for g in self.gravity)} m/s^2",
             "" if self.temperature is None else f"{self.temperature:g} deg C",
@@ -129,11 +130,6 @@ class Conditions:
             f", its centre at the origin of the end effector's frame{point} assumed: give centre: [x, y, z] m, or"
             f" payload: {{estimate: box, mass: {self.payload.mass:g}{kept}}} beside a recording without it finds it"
         )
-
-    @property
-    def _lacking(self) -> str:
-        given = self.part.given
-        return f"unknown but for its {' and '.join(given)}" if given else "unknown"
 
     def text(self) -> str:
         """Return the sidecar as YAML."""
@@ -230,9 +226,10 @@ def read_conditions(bag: Path | str) -> Conditions:
     if len(twice) > 1:
         raise InputError(f"{bag}: its conditions stand in {' and in '.join(twice)}; keep one of them")
     file = read(ConditionsFile, path)
-    payload, part = None, PayloadPart()
+    payload, part, named = None, PayloadPart(), ""
     assumed: tuple[str, ...] = ()
     if isinstance(file.payload, OpenPayloadFile):
+        named = file.payload.estimate
         part = PayloadPart(file.payload.mass, file.payload.centre, file.payload.inertia)
         if part.given == ("mass", "centre", "inertia"):
             raise InputError(
@@ -250,7 +247,6 @@ def read_conditions(bag: Path | str) -> Conditions:
         raise InputError(
             f"{path}: gravity = {list(file.gravity)}: m/s^2 in the base's frame was expected, 9.81 of them towards down"
         )
-    named = file.payload.estimate if isinstance(file.payload, OpenPayloadFile) else ""
     return Conditions(
         payload,
         bool(named) or file.payload == "estimate",

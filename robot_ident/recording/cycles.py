@@ -211,7 +211,10 @@ def _motif(labels: Sequence[int], moves: Sequence[_Move], q: Array, tolerance: A
         words = Counter(tuple(labels[k : k + size]) for k in range(len(labels) - size + 1))
         for word in (word for word, count in words.items() if count > 1):
             starts = _occurrences(labels, word)
-            if len(starts) < 2 or not _closed(starts[0], size, moves, q, tolerance):
+            if len(starts) < 2:
+                continue
+            first, last = moves[starts[0]].first, moves[starts[0] + size - 1].last - 1
+            if np.any(np.abs(q[first] - q[last]) > 2.0 * tolerance):
                 continue
             covered = float(sum(moves[begin + k].samples for begin in starts for k in range(size)))
             if covered > best[0]:
@@ -230,19 +233,11 @@ def _motif(labels: Sequence[int], moves: Sequence[_Move], q: Array, tolerance: A
 def _occurrences(labels: Sequence[int], word: tuple[int, ...]) -> list[int]:
     """Return where a word begins among the labels, without overlap."""
     out: list[int] = []
-    place, size = 0, len(word)
-    while place + size <= len(labels):
-        if tuple(labels[place : place + size]) == word:
+    for place in range(len(labels) - len(word) + 1):
+        free = not out or place >= out[-1] + len(word)
+        if free and tuple(labels[place : place + len(word)]) == word:
             out.append(place)
-            place += size
-        else:
-            place += 1
     return out
-
-
-def _closed(begin: int, size: int, moves: Sequence[_Move], q: Array, tolerance: Array) -> bool:
-    first, last = moves[begin].first, moves[begin + size - 1].last - 1
-    return bool(np.all(np.abs(q[first] - q[last]) <= 2.0 * tolerance))
 
 
 def _aligned(
@@ -253,10 +248,11 @@ def _aligned(
     begins, samples = [], []
     for column in zip(*cycles, strict=True):
         begin, length = _together(column, curve, weight)
-        before = min(_share(move.before) for move in column)
-        after = min(_share(move.after) for move in column)
-        most = int(_MARGIN / dt)
-        before, after = min(before, most), min(after, most)
+        # half of a rest belongs to one of the two moves beside it, what alignment may take left out
+        before, after = (
+            min(int(_MARGIN / dt), max(0, min(rests) // 2 - 2))
+            for rests in zip(*((move.before, move.after) for move in column), strict=True)
+        )
         begins.append(begin - before)
         samples.append(before + length + after)
     places = np.array(begins).T
@@ -265,11 +261,6 @@ def _aligned(
         return None
     kept = places[inside]
     return Cycles(start + dt * kept, tuple(samples), dt, total - kept.size, total)
-
-
-def _share(rest: int) -> int:
-    """Return how much of a rest belongs to one of the two moves beside it: half, what alignment may take left out."""
-    return max(0, rest // 2 - 2)
 
 
 def _together(column: Sequence[_Move], curve: _Curve, weight: Array) -> tuple[Array, int]:

@@ -52,8 +52,7 @@ class NoiseSpectrum:
 
     def autocovariance(self) -> Array:
         """Return E[n_i(t) n_j(t + lag)] of one sample's noise [samples, n, n] (Nm)^2, circular in the lag."""
-        out: Array = np.fft.irfft(self.density, self.samples, axis=0)
-        return out
+        return np.asarray(np.fft.irfft(self.density, self.samples, axis=0))
 
     def covariance(self) -> Array:
         """Return the covariance of one sample across joints [n, n] (Nm)^2."""
@@ -217,8 +216,7 @@ def _scaled(smooth: Density, variance: Array) -> Density:
 
 
 def _bands(lines: int) -> list[np.ndarray]:
-    count = max(1, min(_BANDS, lines // 8))
-    return np.array_split(np.arange(lines), count)
+    return np.array_split(np.arange(lines), max(1, min(_BANDS, lines // 8)))
 
 
 def _is_coloured(power: Array, repeats: int) -> bool:

@@ -34,8 +34,9 @@ def low_passed(recording: Recording, clock: Clock, robot: Robot, processing: Pro
     motion = Motion(smoother.apply(q), smoother.apply(q, 1), smoother.apply(q, 2), dt=clock.dt)
     low_pass = ZeroPhaseLowPass(cutoff, clock.dt, len(q))
     speed_noise = roughness(q) * smoother.noise_gain(1)
-    whole = _whole(present, low_pass.smear())[:, None]
-    stops = at_rest(motion, robot)
+    reach = low_pass.smear()
+    missing = np.concatenate([[0], np.ones(reach), ~present, np.ones(reach)]).cumsum()  # beyond both ends as well
+    whole = (missing[2 * reach + 1 :] - missing[: -2 * reach - 1] < 0.5)[:, None]  # no missing sample within reach
     notes = [f"taken as one pass, not by periods: low-passed at {cutoff:g} Hz, differentiated to {wide:g} Hz"]
     if chain.note:
         notes.append(chain.note)
@@ -48,7 +49,7 @@ def low_passed(recording: Recording, clock: Clock, robot: Robot, processing: Pro
         motion=motion,
         torque=tau,
         used=trusted(motion, robot, processing, speed_noise) & whole,
-        standstill=stops,
+        standstill=at_rest(motion, robot),
         torque_variance=np.full(robot.n, np.nan),
         position_variance=np.full(robot.n, np.nan),
         low_pass=low_pass,
@@ -72,11 +73,3 @@ def even_samples(recording: Recording, clock: Clock) -> tuple[Array, Array, Mask
     present = clock.t[nearest] - clock.t[nearest - 1] < 2.5 * clock.dt
     n = recording.q.shape[1]
     return both[:, :n], both[:, n:], present
-
-
-def _whole(present: Mask, reach: int) -> Mask:
-    """Return rows with no missing sample within reach, both ends left out."""
-    missing = np.concatenate([np.ones(reach), ~present, np.ones(reach)])
-    total = np.concatenate([[0.0], np.cumsum(missing)])
-    width = 2 * reach + 1
-    return np.asarray(total[width:] - total[:-width] < 0.5)

@@ -48,17 +48,19 @@ def find_period(q: Array, dt: float) -> float | None:
     lag = _shortest_of(q, moving)
     if lag is None:
         return None
+    still = q[:, ~moving]
+    stray = np.maximum(4.0 * roughness(still), AT_REST) ** 2
     for whole in range(lag, len(q) // 2 + 3, lag):
-        if _returned(q[:, ~moving], whole):
+        if np.all(np.median((still[whole:] - still[:-whole]) ** 2, axis=0) <= stray):
             return refine_period(q, float(whole), dt)
     return None
 
 
 def _shortest_of(q: Array, moving: Mask) -> int | None:
     """Return the shortest lag [samples] at which the joints that move repeat in a first stretch and in all of q."""
-    if len(q) <= 2 * _STRETCH:
-        return _shortest(_columns(q, moving))
     columns = _columns(q, moving)
+    if len(q) <= 2 * _STRETCH:
+        return _shortest(columns)
     units = [float(column.std()) for column in columns]
     awake = _awake(columns)
     first, length = int(np.argmax(awake)), _STRETCH
@@ -75,12 +77,6 @@ def _shortest_of(q: Array, moving: Mask) -> int | None:
 def _columns(q: Array, joints: Mask) -> list[Array]:
     """Return the positions [N] of some joints, no copies of them: a recording may be long."""
     return [q[:, joint] for joint in np.flatnonzero(joints)]
-
-
-def _returned(q: Array, lag: int) -> bool:
-    """Return whether joints that hardly move are after `lag` samples where they were, but for noise."""
-    gap = np.array([np.median((column[lag:] - column[:-lag]) ** 2) for column in q.T])
-    return bool(np.all(gap <= np.maximum(4.0 * roughness(q), AT_REST) ** 2))
 
 
 def _shortest(columns: Sequence[Array]) -> int | None:
@@ -142,12 +138,15 @@ def steady_part(q: Array, period: float, step: Array, source: str) -> Steady:
     kernel = np.ones(window) / window
     awake = _awake(columns)
     rows = awake[lag:] | awake[:-lag]
-    good = _moves_within(awake, lag)[: len(rows)]
+    total = np.concatenate([[0], np.cumsum(awake)])
+    good = (total[lag:] - total[:-lag] > 0.1 * lag)[: len(rows)]  # from where on something moves in a tenth of a period
     for column, rough in zip(columns, step[moving], strict=True):
         gap = (column[lag:] - column[:-lag] - shift * np.gradient(column)[:-lag]) ** 2
         smooth = np.convolve(gap, kernel, mode="same")
+        # the noise around each sample: where samples are off the clock it grows with speed
+        local = np.convolve(np.concatenate([np.diff(column, n=3) ** 2 / 20.0, np.zeros(3)]), kernel, mode="same")
+        noise = np.maximum(rough**2, local[: len(smooth)])
         # 16 = (4 sigma)^2 over the calm quarter; tremor of 1e-4 of the motion still counts as repeating
-        noise = np.maximum(rough**2, _local_noise(column, kernel)[: len(smooth)])
         good &= smooth <= 16.0 * np.percentile(smooth[rows], 25.0) + 4.0 * noise + (1e-4 * column.std()) ** 2
     first, end = longest_run(good)
     last = end - 1 + lag
@@ -169,14 +168,6 @@ def _moving(q: Array) -> Mask:
     some = scale > 1e-9 * max(1.0, float(scale.max()))
     moving = some & (np.ptp(q, axis=0) >= _LITTLE) & (roughness(q) < _ROUGH * scale)
     return np.asarray(moving if moving.any() else some)
-
-
-def _local_noise(q: Array, kernel: Array) -> Array:
-    """Return the noise variance of a joint's positions q [N] around each sample: where samples are off the clock it
-    grows with speed. Third differences hold 20 times the noise's and little motion.
-    """
-    rough = np.concatenate([np.diff(q, n=3) ** 2 / 20.0, np.zeros(3)])
-    return np.asarray(np.convolve(rough, kernel, mode="same"))
 
 
 def runs(there: Mask) -> NDArray[np.int64]:
@@ -260,9 +251,3 @@ def _awake(columns: Sequence[Array]) -> Mask:
         speed = np.abs(np.gradient(column))
         awake |= (speed > _REST * np.percentile(speed, 98.0)) & (speed > 0.0)
     return awake
-
-
-def _moves_within(awake: Mask, window: int) -> Mask:
-    """Return from which samples on something moves within `window` samples, for a tenth of them at least."""
-    total = np.concatenate([[0], np.cumsum(awake)])
-    return np.asarray(total[window:] - total[:-window] > 0.1 * window)

@@ -105,6 +105,11 @@ def of_mean(
     chain.check_low_pass(cutoff or 0.0, recording.source)
     if mean.lines is not None:
         cutoff = min(cutoff or np.inf, mean.lines * frequency)
+    notes = _notes(mean, chain, noise, robot, silent)
+    lost = zip(robot.joints, (trust & ~directed).mean(axis=0), strict=True)
+    listed = ", ".join(f"{name} {100 * share:.0f} %" for name, share in lost if share > _SEVERAL)
+    if listed:
+        notes.append(f"rows at reversals left out, where noise hides which way a joint moves: {listed}")
     return Measurement(
         source=recording.source,
         joints=recording.names,
@@ -123,7 +128,7 @@ def of_mean(
         low_pass=None if cutoff is None else PeriodicLowPass(cutoff, frequency, len(mean.q)),
         decimate=processing.decimate,
         period_torque=mean.periods_of_tau,
-        notes=(*_notes(mean, chain, noise, robot, silent), *_undirected(trust & ~directed, robot)),
+        notes=tuple(notes),
         noise=noise,
         quantisation=rounding if rounding.any() else None,
         position_lines=strong,
@@ -246,15 +251,6 @@ def direction_known(motion: Motion, lines: Mask, variance: Array, frequency: flo
     return np.asarray(np.abs(motion.dq) >= np.minimum(hidden, usual))
 
 
-def _undirected(left_out: Mask, robot: Robot) -> list[str]:
-    """Return how many rows [N, n] reversals cost, where it is more than a few."""
-    shares = {name: share for name, share in zip(robot.joints, left_out.mean(axis=0), strict=True) if share > _SEVERAL}
-    if not shares:
-        return []
-    listed = ", ".join(f"{name} {100 * share:.0f} %" for name, share in shares.items())
-    return [f"rows at reversals left out, where noise hides which way a joint moves: {listed}"]
-
-
 def trusted(motion: Motion, robot: Robot, processing: Processing, speed_noise: Array) -> Mask:
     """Return rows [N, n] whose direction of motion is certain and whose speed is above the minimum.
 
@@ -294,8 +290,7 @@ def _motion(mean: Average, frequency: float, robot: Robot, recording: Recording)
 def velocity_noise(share: Array, variance: Array, frequency: float, samples: int) -> Array:
     """Return the error [n] rad/s of the velocity that shares of the measured lines give."""
     rates = 2.0 * np.pi * frequency * np.arange(len(share))[:, None]
-    noise: Array = np.sqrt(np.sum(share * rates**2, axis=0) * variance * 2.0 / samples)
-    return noise
+    return np.asarray(np.sqrt(np.sum(share * rates**2, axis=0) * variance * 2.0 / samples))
 
 
 def _rounding(step: Array, variance: Array) -> Array:

@@ -68,7 +68,7 @@ def disturbed(measured: Measurement, step: Array) -> tuple[int, ...]:
         smooth = float(np.nanmean(x[:, 1:] * x[:, :-1])) / power
         strays = np.sqrt(measured.position_variance[joint]) > _STRAY * step[joint]
         if strays and bursts > _BURSTS and smooth > _SMOOTH:
-            found.append(int(joint))
+            found.append(joint)
     return tuple(found)
 
 
@@ -101,15 +101,14 @@ def process(
         made = low_passed(recording, clock, robot, processing)
     if not motion_only and robot.effort.coupling is None:
         made = without_clipped(made, published, find_clipped(published), clock)
-    slow = rate_note(q, clock.dt, robot.joints)
     coarse = coarse_notes(recording.q, robot.drives.encoder_step, robot.joints)
-    said = [*recording.notes, *clock.notes, *(line for line in (slow, *coarse, note) if line), *made.notes]
+    found = (line for line in (rate_note(q, clock.dt, robot.joints), *coarse, note) if line)
     made = replace(
         made,
         stamps=clock.stamps,
         sample_rate=1.0 / clock.dt,
         start_ns=recording.start_ns,
-        notes=tuple(said),
+        notes=(*recording.notes, *clock.notes, *found, *made.notes),
         time_scale=time_scale(recording, processing.base_frequency),
     )
     return arm_alone(made, recording.conditions, robot)

@@ -22,7 +22,8 @@ def position_step(q: Array) -> Array:
     differences are whole multiples of it; of a joint that is never slow, the smallest change of such a difference.
     Steps so coarse that no sample moves by two of them show in the values, of which there are few, at equal distances.
     """
-    return np.array([_between_neighbours(x) or _spacing(x) for x in np.asarray(q, dtype=float).T])
+    columns = np.asarray(q, dtype=float).T
+    return np.array([_between_neighbours(x, 1) or _between_neighbours(x, 2) or _spacing(x) for x in columns])
 
 
 def coarse_notes(q: Array, declared: Array, joints: tuple[str, ...]) -> list[str]:
@@ -49,7 +50,7 @@ def _spacing(column: Array) -> float:
     if len(values) * _REPEATED > len(column):
         return 0.0
     apart = np.diff(values)
-    apart = apart[apart > 8 * np.finfo(float).eps * max(1.0, float(np.abs(values).max(initial=0.0)))]
+    apart = apart[apart > _rounding(values)]
     if len(apart) < _VALUES:
         return 0.0
     step = float(np.median(apart))
@@ -57,14 +58,14 @@ def _spacing(column: Array) -> float:
     return step if np.mean(np.abs(near - np.round(near)) < _OFF) > _SHARE and np.all(near > 0.5) else 0.0
 
 
-def _between_neighbours(column: Array) -> float:
-    """Return the step that differences between neighbours show, or changes of these."""
-    rounding = 8 * np.finfo(float).eps * max(1.0, float(np.abs(column).max(initial=0.0)))
-    return _step(np.abs(np.diff(column)), rounding) or _step(np.abs(np.diff(column, n=2)), rounding)
+def _rounding(column: Array) -> float:
+    return 8 * np.finfo(float).eps * max(1.0, float(np.abs(column).max(initial=0.0)))
 
 
-def _step(differences: Array, rounding: float) -> float:
-    moved = differences[differences > rounding]
+def _between_neighbours(column: Array, order: int) -> float:
+    """Return the step that differences between neighbours show (order 1), or changes of these (order 2)."""
+    differences = np.abs(np.diff(column, n=order))
+    moved = differences[differences > _rounding(column)]
     if len(moved) < _LEAST:
         return 0.0
     step = float(moved.min())

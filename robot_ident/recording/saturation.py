@@ -104,15 +104,14 @@ def without_clipped(made: Measurement, recording: Recording, clipped: Clipped, c
 
 def _near(made: Measurement, at: Mask, clock: Clock) -> Mask:
     """Return the rows [N, n] of a measurement within reach of a sample that was cut off, in any period."""
-    begins = made.motion.began or (0.0,)
+    begins = np.array(made.motion.began or (0.0,))[:, None]
     rows = np.arange(made.motion.samples) * made.dt
-    places = np.array(begins)[:, None] + rows if made.cycles is None else made.cycles.times - clock.t[0]
-    edges = np.concatenate([clock.t - clock.t[0] - _REACH, clock.t - clock.t[0] + _REACH])
+    places = begins + rows if made.cycles is None else made.cycles.times - clock.t[0]
+    t = clock.t - clock.t[0]
     out = np.zeros((made.motion.samples, at.shape[1]), dtype=bool)
     for joint in np.flatnonzero(at.any(axis=0)):
-        first, last = edges[: len(at)][at[:, joint]], edges[len(at) :][at[:, joint]]
-        begun = np.searchsorted(first, places, side="right")
-        out[:, joint] = (begun > np.searchsorted(last, places, side="left")).any(axis=0)
+        begun = np.searchsorted(t[at[:, joint]] - _REACH, places, side="right")
+        out[:, joint] = (begun > np.searchsorted(t[at[:, joint]] + _REACH, places, side="left")).any(axis=0)
     return out
 
 

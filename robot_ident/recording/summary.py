@@ -86,9 +86,9 @@ def summarise(recording: Recording) -> Summary:
     clock = read_clock(recording)
     q = even_positions(recording, clock)
     period, mean, periods, notes = find_period(q, clock.dt), None, None, [*recording.notes, *clock.notes]
-    slow, cycles, trouble = rate_note(q, clock.dt, recording.names), None, ""
-    silent = silent_note(silent_efforts(recording))
-    notes += [line for line in (slow, silent, *clipped_notes(recording, find_clipped(recording)).values()) if line]
+    cycles, trouble = None, ""
+    said = (rate_note(q, clock.dt, recording.names), silent_note(silent_efforts(recording)))
+    notes += [line for line in (*said, *clipped_notes(recording, find_clipped(recording)).values()) if line]
     if period is not None:
         try:
             steady, mean = average(recording, clock, period)

@@ -79,8 +79,7 @@ def with_signs(recording: Recording, robot: Robot) -> Recording:
         size = np.interp(t, recording.t, np.abs(effort))
         dq, ones = rows.dq[:, joint], np.ones(rows.samples)
         parts = (weight[:, joint], inertial[:, joint], dq, np.sign(dq), rows.ddq[:, joint], ones)
-        columns = np.column_stack(parts)
-        made, left = folded_back(columns, size)
+        made, left = folded_back(np.column_stack(parts), size)
         share = 1.0 - float(left @ left) / max(float(size @ size), 1e-300)
         if share < EXPLAINED:
             raise InputError(
