@@ -95,13 +95,12 @@ def summarise(recording: Recording) -> Summary:
             periods = steady.periods
         except InputError as error:
             trouble = str(error)
-    if mean is None or doubtful(mean.q_variance, mean.periods * len(mean.q), q):
+    samples = mean.periods * round(period) if mean is not None and period is not None else 0
+    if mean is None or doubtful(mean.q_variance, samples, q):
         found = find_cycles(q, clock.dt, float(clock.t[0]))
         other = None if found is None else mean_cycle(recording, clock, found)
         size = 0 if other is None else other.periods * len(other.q)
-        if other is not None and (
-            mean is None or better(other.q_variance, size, mean.q_variance, mean.periods * len(mean.q))
-        ):
+        if other is not None and (mean is None or better(other.q_variance, size, mean.q_variance, samples)):
             cycles, mean, period, periods, trouble = found, other, None, None, ""
     if trouble:
         notes.append(trouble)
