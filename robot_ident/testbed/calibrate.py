@@ -40,12 +40,12 @@ class Calibrated(NamedTuple):
     visible: Array
 
 
-def standard_motions(robot: Robot, count: int = 2, seed: int = 361) -> list[FourierSeries]:
+def standard_motions(robot: Robot, count: int = 2) -> list[FourierSeries]:
     """Return random periodic motions (five harmonics of 0.1 Hz) that fill 85 % of a robot's limits, workspace aside.
 
     They are the same whenever they are asked for: what is drawn for them doesn't depend on a user's own motion.
     """
-    rng, base, out = np.random.default_rng(seed), 0.1, []
+    rng, base, out = np.random.default_rng(361), 0.1, []
     limits, middle = robot.limits, home_pose(robot)
     room = np.minimum(limits.upper - middle, middle - limits.lower)
     room = np.where(np.isfinite(room), np.minimum(room, 2.0), 1.5)
@@ -60,9 +60,9 @@ def standard_motions(robot: Robot, count: int = 2, seed: int = 361) -> list[Four
     return out
 
 
-def pooled(motions: Sequence[FourierSeries], samples: int = 500) -> Motion:
+def pooled(motions: Sequence[FourierSeries]) -> Motion:
     """Return periods of several motions one after the other."""
-    return joined([m.motion(np.linspace(0, m.period, samples, endpoint=False)) for m in motions])
+    return joined([m.motion(np.linspace(0, m.period, 500, endpoint=False)) for m in motions])
 
 
 def torque_scale(robot: Robot) -> Array:

@@ -192,10 +192,10 @@ FAULTS: dict[str, type[MeasuringFault]] = {
 """What `trial --family measurement` hides, all alike often."""
 
 
-def draw_fault(seed: int, robot: Robot, recordings: int, names: Sequence[str] = ()) -> MeasuringFault:
+def draw_fault(seed: int, robot: Robot, recordings: int) -> MeasuringFault:
     """Draw a fault of a number of recordings; the same seed and arguments give the same."""
     rng = np.random.default_rng([seed, 1964])
-    return FAULTS[str(rng.choice(list(names or FAULTS)))].draw(robot, rng, recordings)
+    return FAULTS[str(rng.choice(list(FAULTS)))].draw(robot, rng, recordings)
 
 
 def fault_of(text: str, robot: Robot) -> MeasuringFault:
@@ -214,14 +214,13 @@ def recordings_with(
     periods: int = 16,
     noise: float = 1.0,
     seed: int = 0,
-    sample_rate: float = 150.0,
 ) -> list[Recording]:
     """Return recordings of steady periods with the fault in them, one for each motion."""
     true, out = fault.plant(robot), []
     servo = Servo.make(true)
     for number, motion in enumerate(motions):
         physics = plant_physics(true, fault.effects(true, number))
-        play = Play.of(true, physics, motion, sample_rate=sample_rate, servo=servo)
+        play = Play.of(true, physics, motion, servo=servo)
         out.append(spoilt(fault, play, number, periods=periods, noise=noise, seed=seed))
     return out
 

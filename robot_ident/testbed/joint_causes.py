@@ -6,7 +6,7 @@ that memory shapes is made of bristles that slip one after the other, a ripple h
 
 from __future__ import annotations
 
-from collections.abc import Callable, Mapping, Sequence
+from collections.abc import Callable, Mapping
 from dataclasses import dataclass
 
 import numpy as np
@@ -64,7 +64,8 @@ def draw_causes(course: Course, size: Array, rng: np.random.Generator) -> list[C
         mine: list[Cause] = []
         chosen = rng.choice(list(_LAWS), int(rng.choice(COUNTS)), replace=False) if joint != without else ()
         total = np.zeros(len(course.q))
-        for name in _compatible([str(one) for one in chosen]):
+        late = [name for name in chosen if name in ("presliding", "friction_behind_play")]  # forms of one cause
+        for name in (str(one) for one in chosen if one not in late[1:]):
             law = _LAWS[name](course, joint, rng)
             torque = law(course, joint)
             factor = between(rng, *SIZES) * size[joint] / _rms(torque)
@@ -74,12 +75,6 @@ def draw_causes(course: Course, size: Array, rng: np.random.Generator) -> list[C
         law = _field(course, joint, rng)
         out += [*mine, Cause("", joint, rest / _rms(law(course, joint)), law)]
     return out
-
-
-def _compatible(chosen: Sequence[str]) -> list[str]:
-    """Leave out what is another form of a cause that is there already."""
-    late = [name for name in chosen if name in ("presliding", "friction_behind_play")]
-    return [name for name in chosen if name not in late[1:]]
 
 
 def _rms(x: Array) -> float:
@@ -103,12 +98,8 @@ def _dragged(q: Array, free: float, reaches: Array) -> Array:
 
 def _presliding(course: Course, joint: int, rng: np.random.Generator) -> Torque:
     reach = between(rng, 0.001, 0.015)
-
-    def law(x: Course, j: int) -> Array:
-        # less the sharp friction, which every model has
-        return np.asarray(_dragged(x.q[:, j], 0.0, reach * _BRISTLES) - np.sign(x.dq[:, j]))
-
-    return law
+    # less the sharp friction, which every model has
+    return lambda x, j: _dragged(x.q[:, j], 0.0, reach * _BRISTLES) - np.sign(x.dq[:, j])
 
 
 def _friction_behind_play(course: Course, joint: int, rng: np.random.Generator) -> Torque:
@@ -124,7 +115,7 @@ def _viscous_nonlinear(course: Course, joint: int, rng: np.random.Generator) -> 
 
 def _viscous_asymmetric(course: Course, joint: int, rng: np.random.Generator) -> Torque:
     sign = float(rng.choice([-1.0, 1.0]))
-    return lambda x, j: np.asarray(sign * np.where(x.dq[:, j] > 0.0, x.dq[:, j], -x.dq[:, j]))
+    return lambda x, j: sign * np.abs(x.dq[:, j])
 
 
 def _stribeck(course: Course, joint: int, rng: np.random.Generator) -> Torque:
@@ -145,11 +136,7 @@ def _load_friction(course: Course, joint: int, rng: np.random.Generator) -> Torq
 
 def _position_friction(course: Course, joint: int, rng: np.random.Generator) -> Torque:
     at, times, narrow = rng.uniform(-np.pi, np.pi), float(rng.integers(1, 3)), rng.uniform(0.3, 1.0)
-
-    def law(x: Course, j: int) -> Array:
-        return np.asarray(np.sign(x.dq[:, j]) * np.exp(narrow * (np.cos(times * (x.q[:, j] - at)) - 1.0)))
-
-    return law
+    return lambda x, j: np.sign(x.dq[:, j]) * np.exp(narrow * (np.cos(times * (x.q[:, j] - at)) - 1.0))
 
 
 def _torque_ripple(course: Course, joint: int, rng: np.random.Generator) -> Torque:

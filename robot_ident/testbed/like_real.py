@@ -78,11 +78,9 @@ def like_real(robot: Robot, seed: int, *, causes: bool = False) -> LikeReal:
     path = _path(robot, rng, kind, float(truth["lag"]), _LONG if causes else _SHORT)
     if causes:
         drawn = draw_causes(_course(robot, path), size, np.random.default_rng([seed, _CAUSES]))
-    hidden = _hidden(robot, path, rate, drawn)
-    train, _ = _recorded(robot, rng, path, rate, truth, _by_joint(hidden, drawn, n), kind)
+    train, _, hidden = _recorded(robot, rng, path, rate, truth, drawn, kind)
     path = _path(robot, rng, "one pass", float(truth["lag"]), 12.0)
-    also = _by_joint(_hidden(robot, path, rate, drawn), drawn, n)
-    test, exact = _recorded(robot, rng, path, rate, truth, also, "one pass")
+    test, exact, _ = _recorded(robot, rng, path, rate, truth, drawn, "one pass")
     return LikeReal(seed, kind, rate, train, test, exact, truth["scale"], tuple(drawn), hidden)
 
 
@@ -139,45 +137,31 @@ def _course(robot: Robot, path: Array) -> Course:
     return Course(path[:, 0], path[:, 1], _links(robot, path), robot.drives.gear_ratio)
 
 
-def _sampled(x: Array, rate: float) -> Array:
-    """Return what a driver samples of a fine course, once the servo has settled."""
-    return x[round(_SETTLING * FINE) :: round(FINE / rate)]
-
-
-def _hidden(robot: Robot, whole: Array, rate: float, causes: Sequence[Cause]) -> Array:
-    """Return the torque [N, causes] of each cause at the samples of a recording."""
-    if not causes:
-        return np.zeros((len(_sampled(whole, rate)), 0))
-    course = _course(robot, whole)
-    return _sampled(np.column_stack([cause.torque(course) for cause in causes]), rate)
-
-
-def _by_joint(hidden: Array, causes: Sequence[Cause], n: int) -> Array:
-    """Return the torque [N, n] of all causes together."""
-    out = np.zeros((len(hidden), n))
-    for cause, torque in zip(causes, hidden.T, strict=True):
-        out[:, cause.joint] += torque
-    return out
-
-
 def _recorded(
     robot: Robot,
     rng: np.random.Generator,
     whole: Array,
     rate: float,
     truth: dict[str, Array],
-    hidden: Array,
+    causes: Sequence[Cause],
     source: str,
-) -> tuple[Recording, Array]:
-    """Return a recording and the torque that it would hold without noise, at its samples."""
-    path = _sampled(whole, rate)
+) -> tuple[Recording, Array, Array]:
+    """Return a recording, the torque that it would hold without noise, and that of each cause, at its samples."""
+    sampled = slice(round(_SETTLING * FINE), None, round(FINE / rate))  # by the driver, once the servo has settled
+    path = whole[sampled]
     speed = path[:, 1]
+    hidden, together = np.zeros((len(path), len(causes))), np.zeros(speed.shape)
+    if causes:
+        course = _course(robot, whole)
+        for k, cause in enumerate(causes):
+            hidden[:, k] = cause.torque(course)[sampled]
+            together[:, cause.joint] += hidden[:, k]
     exact = truth["scale"] * _links(robot, path)
     exact = exact + truth["viscous"] * speed + truth["coulomb"] * np.sign(speed) + truth["offset"]
-    exact = exact + hidden
+    exact = exact + together
     tau = exact + truth["noise"] * rng.standard_normal(exact.shape)
     seen = path[:, 0] + truth["encoder"] * rng.standard_normal(exact.shape)
     step = float(truth["step"])
     seen = step * np.round(seen / step) if step else seen
     t = np.arange(len(path)) / rate
-    return Recording(robot.joints, t, seen, tau, source=source), exact
+    return Recording(robot.joints, t, seen, tau, source=source), exact, hidden

@@ -99,7 +99,9 @@ def montecarlo(motion: Motion, structure: Structure, variance: Array, *, runs: i
     mean_error = error.mean(axis=1)
     sigma, sample = np.sqrt(np.diag(covariance)), estimates.std(axis=1, ddof=1)
     p = len(true)
-    low, high = _ratio_interval(runs)
+    # The 90 % interval of sample over predicted sigma, by the paper's formula (its printed figures are a slip).
+    root, scale = np.sqrt(2.0 * runs - 1.0), np.sqrt(2.0) * np.sqrt(runs - 1.0)
+    low, high = float((root - 1.645) / scale), float((root + 1.645) / scale)
     ratio = sample / sigma
     statistic = float(np.mean(np.sum(error * np.linalg.solve(covariance, error), axis=0)) / p)
     three_sigma = 3.0 * float(np.sqrt(2.0 / (p * runs)))
@@ -128,11 +130,3 @@ def _identified(batch: tuple[int, int, int], solver: Factor, exact: Array) -> Ar
     seed, number, count = batch
     rng = np.random.default_rng([seed, number])
     return np.column_stack([solver.solve(exact + rng.standard_normal(len(exact))) for _ in range(count)])
-
-
-def _ratio_interval(runs: int) -> tuple[float, float]:
-    """Return the 90 % interval of sample over predicted sigma, by the paper's formula (its printed figures are a
-    slip).
-    """
-    root, scale = np.sqrt(2.0 * runs - 1.0), np.sqrt(2.0) * np.sqrt(runs - 1.0)
-    return float((root - 1.645) / scale), float((root + 1.645) / scale)

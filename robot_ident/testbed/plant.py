@@ -6,9 +6,10 @@ A periodic steady state is simulated once and repeated.
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass
 from functools import cached_property
+from typing import NamedTuple
 
 import numpy as np
 
@@ -179,8 +180,7 @@ torque that follows from it is a thousandth of an Nm on a large robot, and an en
 coarser."""
 
 
-@dataclass(frozen=True)
-class Steady:
+class Steady(NamedTuple):
     """A periodic part: after `transient` [s] come `periods` of length `period` [s]."""
 
     transient: float
@@ -205,14 +205,19 @@ class Trace:
     settled: float | None = None
 
 
-def follow(plant: Plant, reference: Reference, first: int, steps: int, state: Array) -> tuple[Array, Array]:
-    """Return the states [steps, size] at the beginning of steps from `first` on, and the state [size] after them."""
+def follow(
+    plant: Plant, reference: Callable[[Array], Motion], first: int, steps: int, state: Array
+) -> tuple[Array, Array]:
+    """Return the states [steps, size] at the beginning of steps from `first` on, and the state [size] after them.
+
+    reference(t [N] s) gives the motion [N, n] to follow.
+    """
     out = np.empty((steps, plant.layout.size))
     for begin in range(0, steps, AT_A_TIME):
         count = min(AT_A_TIME, steps - begin)
         half = np.arange(2 * (first + begin), 2 * (first + begin + count) + 1)
         # A product with an integer, so that a step's times don't depend on where the run began.
-        motion = reference.reference(np.asarray(half * (plant.step / 2), dtype=float))
+        motion = reference(np.asarray(half * (plant.step / 2), dtype=float))
         after = plant.run(state, Commands.of(plant.servo, motion))
         out[begin], out[begin + 1 : begin + count] = state, after[:-1]
         state = after[-1]
@@ -241,12 +246,12 @@ def trace(plant: Plant, reference: Reference, steps: int, steady: Steady | None,
     transient = None if steady is None else _whole(steady.transient, plant.step)
     period = None if steady is None else _whole(steady.period, plant.step)
     if steady is None or transient is None or period is None:
-        states, _ = follow(plant, reference, 0, steps + extra, state)
+        states, _ = follow(plant, reference.reference, 0, steps + extra, state)
         return Trace(states, np.arange(steps + extra))
-    states, state = follow(plant, reference, 0, transient, state)
+    states, state = follow(plant, reference.reference, 0, transient, state)
     parts, at = [states], transient
     for done in range(steady.periods):
-        states, after = follow(plant, reference, at, period, state)
+        states, after = follow(plant, reference.reference, at, period, state)
         parts.append(states)
         if repeats(plant, state, after, np.ptp(states, axis=0)):
             again = np.tile(np.arange(at, at + period), steady.periods - done - 1)

@@ -4,7 +4,7 @@ what a torque sensor behind the gear feels, which is what the links need without
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass
 from typing import Any
 
@@ -18,7 +18,6 @@ from robot_ident.signals.motion import Array, Motion
 from robot_ident.testbed.phenomena import Physics
 from robot_ident.testbed.phenomena.phenomenon import Instant
 from robot_ident.testbed.plant import Plant, Trace
-from robot_ident.trajectories.excitation import Reference
 
 
 @dataclass(frozen=True)
@@ -173,7 +172,7 @@ def blend(start: Readings, ends: Sequence[tuple[Readings, Array]]) -> Readings:
 
 def read(
     plant: Plant,
-    reference: Reference,
+    reference: Callable[[Array], Motion],
     course: Trace,
     per_sample: int,
     samples: int,
@@ -211,9 +210,9 @@ def read(
     return Readings(**{**at_samples, "recorded": recorded}, fine=every if fine else None)
 
 
-def _drives(plant: Plant, reference: Reference, states: Array, steps: Steps) -> Array:
+def _drives(plant: Plant, reference: Callable[[Array], Motion], states: Array, steps: Steps) -> Array:
     """Return the drives' torque [U, n] at states of given steps."""
-    wanted = reference.reference(np.asarray(steps * plant.step, dtype=float))
+    wanted = reference(np.asarray(steps * plant.step, dtype=float))
     shown = plant.shown(states, np.zeros(wanted.q.shape))
     return plant.servo.torque(wanted, shown.q, shown.dq)
 

@@ -15,7 +15,7 @@ from robot_ident.recording.effort import as_reported
 from robot_ident.recording.recording import Recording
 from robot_ident.robot.robot import Robot
 from robot_ident.signals.motion import Array, Motion
-from robot_ident.testbed.phenomena import Physics, plant_physics
+from robot_ident.testbed.phenomena import Physics, felt_inertia, plant_physics
 from robot_ident.testbed.plant import Plant, Steady, Trace, follow, repeats, trace
 from robot_ident.testbed.sensors import FIELDS, Readings, Sensors, blend, filtered, read
 from robot_ident.testbed.servo import BANDWIDTH, Servo
@@ -55,7 +55,7 @@ def simulate(
     seed: int = 0,
     effects: Sequence[str] = (),
     anti_alias: bool = False,
-    steady: Steady | tuple[float, float, int] | None = None,
+    steady: tuple[float, float, int] | None = None,
     noise: float = 1.0,
 ) -> SimulationResult:
     """Return what a robot reports that follows `reference`: t on an even grid, noisy and quantised q, noisy dq and tau.
@@ -70,21 +70,20 @@ def simulate(
     physics = plant_physics(robot, effects)
     per_sample = steps_per_sample(sample_rate, step_rate, physics)
     _check(robot, reference)
-    if isinstance(steady, tuple):
-        steady = Steady(*steady)
-    samples = _samples(reference, sample_rate, steady)
+    repeated = None if steady is None else Steady(*steady)
+    samples = _samples(reference, sample_rate, repeated)
     drives, step = Servo.make(robot, servo, bandwidth), 1.0 / (sample_rate * per_sample)
     plant, t = Plant(robot, physics, drives, step), np.arange(samples) / sample_rate
 
     early = max([0.0, *(-p.lateness() for p in physics)])  # torque that is recorded early is that of later steps
 
     def readings_of(plant: Plant) -> tuple[Readings, float | None]:
-        course = trace(plant, reference, samples * per_sample, steady, int(np.ceil(early / step)) + 1)
-        return read(plant, reference, course, per_sample, samples, fine=anti_alias), course.settled
+        course = trace(plant, reference, samples * per_sample, repeated, int(np.ceil(early / step)) + 1)
+        return read(plant, reference.reference, course, per_sample, samples, fine=anti_alias), course.settled
 
     slow = [] if steady is None else [p for p in physics if p.slow]
     readings, settled = readings_of(warmed(plant, None) if slow else plant)
-    readings = blend(readings, [(readings_of(warmed(plant, p))[0], p.share(t)) for p in slow]) if slow else readings
+    readings = blend(readings, [(readings_of(warmed(plant, p))[0], p.share(t)) for p in slow])
     recording = noisy(robot, sample_rate, readings, noise=noise, seed=seed)
     exact = Motion(readings.q, readings.dq, readings.ddq)
     labels = tuple(p.label for p in physics)
@@ -120,12 +119,7 @@ def _check(robot: Robot, reference: Reference) -> None:
     pose = np.asarray(reference.start_pose)
     if pose.shape != (robot.n,):
         raise InputError(f"the motion moves {pose.size} joints, robot {robot.name} has {robot.n}")
-    zero = np.zeros((1, robot.n))
-    still = robot.rigid.inverse_dynamics(Motion(pose[None], zero, zero))
-    for joint, name in enumerate(robot.joints):
-        push = zero.copy()
-        push[0, joint] = 1.0
-        inertia = float((robot.rigid.inverse_dynamics(Motion(pose[None], zero, push)) - still)[0, joint])
+    for name, inertia in zip(robot.joints, felt_inertia(robot, pose), strict=True):
         if not inertia > 1e-12:
             raise InputError(f"robot {robot.name}: nothing that {name!r} moves has inertia; the URDF lacks it")
 
@@ -163,27 +157,6 @@ MOST_PERIODS = 3
 
 
 @dataclass(frozen=True)
-class Endless:
-    """A Fourier series as a reference without beginning or end."""
-
-    series: FourierSeries
-
-    @property
-    def duration(self) -> float:
-        """One period [s]."""
-        return self.series.period
-
-    @property
-    def start_pose(self) -> Array:
-        """Position at time 0 [n]."""
-        return np.asarray(self.reference(np.zeros(1)).q[0])
-
-    def reference(self, t: Array) -> Motion:
-        """Return the motion at instants t [N] s."""
-        return self.series.motion(t)
-
-
-@dataclass(frozen=True)
 class Play:
     """A robot's steady answer to a periodic motion, without noise.
 
@@ -203,11 +176,10 @@ class Play:
         series: FourierSeries,
         *,
         sample_rate: float = 150.0,
-        step_rate: float | None = None,
         servo: Servo | None = None,
     ) -> Play:
         """Simulate a period that is a whole number of samples; `physics` are all phenomena of the plant."""
-        per_sample = steps_per_sample(sample_rate, step_rate, physics)
+        per_sample = steps_per_sample(sample_rate, None, physics)
         plant = Plant(robot, tuple(physics), servo or Servo.make(robot), 1.0 / (sample_rate * per_sample))
         slow = [p for p in physics if p.slow]
         start = _steady(warmed(plant, None), series, per_sample, sample_rate)
@@ -218,7 +190,7 @@ class Play:
         """Return the readings of some periods, slow phenomena passing from one state to the other."""
         start = _repeated(self.period, periods)
         t = np.arange(len(start.q)) / self.sample_rate
-        return blend(start, [(_repeated(end, periods), p.share(t)) for p, end in self.ends]) if self.ends else start
+        return blend(start, [(_repeated(end, periods), p.share(t)) for p, end in self.ends])
 
     def record(self, periods: int = 16, *, noise: float = 1.0, seed: int = 0) -> Recording:
         """Return a recording of some steady periods; `noise` multiplies the variances of the robot's noise."""
@@ -259,12 +231,12 @@ def _steady(plant: Plant, series: FourierSeries, per_sample: int, sample_rate: f
     repeat.
     """
     samples = round(series.period * sample_rate)
-    steps, before, reference = samples * per_sample, round(WARM_UP / plant.step), Endless(series)
-    state = plant.moving(reference.reference(np.array([-before * plant.step])))
-    _, state = follow(plant, reference, -before, before, state)
+    steps, before = samples * per_sample, round(WARM_UP / plant.step)
+    state = plant.moving(series.motion(np.array([-before * plant.step])))
+    _, state = follow(plant, series.motion, -before, before, state)
     for _ in range(MOST_PERIODS):
-        states, after = follow(plant, reference, 0, steps, state)
+        states, after = follow(plant, series.motion, 0, steps, state)
         if not plant.layout.own or repeats(plant, state, after, np.ptp(states, axis=0)):
             break
         state = after
-    return read(plant, reference, Trace(states, np.arange(steps)), per_sample, samples, periodic=True)
+    return read(plant, series.motion, Trace(states, np.arange(steps)), per_sample, samples, periodic=True)

@@ -9,6 +9,7 @@ from __future__ import annotations
 import time
 from collections.abc import Mapping, Sequence
 from dataclasses import asdict, dataclass, field
+from functools import partial
 from typing import Any, Self
 
 import numpy as np
@@ -24,7 +25,6 @@ from robot_ident.recording.effort import as_reported, joint_torque
 from robot_ident.recording.measurement import Measurement
 from robot_ident.recording.periodic import at_rest
 from robot_ident.recording.process import process
-from robot_ident.recording.recording import Recording
 from robot_ident.robot.robot import Robot
 from robot_ident.signals.motion import Array, Mask, Motion
 from robot_ident.testbed.calibrate import torque_scale
@@ -33,7 +33,7 @@ from robot_ident.testbed.scenario import draw_scenario
 from robot_ident.testbed.simulation import Play
 from robot_ident.trajectories.fourier_series import FourierSeries
 
-_PERIODS = 2  # one would do, did no robot warm up from one to the next
+_PERIODS = 2  # without noise; one would do, did no robot warm up from one to the next
 
 
 @dataclass(frozen=True)
@@ -74,11 +74,6 @@ class TrueMotion:
 
 MEASUREMENT = "measurement"
 """The kind of a case in which the measuring is at fault and the arm is as modelled."""
-
-Errors = tuple[Array, Array]
-"""Mean square errors [n] (Nm)^2 along an unseen motion, before and after."""
-
-_QUIET_PERIODS = 2  # without noise one would do, were it periodic
 
 
 @dataclass(frozen=True)
@@ -167,110 +162,46 @@ class Outcome(AsData):
 
 
 def run_case(case: Case, setting: Setting) -> Outcome:
-    """Hide, simulate, identify, diagnose, add."""
+    """Hide, simulate, identify, diagnose, add.
+
+    Where measuring is at fault nothing is added, since the remedy is not in the model.
+    """
+    robot, structure, unseen = setting.robot, Structure.build(setting.robot), None
+    hidden: dict[str, Any]
     if case.kind == MEASUREMENT:
-        return _run_measuring_case(case, setting)
-    robot = setting.robot
-    kinds = () if case.kind is None else (case.kind,)
-    scenario = draw_scenario(case.seed, robot, kinds=kinds, references=setting.training)
-    plays = scenario.plays(robot, [*setting.training, setting.unseen])
-    seeds = np.random.SeedSequence([case.seed, 1]).generate_state(len(plays))
-    recordings = [
-        play.record(setting.periods, noise=setting.noise, seed=int(seed))
-        for play, seed in zip(plays[:-1], seeds, strict=False)
-    ]
-    structure = Structure.build(robot)
-    measurements, found, seconds = _diagnosed(recordings, structure)
-    errors, trouble = _errors(measurements, structure, found, TrueMotion.of(plays[-1]))
-    return outcome(
-        found,
-        robot,
-        seed=case.seed,
-        kind=scenario.kind,
-        hidden=scenario.all_effects,
-        truth=scenario.labels,
-        background=tuple(effect.partition(":")[0] for effect in scenario.background),
-        visible=scenario.visible,
-        seconds=seconds,
-        errors=errors,
-        trouble=trouble,
-    )
-
-
-def _run_measuring_case(case: Case, setting: Setting) -> Outcome:
-    """Spoil what is measured, identify, diagnose; nothing is added, since the remedy is not in the model."""
-    robot = setting.robot
-    fault = draw_fault(case.seed, robot, len(setting.training))
-    recordings = recordings_with(
-        fault, robot, setting.training, periods=setting.periods, noise=setting.noise, seed=case.seed
-    )
-    structure = Structure.build(robot)
-    _, found, seconds = _diagnosed(recordings, structure)
-    # What a model leaves that is fitted to the same without noise.
-    quiet = recordings_with(fault, robot, setting.training, periods=_QUIET_PERIODS, noise=0.0, seed=case.seed)
-    fits = estimate([process(recording, robot) for recording in quiet], structure, estimator="ls").residual
-    return outcome(
-        found,
-        robot,
-        seed=case.seed,
-        kind=MEASUREMENT,
-        hidden=(fault.text(robot),),
-        truth=(fault.label(robot),),
-        visible=[fit.rms for fit in fits.values()],
-        seconds=seconds,
-    )
-
-
-def _diagnosed(recordings: Sequence[Recording], structure: Structure) -> tuple[list[Measurement], Diagnosis, float]:
-    """Return the measurements of recordings, what is said of them, and the processor time [s] that it took."""
-    measurements = [process(recording, structure.robot) for recording in recordings]
+        fault = draw_fault(case.seed, robot, len(setting.training))
+        spoilt = partial(recordings_with, fault, robot, setting.training, seed=case.seed)
+        recordings = spoilt(periods=setting.periods, noise=setting.noise)
+        # What a model leaves that is fitted to the same without noise.
+        quiet = [process(recording, robot) for recording in spoilt(periods=_PERIODS, noise=0.0)]
+        fits = estimate(quiet, structure, estimator="ls").residual.values()
+        hidden = {"kind": MEASUREMENT, "hidden": (fault.text(robot),), "truth": (fault.label(robot),), "background": ()}
+        visible: Sequence[float] = [fit.rms for fit in fits]
+    else:
+        kinds = () if case.kind is None else (case.kind,)
+        scenario = draw_scenario(case.seed, robot, kinds=kinds, references=setting.training)
+        *plays, last = scenario.plays(robot, [*setting.training, setting.unseen])
+        seeds = np.random.SeedSequence([case.seed, 1]).generate_state(len(plays))
+        recordings = [
+            play.record(setting.periods, noise=setting.noise, seed=int(seed))
+            for play, seed in zip(plays, seeds, strict=True)
+        ]
+        hidden = {"kind": scenario.kind, "hidden": scenario.all_effects, "truth": scenario.labels}
+        hidden["background"] = tuple(effect.partition(":")[0] for effect in scenario.background)
+        visible, unseen = scenario.visible, TrueMotion.of(last)
+    measurements = [process(recording, robot) for recording in recordings]
     started = time.process_time()
     found = diagnose(measurements, structure)
-    return measurements, found, time.process_time() - started
-
-
-def _errors(
-    measurements: list[Measurement], structure: Structure, found: Diagnosis, unseen: TrueMotion
-) -> tuple[Errors | None, str]:
-    """Return the errors on the unseen motion before and after what was named is added, or why it couldn't be."""
-    named = [finding.effect for finding in found.missing if not finding.effect.measuring]
-    if not named:
-        return None, ""
-    try:
-        longer = Structure.build(structure.robot, named)
-        models = [estimate(measurements, s) for s in (structure, longer)]
-    except InputError as error:
-        return None, str(error)
-    before, after = (unseen.errors(model) for model in models)
-    return (before, after), ""
-
-
-def outcome(  # noqa: PLR0913
-    found: Diagnosis,
-    robot: Robot,
-    *,
-    seed: int,
-    kind: str,
-    hidden: tuple[str, ...],
-    truth: tuple[str, ...],
-    visible: Sequence[float] | Array,
-    seconds: float,
-    background: tuple[str, ...] = (),
-    errors: Errors | None = None,
-    trouble: str = "",
-) -> Outcome:
-    """Return what was said of what was hidden; visible [n] Nm rms, errors: before and after, each [n] (Nm)^2."""
+    seconds = time.process_time() - started
+    errors, trouble = (None, "") if unseen is None else _errors(measurements, structure, found, unseen)
 
     def by_joint(values: Sequence[float] | Array) -> dict[str, float]:
         return {joint: float(value) for joint, value in zip(robot.joints, values, strict=True)}
 
-    before, after = (None, None) if errors is None else (by_joint(each) for each in errors)
+    before, after = (None, None) if errors is None else map(by_joint, errors)
     return Outcome(
-        seed=seed,
-        kind=kind,
-        hidden=hidden,
-        truth=truth,
-        background=background,
+        seed=case.seed,
+        **hidden,
         visible=by_joint(visible),
         verdict=found.verdict,
         named=tuple(s.label for s in found.missing),
@@ -286,3 +217,20 @@ def outcome(  # noqa: PLR0913
         probability={s.label: s.probability for s in (*found.missing, *found.others) if s.probability is not None},
         trouble=trouble,
     )
+
+
+def _errors(
+    measurements: list[Measurement], structure: Structure, found: Diagnosis, unseen: TrueMotion
+) -> tuple[tuple[Array, Array] | None, str]:
+    """Return the mean square errors [n] (Nm)^2 on the unseen motion before and after what was named is added, or why
+    it couldn't be.
+    """
+    named = [finding.effect for finding in found.missing if not finding.effect.measuring]
+    if not named:
+        return None, ""
+    try:
+        longer = Structure.build(structure.robot, named)
+        before, after = (unseen.errors(estimate(measurements, s)) for s in (structure, longer))
+    except InputError as error:
+        return None, str(error)
+    return (before, after), ""

@@ -13,22 +13,21 @@ from robot_ident.diagnosis.diagnosis import FRICTION
 from robot_ident.testbed.scenario import COUNTS
 from robot_ident.testbed.trial import MEASUREMENT, Outcome
 
-_Z = 1.959963984540054  # standard normal quantile of a two-sided 95 % interval
 NOTHING = "nothing"
 """What the confusion matrix says where nothing was named."""
 
 
-def wilson(successes: int, cases: int, z: float = _Z) -> tuple[float, float]:
-    """Return the interval of a rate (Wilson 1927): the rates that the count doesn't contradict.
+def wilson(successes: int, cases: int) -> tuple[float, float]:
+    """Return the 95 % interval of a rate (Wilson 1927): the rates that the count doesn't contradict.
 
     (p + z^2 / 2n -+ z sqrt(p (1 - p) / n + z^2 / 4 n^2)) / (1 + z^2 / n); (0, 1) without cases.
     """
+    from scipy.stats import binomtest
+
     if cases == 0:
         return 0.0, 1.0
-    p, share = successes / cases, z * z / cases
-    middle, half = p + share / 2, z * np.sqrt(p * (1 - p) / cases + share / (4 * cases))
-    lower, upper = float((middle - half) / (1 + share)), float((middle + half) / (1 + share))
-    return (0.0 if successes == 0 else lower), (1.0 if successes == cases else upper)
+    interval = binomtest(successes, cases).proportion_ci(method="wilson")
+    return float(interval.low), float(interval.high)
 
 
 @dataclass(frozen=True)
@@ -90,16 +89,6 @@ def named_wrong(o: Outcome) -> bool:
     return any(label not in there and not there & set(group) for label, group in pairs)
 
 
-def found_beside_background(o: Outcome) -> bool:
-    """Return whether the main effect was named, and nothing that is neither there nor said to tie with what is."""
-    return set(o.truth) <= set(o.named) and not named_wrong(o)
-
-
-def friction_named(o: Outcome) -> bool:
-    """Return whether something that rubs was named."""
-    return any(label.partition("@")[0] in FRICTION for label in o.named)
-
-
 class _Row(NamedTuple):
     """A row of the table: which cases count, what is counted, and whether it is wanted."""
 
@@ -121,6 +110,12 @@ def rates(outcomes: Sequence[Outcome], least: float) -> list[Rate]:
     def fault(o: Outcome, *, visible: bool) -> bool:
         return o.kind == MEASUREMENT and (max(o.visible.values()) >= least) == visible
 
+    def rubs(o: Outcome) -> bool:
+        return any(label.partition("@")[0] in FRICTION for label in o.named)
+
+    def main_named(o: Outcome) -> bool:
+        return set(o.truth) <= set(o.named) and not named_wrong(o)
+
     rows = (
         _Row("named_right", single, named_right),
         _Row("truth_in_tie_group", single, in_tie_group),
@@ -134,8 +129,8 @@ def rates(outcomes: Sequence[Outcome], least: float) -> list[Rate]:
         _Row("unexplained_though_known", several, lambda o: o.verdict == "unexplained", wanted=False),
         _Row("fault_named", lambda o: fault(o, visible=True), in_tie_group),
         _Row("wrong_name_for_faint_fault", lambda o: fault(o, visible=False), named_wrong, wanted=False),
-        _Row("friction_named_for_fault", lambda o: o.kind == MEASUREMENT, friction_named, wanted=False),
-        _Row("named_right_with_background", lambda o: o.kind == "single_with_background", found_beside_background),
+        _Row("friction_named_for_fault", lambda o: o.kind == MEASUREMENT, rubs, wanted=False),
+        _Row("named_right_with_background", lambda o: o.kind == "single_with_background", main_named),
     )
     out = []
     for row in rows:

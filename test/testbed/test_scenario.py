@@ -5,6 +5,7 @@ from __future__ import annotations
 import json
 from dataclasses import replace
 from pathlib import Path
+from types import SimpleNamespace
 
 import numpy as np
 import pytest
@@ -26,7 +27,7 @@ from robot_ident.testbed.scenario import (
     sealed_path,
     usual_sizes,
 )
-from robot_ident.testbed.simulation import Endless, Play, simulate
+from robot_ident.testbed.simulation import Play, simulate
 
 
 def plays(robot: Robot, *effects: str) -> list[Play]:
@@ -48,7 +49,8 @@ def test_a_play_is_the_steady_state_of_a_long_run(kuka: Robot, label: str) -> No
     motion = standard_motions(kuka, 1)[0]
     effects = [label] if label else []
     play = Play.of(kuka, plant_physics(kuka, effects), motion)
-    reference = Endless(motion)
+    start = motion.motion(np.zeros(1)).q[0]
+    reference = SimpleNamespace(duration=motion.period, start_pose=start, reference=motion.motion)
     long = simulate(kuka, reference, steady=(20.0, 10.0, 1), effects=effects, noise=0.0)
     last = slice(3000, 4500)
     np.testing.assert_allclose(play.period.q, long.exact.q[last], atol=2e-6)

@@ -7,7 +7,15 @@ from collections.abc import Sequence
 from robot_ident.errors import InputError, did_you_mean
 from robot_ident.robot.robot import Robot
 from robot_ident.testbed.phenomena import actuation, friction, mechanics, unlisted
-from robot_ident.testbed.phenomena.phenomenon import Contribution, Instant, Physics, Value, home_inertia, home_pose
+from robot_ident.testbed.phenomena.phenomenon import (
+    Contribution,
+    Instant,
+    Physics,
+    Value,
+    felt_inertia,
+    home_inertia,
+    home_pose,
+)
 
 PHYSICS: dict[str, type[Physics]] = {
     physics.name: physics
@@ -140,6 +148,7 @@ __all__ = [
     "Instant",
     "Physics",
     "Value",
+    "felt_inertia",
     "formula",
     "home_inertia",
     "home_pose",

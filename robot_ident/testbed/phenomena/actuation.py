@@ -40,10 +40,6 @@ def _gear_ratio(robot: Robot, joint: int) -> float:
     return ratio if np.isfinite(ratio) else 100.0
 
 
-def _lines_of_motor(rng: np.random.Generator, once: float) -> float:
-    return once * float(rng.choice([0.5, 1.0, 2.0]))
-
-
 class TorqueRipple(Physics):
     """Torque in lines over the motor's angle: A (sin(N q + phase) + second sin(2 N q)), N [1/rad] of the joint.
 
@@ -53,7 +49,7 @@ class TorqueRipple(Physics):
     name = "torque_ripple"
     parameters = (
         Value("torque_ripple", "Nm", "N", usual=times(0.01, strength)),
-        Value("order", "1/rad", "1/m", lower=0.1, usual=_gear_ratio, drawn=_lines_of_motor),
+        Value("order", "1/rad", "1/m", 0.1, usual=_gear_ratio, drawn=lambda rng, once: once * rng.choice([0.5, 1, 2])),
         Value("phase", "rad", "rad", drawn=even(-np.pi, np.pi)),
         Value("second", "1", "1", lower=0.0, upper=1.0, drawn=even(0.0, 0.2)),
     )

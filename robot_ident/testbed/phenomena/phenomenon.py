@@ -120,17 +120,15 @@ class Physics:
         self.robot = robot
         self.place = joint
         values = {**self.known(robot, joint or 0), **values}
+        known = {p.name: p for p in self.parameters}
         for key, value in values.items():
-            self._check(key, value)
+            if key not in known:
+                raise InputError(f"{self.label}: no parameter {key!r}{did_you_mean(key, known)}")
+            lower, upper = known[key].lower, known[key].upper
+            if not lower <= value <= upper:
+                raise InputError(f"{self.label}: {key} = {value} lies outside [{lower:g}, {upper:g}]")
         missing = any(p.name not in values for p in self.parameters)
         self.values: Mapping[str, Any] = {**(self.typical(robot, joint or 0) if missing else {}), **values}
-
-    def _check(self, key: str, value: float) -> None:
-        known = {p.name: p for p in self.parameters}
-        if key not in known:
-            raise InputError(f"{self.label}: no parameter {key!r}{did_you_mean(key, known)}")
-        if not known[key].lower <= value <= known[key].upper:
-            raise InputError(f"{self.label}: {key} = {value} lies outside [{known[key].lower:g}, {known[key].upper:g}]")
 
     @property
     def joint(self) -> int:
@@ -308,11 +306,14 @@ def home_pose(robot: Robot) -> Array:
     return np.where(bounded, (np.where(bounded, lower, 0.0) + np.where(bounded, upper, 0.0)) / 2, 0.0)
 
 
-def home_inertia(robot: Robot) -> Array:
-    """Return the diagonal [n] of M(q), armature included, at the home pose."""
+def felt_inertia(robot: Robot, q: Array) -> Array:
+    """Return the diagonal [n] of M(q), armature included."""
     import pinocchio
 
     model = robot.rigid.model
-    mass = pinocchio.crba(model, model.createData(), home_pose(robot))
-    diagonal: Array = np.diag(mass).copy()
-    return diagonal
+    return np.diag(pinocchio.crba(model, model.createData(), q)).copy()
+
+
+def home_inertia(robot: Robot) -> Array:
+    """Return the diagonal [n] of M(q), armature included, at the home pose."""
+    return felt_inertia(robot, home_pose(robot))
