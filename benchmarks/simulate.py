@@ -13,7 +13,7 @@ import numpy as np
 
 from robot_ident.robot import load_robot
 from robot_ident.signals.motion import Array, Motion
-from robot_ident.testbed.phenomena import home_pose
+from robot_ident.testbed.phenomena.phenomenon import home_pose
 from robot_ident.testbed.simulation import simulate
 from robot_ident.trajectories.fourier_series import FourierSeries
 

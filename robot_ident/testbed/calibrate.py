@@ -13,8 +13,7 @@ from robot_ident.recording.periodic import direction_known, trusted, velocity_no
 from robot_ident.robot.robot import Robot
 from robot_ident.signals.fourier import above_noise, evaluate, lines_of_grid
 from robot_ident.signals.motion import Array, Mask, Motion, joined
-from robot_ident.testbed.phenomena import Physics, home_pose
-from robot_ident.testbed.phenomena.phenomenon import strength
+from robot_ident.testbed.phenomena.phenomenon import Physics, home_pose, strength
 from robot_ident.testbed.sensors import Readings, Sensors
 from robot_ident.testbed.simulation import Play
 from robot_ident.trajectories.fourier_series import FourierSeries

@@ -19,7 +19,7 @@ from robot_ident.robot.robot import Robot
 from robot_ident.signals.motion import Array, Mask
 from robot_ident.testbed.dry_friction import StepProblem, solve
 from robot_ident.testbed.links import links_function
-from robot_ident.testbed.phenomena import Instant, Physics
+from robot_ident.testbed.phenomena.phenomenon import Instant, Physics
 from robot_ident.testbed.servo import Servo
 from robot_ident.testbed.transmissions import Transmissions
 from robot_ident.testbed.vectorised import Vectorised
@@ -309,14 +309,9 @@ class Equations:
         for physics, z in zip(self._given(x), self._own(x), strict=True):
             if physics.states:
                 rows = gear.rows[physics.side]
-                before = Instant(_picked(x.q, rows), _picked(x.v, rows), _picked(x.a, rows), load, z)
-                after = Instant(_picked(q, rows), _picked(v, rows), _picked(a, rows), load, z)
-                own += physics.advance(before, after, h)
+                q0, v0, a0, q1, v1, a1 = ([part[k] for k in rows] for part in (x.q, x.v, x.a, q, v, a))
+                own += physics.advance(Instant(q0, v0, a0, load, z), Instant(q1, v1, a1, load, z), h)
         return ca.vertcat(q, v, a, *own, x.values)
-
-
-def _picked(part: Any, rows: Sequence[int]) -> list[Any]:
-    return [part[k] for k in rows]
 
 
 KEPT = 48

@@ -17,7 +17,7 @@ from robot_ident.errors import InputError
 from robot_ident.robot.robot import Robot
 from robot_ident.signals.motion import Array, Mask, Motion
 from robot_ident.testbed.equations import Equations, Layout, equations_of
-from robot_ident.testbed.phenomena import Physics
+from robot_ident.testbed.phenomena.phenomenon import Physics
 from robot_ident.testbed.servo import Servo
 from robot_ident.trajectories.excitation import Reference
 

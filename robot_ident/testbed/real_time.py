@@ -17,7 +17,8 @@ from numpy.typing import ArrayLike
 from robot_ident.errors import InputError
 from robot_ident.robot.robot import Robot
 from robot_ident.signals.motion import Array, Motion, frozen_array, joined
-from robot_ident.testbed.phenomena import home_pose, plant_physics
+from robot_ident.testbed.phenomena import plant_physics
+from robot_ident.testbed.phenomena.phenomenon import home_pose
 from robot_ident.testbed.plant import Commands, Plant
 from robot_ident.testbed.sensors import Sensors
 from robot_ident.testbed.servo import BANDWIDTH, Servo

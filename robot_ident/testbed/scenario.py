@@ -20,8 +20,8 @@ from robot_ident.model.structure import Structure
 from robot_ident.robot.robot import Robot
 from robot_ident.signals.motion import Motion
 from robot_ident.testbed.calibrate import TOLERANCE, Calibrated, calibrate, pooled, standard_motions, visible
-from robot_ident.testbed.phenomena import PHYSICS, Physics, nominal_physics, plant_physics
-from robot_ident.testbed.phenomena.phenomenon import between, strength
+from robot_ident.testbed.phenomena import PHYSICS, nominal_physics, plant_physics
+from robot_ident.testbed.phenomena.phenomenon import Physics, between, strength
 from robot_ident.testbed.servo import Servo
 from robot_ident.testbed.simulation import Play
 from robot_ident.trajectories.fourier_series import FourierSeries

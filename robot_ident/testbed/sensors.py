@@ -15,8 +15,7 @@ from robot_ident.errors import InputError
 from robot_ident.robot.anti_alias import AntiAlias
 from robot_ident.robot.robot import Robot
 from robot_ident.signals.motion import Array, Motion
-from robot_ident.testbed.phenomena import Physics
-from robot_ident.testbed.phenomena.phenomenon import Instant
+from robot_ident.testbed.phenomena.phenomenon import Instant, Physics
 from robot_ident.testbed.plant import Plant, Trace
 
 

@@ -9,7 +9,8 @@ import numpy as np
 from robot_ident.errors import InputError, did_you_mean
 from robot_ident.robot.robot import Robot
 from robot_ident.signals.motion import Array, Motion
-from robot_ident.testbed.phenomena import Instant, home_inertia, nominal_physics
+from robot_ident.testbed.phenomena import nominal_physics
+from robot_ident.testbed.phenomena.phenomenon import Instant, home_inertia
 from robot_ident.testbed.vectorised import Vectorised
 
 SERVOS = {

@@ -15,7 +15,8 @@ from robot_ident.recording.effort import as_reported
 from robot_ident.recording.recording import Recording
 from robot_ident.robot.robot import Robot
 from robot_ident.signals.motion import Array, Motion
-from robot_ident.testbed.phenomena import Physics, felt_inertia, plant_physics
+from robot_ident.testbed.phenomena import plant_physics
+from robot_ident.testbed.phenomena.phenomenon import Physics, felt_inertia
 from robot_ident.testbed.plant import Plant, Steady, Trace, follow, repeats, trace
 from robot_ident.testbed.sensors import FIELDS, Readings, Sensors, blend, filtered, read
 from robot_ident.testbed.servo import BANDWIDTH, Servo

@@ -12,7 +12,7 @@ import numpy as np
 from robot_ident.errors import InputError
 from robot_ident.robot.robot import Robot
 from robot_ident.signals.motion import Array
-from robot_ident.testbed.phenomena import Physics
+from robot_ident.testbed.phenomena.phenomenon import Physics, home_pose
 
 MOTOR_SHARE = 0.2
 """Part of what a joint feels that is taken as its motor's where the robot's armature is unknown."""
@@ -90,8 +90,6 @@ def motor_inertia(robot: Robot, joints: Sequence[int]) -> Array:
     if all(rotors[j] > 0 for j in joints):
         return rotors
     import pinocchio
-
-    from robot_ident.testbed.phenomena import home_pose
 
     model, rng = robot.rigid.model, np.random.default_rng(0)
     data, felt = model.createData(), []

@@ -12,7 +12,7 @@ from scipy.integrate import solve_ivp
 
 from robot_ident.errors import InputError
 from robot_ident.robot import Robot
-from robot_ident.signals.motion import Array, Motion
+from robot_ident.signals.motion import Array, Mask, Motion
 from robot_ident.testbed.phenomena import PHYSICS, make_physics, plant_physics
 from robot_ident.testbed.plant import Commands, Plant
 from robot_ident.testbed.servo import Servo
@@ -20,6 +20,8 @@ from robot_ident.testbed.simulation import SimulationResult, simulate
 from robot_ident.testbed.transmissions import motor_inertia
 
 PERIOD, RATE = 4.0, 150.0
+FINE = 1500.0
+"""A sample at every step [Hz]."""
 
 
 @dataclass(frozen=True)
@@ -41,6 +43,20 @@ def robot_torque(robot: Robot, motion: Motion) -> Array:
         for joint, values in robot.simulation.get(name, {}).items():
             tau[:, robot.joint_index(joint)] += values[name] * signal[:, robot.joint_index(joint)]
     return tau
+
+
+def rigid_torque(model: pinocchio.Model, motion: Motion) -> Array:
+    """Return Pinocchio's inverse dynamics of a model along a motion."""
+    data, rows = model.createData(), zip(motion.q, motion.dq, motion.ddq, strict=True)
+    return np.array([pinocchio.rnea(model, data, *row) for row in rows])
+
+
+def added(
+    robot: Robot, blend, label: str, periods: int = 1, rate: float = RATE
+) -> tuple[SimulationResult, Array, Mask]:
+    """Return a simulation without noise, what its drives give beyond the robot's own torque, and rows that move."""
+    made = simulate(robot, blend(robot, periods * PERIOD), effects=[label], noise=0.0, sample_rate=rate)
+    return made, made.torque - robot_torque(robot, made.exact), np.all(np.abs(made.exact.dq) > 0.02, axis=1)
 
 
 def sech(x: Array) -> Array:
@@ -99,23 +115,19 @@ TOLERANCE = {"gravity_spring": 0.2, "end_stop": 0.3, "load_friction": 0.03}
 @pytest.mark.parametrize("label", FORMULAS)
 def test_it_adds_its_own_torque_and_nothing_else(kuka: Robot, blend, label: str) -> None:
     """Drives' torque less the robot's own inverse dynamics of the exact motion is the phenomenon's equation."""
-    made = simulate(kuka, blend(kuka, 2 * PERIOD), effects=[label], noise=0.0)
+    made, left, moving = added(kuka, blend, label, 2)
     motion = made.exact
     inertial = kuka.rigid.inverse_dynamics(motion) - kuka.drives.armature * motion.ddq
     course = Course(made.recording.t, motion.q[:, 1], motion.dq[:, 1], inertial[:, 1], made.torque[:, 1], motion)
-    left = made.torque - robot_torque(kuka, motion)
     expected = FORMULAS[label](course)
-    moving = np.all(np.abs(motion.dq) > 0.02, axis=1)
     assert np.ptp(expected[moving]) > 1.0 or "offset" in label
     np.testing.assert_allclose(left[moving, 1], expected[moving], atol=TOLERANCE.get(label.partition("@")[0], 1e-6))
     assert np.abs(left[moving][:, [0, 2]]).max() < 1e-9
 
 
 def test_unknown_field_is_smooth_and_conservative(kuka: Robot, blend) -> None:
-    made = simulate(kuka, blend(kuka, 2 * PERIOD), effects=["unknown_field@joint_2:field=5,seed=4"], noise=0.0)
-    moving = np.abs(made.exact.dq[:, 1]) > 0.02
-    left = (made.torque - robot_torque(kuka, made.exact))[moving, 1]
-    assert 1.0 < np.std(left) < 12.0
+    made, left, moving = added(kuka, blend, "unknown_field@joint_2:field=5,seed=4", 2)
+    assert 1.0 < np.std(left[moving, 1]) < 12.0
     late = slice(600, 1200)
     again = simulate(kuka, blend(kuka, 2 * PERIOD), effects=["unknown_field@joint_2:field=5,seed=4"], noise=0.0)
     np.testing.assert_array_equal(again.torque[late], made.torque[late])
@@ -123,36 +135,23 @@ def test_unknown_field_is_smooth_and_conservative(kuka: Robot, blend) -> None:
 
 @pytest.mark.parametrize("tilt", [(0.05, 0.0), (0.0, -0.08), (0.06, 0.03)])
 def test_base_tilt_is_gravity_turned(kuka: Robot, blend, tilt: tuple[float, float]) -> None:
-    made = simulate(kuka, blend(kuka, PERIOD), effects=[f"base_tilt:tilt_x={tilt[0]},tilt_y={tilt[1]}"], noise=0.0)
+    made, left, moving = added(kuka, blend, f"base_tilt:tilt_x={tilt[0]},tilt_y={tilt[1]}")
     model = kuka.rigid.model.copy()
     turned = pinocchio.utils.rotate("x", tilt[0]) @ pinocchio.utils.rotate("y", tilt[1])
     model.gravity.linear = turned.T @ np.array([0.0, 0.0, -9.81])
-    data, level = model.createData(), kuka.rigid.inverse_dynamics(made.exact)
-    rows = zip(made.exact.q, made.exact.dq, made.exact.ddq, strict=True)
-    tau = np.array([pinocchio.rnea(model, data, *row) for row in rows])
-    moving = np.all(np.abs(made.exact.dq) > 0.02, axis=1)
-    left = made.torque - robot_torque(kuka, made.exact)
-    np.testing.assert_allclose(left[moving], (tau - level)[moving], atol=1e-9)
-    assert np.abs(tau - level).max() > 1.0
+    change = rigid_torque(model, made.exact) - kuka.rigid.inverse_dynamics(made.exact)
+    np.testing.assert_allclose(left[moving], change[moving], atol=1e-9)
+    assert np.abs(change).max() > 1.0
 
 
 def test_payload_is_a_mass_at_the_tool(kuka: Robot, blend) -> None:
-    made = simulate(kuka, blend(kuka, PERIOD), effects=["payload:payload=12,x=0.05,y=0.1,z=-0.02"], noise=0.0)
+    made, left, moving = added(kuka, blend, "payload:payload=12,x=0.05,y=0.1,z=-0.02")
     model = kuka.rigid.model.copy()
     frame = model.frames[model.getFrameId(kuka.end_effector)]
     mass = pinocchio.Inertia(12.0, np.array([0.05, 0.1, -0.02]), np.zeros((3, 3)))
     model.appendBodyToJoint(frame.parentJoint, mass, frame.placement)
-    data = model.createData()
-    rows = zip(made.exact.q, made.exact.dq, made.exact.ddq, strict=True)
-    tau = np.array([pinocchio.rnea(model, data, *row) for row in rows])
-    moving = np.all(np.abs(made.exact.dq) > 0.02, axis=1)
-    left = made.torque - robot_torque(kuka, made.exact)
-    np.testing.assert_allclose(left[moving], (tau - kuka.rigid.inverse_dynamics(made.exact))[moving], atol=1e-8)
-
-
-def fine(robot: Robot, blend, label: str) -> SimulationResult:
-    """Return a simulation sampled at every step."""
-    return simulate(robot, blend(robot, 2 * PERIOD), effects=[label], noise=0.0, sample_rate=1500.0)
+    change = rigid_torque(model, made.exact) - kuka.rigid.inverse_dynamics(made.exact)
+    np.testing.assert_allclose(left[moving], change[moving], atol=1e-8)
 
 
 def played(path: Array, reach: Array, level: float) -> Array:
@@ -168,9 +167,9 @@ def played(path: Array, reach: Array, level: float) -> Array:
 
 def test_presliding_is_a_play_of_elements(kuka: Robot, blend) -> None:
     """It replaces Coulomb friction, builds up over a distance, never exceeds its level, and takes energy."""
-    made = fine(kuka, blend, "presliding@joint_2:reach=0.01,coulomb=12")
+    made, left, _ = added(kuka, blend, "presliding@joint_2:reach=0.01,coulomb=12", 2, FINE)
     motion = made.exact
-    left = made.torque - robot_torque(kuka, motion) + 6.35 * np.sign(motion.dq) * np.array([0, 1, 0])
+    left = left + 6.35 * np.sign(motion.dq) * np.array([0, 1, 0])
     expected = played(motion.q[:, 1], 0.01 * np.array([0.12, 0.3, 0.6, 1.1, 2.0]), 12.0)
     np.testing.assert_allclose(left[:, 1], expected, atol=1e-6)
     assert np.abs(left[:, 1]).max() == pytest.approx(12.0, abs=1e-6)
@@ -182,8 +181,7 @@ def test_presliding_is_a_play_of_elements(kuka: Robot, blend) -> None:
 
 def test_friction_behind_a_play_is_missing_after_reversals(kuka: Robot, blend) -> None:
     """A slide that stays where it is within the clearance, and whose bristles bend once it is touched."""
-    made = fine(kuka, blend, "friction_behind_play@joint_2:level=12,gap=0.05,reach=0.004")
-    left = (made.torque - robot_torque(kuka, made.exact))[:, 1]
+    made, left, _ = added(kuka, blend, "friction_behind_play@joint_2:level=12,gap=0.05,reach=0.004", 2, FINE)
     expected = np.zeros(len(left))
     for share in (0.12, 0.3, 0.6, 1.1, 2.0):
         apart, reach = 0.0, 0.004 * share
@@ -191,26 +189,24 @@ def test_friction_behind_a_play_is_missing_after_reversals(kuka: Robot, blend) -
             apart = min(max(apart + step, -0.025 - reach), 0.025 + reach)
             expected[k] += 12 / 5 * np.sign(apart) * min(max(abs(apart) - 0.025, 0.0) / reach, 1.0)
     moving = np.abs(made.exact.dq[:, 1]) > 0.01
-    np.testing.assert_allclose(left[moving], expected[moving], atol=1e-6)
+    np.testing.assert_allclose(left[moving, 1], expected[moving], atol=1e-6)
     assert np.mean(expected[6000:] == 0.0) > 0.02
 
 
 def test_cable_hardens_and_rubs(kuka: Robot, blend) -> None:
-    made = fine(kuka, blend, "cable@joint_2:cable=9,relaxed=0.1,hardening=0.4,rubbing=2,reach=0.05")
+    label = "cable@joint_2:cable=9,relaxed=0.1,hardening=0.4,rubbing=2,reach=0.05"
+    made, left, _ = added(kuka, blend, label, 2, FINE)
     motion = made.exact
-    left = (made.torque - robot_torque(kuka, motion))[:, 1]
     bent = motion.q[:, 1] - 0.1
     rub = played(motion.q[:, 1], 0.05 * np.array([0.4, 1.0, 1.8]), 2.0)
     moving = np.abs(motion.dq[:, 1]) > 0.01
-    np.testing.assert_allclose(left[moving], (9 * bent * (1 + 0.4 * bent**2) + rub)[moving], atol=1e-6)
+    np.testing.assert_allclose(left[moving, 1], (9 * bent * (1 + 0.4 * bent**2) + rub)[moving], atol=1e-6)
     steady = slice(6000, 12000)
     assert np.sum(rub[steady] * motion.dq[steady, 1]) > 0
 
 
 def test_rotor_inertia_adds_to_the_diagonal(kuka: Robot, blend) -> None:
-    made = simulate(kuka, blend(kuka, PERIOD), effects=["rotor_inertia@joint_3:2"], noise=0.0)
-    left = made.torque - robot_torque(kuka, made.exact)
-    moving = np.all(np.abs(made.exact.dq) > 0.02, axis=1)
+    made, left, moving = added(kuka, blend, "rotor_inertia@joint_3:2")
     np.testing.assert_allclose(left[moving, 2], 2 * made.exact.ddq[moving, 2], atol=1e-9)
 
 
@@ -229,7 +225,7 @@ def test_time_delay_shifts_the_recorded_torque_alone(kuka: Robot, blend, label: 
 
 def test_eccentric_encoder_misleads_servo_and_recording(kuka: Robot, blend) -> None:
     label = "encoder_eccentricity@joint_2:encoder_eccentricity=0.01,position=0.3,harmonic=1"
-    made = simulate(kuka, blend(kuka, 2 * PERIOD), effects=[label], noise=0.0)
+    made, left, moving = added(kuka, blend, label, 2)
     q, step = made.exact.q[:, 1], kuka.drives.encoder_step
     wrong = np.arctan2(0.01 * np.sin(q - 0.3), 1 - 0.01 * np.cos(q - 0.3))
     np.testing.assert_allclose(made.recording.q[:, 1], q + wrong, atol=0.51 * step[1])
@@ -239,8 +235,6 @@ def test_eccentric_encoder_misleads_servo_and_recording(kuka: Robot, blend) -> N
     wanted = blend(kuka, 2 * PERIOD).reference(made.recording.t).q
     assert np.abs(made.recording.q - wanted)[:, 1].max() < 5e-4
     assert np.abs(q - wanted[:, 1]).max() > 3e-3
-    left = made.torque - robot_torque(kuka, made.exact)
-    moving = np.all(np.abs(made.exact.dq) > 0.02, axis=1)
     assert np.abs(left[moving]).max() < 1e-9
 
 

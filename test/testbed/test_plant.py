@@ -10,7 +10,8 @@ from scipy.integrate import solve_ivp
 from robot_ident.robot import Robot
 from robot_ident.signals.motion import Array, Motion
 from robot_ident.testbed.equations import Parts
-from robot_ident.testbed.phenomena import Contribution, Instant, Physics, Value, make_physics, plant_physics
+from robot_ident.testbed.phenomena import make_physics, plant_physics
+from robot_ident.testbed.phenomena.phenomenon import Contribution, Instant, Physics, Value
 from robot_ident.testbed.plant import Commands, Plant
 from robot_ident.testbed.servo import Servo
 

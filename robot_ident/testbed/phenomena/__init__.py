@@ -7,15 +7,7 @@ from collections.abc import Sequence
 from robot_ident.errors import InputError, did_you_mean
 from robot_ident.robot.robot import Robot
 from robot_ident.testbed.phenomena import actuation, friction, mechanics, unlisted
-from robot_ident.testbed.phenomena.phenomenon import (
-    Contribution,
-    Instant,
-    Physics,
-    Value,
-    felt_inertia,
-    home_inertia,
-    home_pose,
-)
+from robot_ident.testbed.phenomena.phenomenon import Physics
 
 PHYSICS: dict[str, type[Physics]] = {
     physics.name: physics
@@ -140,20 +132,3 @@ def values_in_words(text: str, robot: Robot | None = None) -> str:
         unit = units.get(key, "")
         said.append(f"{key} {float(number):.4g}{'' if unit in ('', '1') else f' {unit}'}")
     return f"{label}: {', '.join(said)}" if said else label
-
-
-__all__ = [
-    "PHYSICS",
-    "Contribution",
-    "Instant",
-    "Physics",
-    "Value",
-    "felt_inertia",
-    "formula",
-    "home_inertia",
-    "home_pose",
-    "make_physics",
-    "nominal_physics",
-    "plant_physics",
-    "values_in_words",
-]
