@@ -135,11 +135,9 @@ class EffortTopics:
         if there:
             heard.last, heard.ever = time.monotonic(), True
         stamp = stamp_of(message) if isinstance(message, JointState) else 0
-        self._take(EffortMessage(topic, stamp, received, there, data, self._positions(message)))
-
-    def _positions(self, message: JointState | Float64MultiArray) -> bool:
         named = isinstance(message, JointState) and len(message.position) == len(message.name)
-        return named and set(self._joints) <= set(message.name)
+        positions = named and set(self._joints) <= set(message.name)
+        self._take(EffortMessage(topic, stamp, received, there, data, positions))
 
     def silent(self, after: float) -> str:
         """Return which topics have told no efforts for `after` [s] and why, or an empty text."""

@@ -27,7 +27,7 @@ from robot_ident.model.model_file import read_model, write_model
 from robot_ident.nodes.message_buffer import Intake
 from robot_ident.nodes.messages import joint_state, labelled
 from robot_ident.nodes.node import ERROR, OK, WARN, Abandoned, BaseNode, latched, reliable, run
-from robot_ident.nodes.parameters import Parameter
+from robot_ident.nodes.parameters import Parameter, live
 from robot_ident.playback.commands import LocalMotion, LocalState
 from robot_ident.playback.plan import PeriodCounter
 from robot_ident.playback.stamps import Paired
@@ -52,34 +52,21 @@ TABLE: tuple[Parameter, ...] = (
         100.0,
         unit="Hz",
     ),
-    Parameter(
-        "periods", 0, "identify after so many steady periods; 0: when the periodic motion ends", 0, 100_000, live=True
-    ),
-    Parameter(
+    live("periods", 0, "identify after so many steady periods; 0: when the periodic motion ends", 0, 100_000),
+    live(
         "each_period",
         True,
         "identify anew after every steady period from the third on, so that parameters and covariance are live; the"
         " last identification, at the end of the periods, is the one that output keeps",
-        live=True,
     ),
-    Parameter("automatic", True, "identify at the end of the periods; otherwise only by ~/identify", live=True),
-    Parameter("effects", [""], "further effects in the model, as NAME@JOINT ('' for none)", live=True),
-    Parameter("estimator", "wls", "ls: eq. (10), wls: eq. (7)", choices=tuple(ESTIMATORS), live=True),
-    Parameter(
-        "low_pass",
-        0.0,
-        "low pass of torque and every column; 0: none on periods, else 10 Hz",
-        0.0,
-        1e4,
-        unit="Hz",
-        live=True,
-    ),
+    live("automatic", True, "identify at the end of the periods; otherwise only by ~/identify"),
+    live("effects", [""], "further effects in the model, as NAME@JOINT ('' for none)"),
+    live("estimator", "wls", "ls: eq. (10), wls: eq. (7)", choices=tuple(ESTIMATORS)),
+    live("low_pass", 0.0, "low pass of torque and every column; 0: none on periods, else 10 Hz", 0.0, 1e4, unit="Hz"),
     Parameter(
         "output", "", "model.yaml to write after each identification ('' for none); it must not exist at the start"
     ),
-    Parameter(
-        "model", "", "model.yaml with which to predict, from the start or from when it is set ('' for none)", live=True
-    ),
+    live("model", "", "model.yaml with which to predict, from the start or from when it is set ('' for none)"),
     Parameter(
         "memory", 0.0, "time for which joint states are kept; 0: enough for the periods, else 600 s", 0.0, 1e5, unit="s"
     ),
@@ -91,32 +78,16 @@ TABLE: tuple[Parameter, ...] = (
         10.0,
         unit="s",
     ),
-    Parameter(
-        "silence",
-        2.0,
-        "identify what is there when joint_states are silent for so long",
-        0.1,
-        3600.0,
-        unit="s",
-        live=True,
-    ),
-    Parameter(
+    live("silence", 2.0, "identify what is there when joint_states are silent for so long", 0.1, 3600.0, unit="s"),
+    live(
         "watch_window",
         0.0,
         "time over which the residual is compared with its first so long; 0: 2 periods of the motion, else 20 s",
         0.0,
         1e5,
         unit="s",
-        live=True,
     ),
-    Parameter(
-        "watch_change",
-        0.02,
-        "share of a joint's torque by which its friction must change to be told",
-        1e-4,
-        10.0,
-        live=True,
-    ),
+    live("watch_change", 0.02, "share of a joint's torque by which its friction must change to be told", 1e-4, 10.0),
     Parameter("depth", 5000, "joint states that may wait to be taken in", 1, 1_000_000),
 )
 
@@ -225,15 +196,13 @@ class Estimator(BaseNode):
         if not np.isfinite(q).all():
             self._local.reset()
             return
-        if self._periods is not None:
-            self._count(self._periods, stamp * 1e-9, q)
         self._fresh = True
-
-    def _count(self, counter: PeriodCounter, t: float, q: Array) -> None:
-        """Identify at the end of the periods, and before it after each."""
-        if counter.add(t, q, self.value("periods")):
+        if self._periods is None:
+            return
+        # identify at the end of the periods, and before it after each
+        if self._periods.add(stamp * 1e-9, q, self.value("periods")):
             self._automatic()
-        whole = int(counter.periods)
+        whole = int(self._periods.periods)
         if whole > self._seen_periods and whole >= _FEWEST and self.value("each_period"):
             self._automatic(provisional=True)
         self._seen_periods = whole
@@ -272,7 +241,9 @@ class Estimator(BaseNode):
             ),
         }
         recorded = self._intake.snapshot()
-        self._worker = Abandoned(self._work, (done, recorded, options, provisional), "identify")
+        self._worker = Abandoned(
+            target=self._work, args=(done, recorded, options, provisional), name="identify", daemon=True
+        )
         self._worker.start()
         return done
 
@@ -333,7 +304,7 @@ class Estimator(BaseNode):
     # --- prediction and diagnostics
 
     def _predict(self) -> None:
-        """Publish predicted and residual torque of the states that came since the last time."""
+        """Publish predicted and residual torque of the states that came since the last time, and watch the residual."""
         paired, model = self._intake.take(), self._model
         if model is None or not paired:
             return
@@ -345,7 +316,11 @@ class Estimator(BaseNode):
             self._spacing = float(np.median(np.diff([s.stamp_ns for s in states]))) * 1e-9
         motion = Motion(q, dq, ddq, dt=self._spacing)
         torques = model.predict(motion)
-        self._observe(states, dq, torques)
+        measured = np.array([state.tau for state in states])
+        if self._renewed or self._watch.window != self._watch_window():
+            self._renewed = False
+            self._watch = RunningVerdict(self._robot.joints, self._watch_window())
+        self._watch.add(np.array([state.stamp_ns for state in states]) * 1e-9, dq, measured - torques, measured)
         for state, predicted in zip(states, torques, strict=True):
             self._predicted.publish(joint_state(self._robot.joints, state.stamp_ns, tau=predicted))
             self._residual.publish(joint_state(self._robot.joints, state.stamp_ns, tau=state.tau - predicted))
@@ -356,15 +331,6 @@ class Estimator(BaseNode):
         rows = zip(paired, torque, strict=True)
         moved = [self._local.add(one.stamp_ns, one.q, tau) for one, tau in rows if np.isfinite(one.q).all()]
         return [state for state in moved if state is not None]
-
-    def _observe(self, states: list[LocalState], dq: Array, predicted: Array) -> None:
-        """Hand the residual to the running verdict."""
-        if self._renewed or self._watch.window != self._watch_window():
-            self._renewed = False
-            self._watch = RunningVerdict(self._robot.joints, self._watch_window())
-        t = np.array([state.stamp_ns for state in states]) * 1e-9
-        measured = np.array([state.tau for state in states])
-        self._watch.add(t, dq, measured - predicted, measured)
 
     def _running(self) -> tuple[list[Change], dict[str, object]]:
         """Return the joints that have changed, and the live residual of all."""

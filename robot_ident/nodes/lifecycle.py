@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Callable
+from functools import wraps
 from typing import Any
 
 from rcl_interfaces.msg import SetParametersResult
@@ -22,11 +23,31 @@ MANAGED = Parameter(
 _DONE, _REFUSED = TransitionCallbackReturn.SUCCESS, TransitionCallbackReturn.FAILURE
 
 
-class ManagedNode(LifecycleNodeMixin, BaseNode):
-    """A lifecycle node (unconfigured, inactive, active, finalized) whose steps raise errors of ours.
+def transition(act: Callable[[Any], None]) -> Callable[[Any, LifecycleState], TransitionCallbackReturn]:
+    """Return a transition's callback, in which a node acts: an error of ours refuses it, any other ends the node."""
 
-    A step that can't be done leaves the node where it was and says why; where the node does its steps itself, that
-    ends it. An error that isn't ours ends the node with its traceback.
+    @wraps(act)
+    def answer(node: ManagedNode, state: LifecycleState) -> TransitionCallbackReturn:
+        try:
+            act(node)
+        except RobotIdentError as error:
+            node.refusal = error
+            if node.value(MANAGED.name):
+                node.get_logger().error(str(error))
+            return _REFUSED
+        except BaseException as error:
+            node.fail(error)
+            raise
+        return _DONE
+
+    return answer
+
+
+class ManagedNode(LifecycleNodeMixin, BaseNode):
+    """A lifecycle node (unconfigured, inactive, active, finalized); its callbacks `on_...` are each a `transition`.
+
+    One that can't be done leaves the node where it was and says why; where the node does its transitions itself, that
+    ends it.
     """
 
     def __init__(self) -> None:
@@ -34,76 +55,35 @@ class ManagedNode(LifecycleNodeMixin, BaseNode):
         BaseNode.__init__(self)
         # of their own: while a transition waits for rest, everything else goes on
         LifecycleNodeMixin.__init__(self, callback_group=MutuallyExclusiveCallbackGroup())
-        self._refusal: RobotIdentError | None = None
+        self.refusal: RobotIdentError | None = None
         service = self._service_change_state
         service.callback = self._answering(service.callback)
         self.add_on_set_parameters_callback(self._check_changes)
 
     def begin(self) -> None:
-        """Configure and activate, unless somebody else is to do that; what `configure` and `activate` raise passes."""
+        """Configure and activate, unless somebody else is to do that; what these raise passes."""
         if self.value(MANAGED.name):
             self.get_logger().info("unconfigured: waits for its lifecycle to be managed")
             return
         for step in (self.trigger_configure, self.trigger_activate):
             if step() is not _DONE:
                 self.raise_failure()
-                assert self._refusal is not None
-                raise self._refusal
-
-    def configure(self) -> None:
-        """Prepare everything that can be checked beforehand; RobotIdentError when something isn't right."""
-
-    def activate(self) -> None:
-        """Become able to act; RobotIdentError when that can't be."""
+                assert self.refusal is not None
+                raise self.refusal
 
     async def come_to_rest(self) -> None:
         """Bring to rest what moves, before the node is deactivated on request."""
-
-    def deactivate(self) -> None:
-        """Act no more."""
-
-    def cleanup(self) -> None:
-        """Forget what was configured."""
 
     @property
     def state_label(self) -> str:
         """Where in its life the node is."""
         return str(self._state_machine.current_state[1])
 
-    def on_configure(self, state: LifecycleState) -> TransitionCallbackReturn:
-        """Answer the transition."""
-        return self._step(self.configure)
-
-    def on_activate(self, state: LifecycleState) -> TransitionCallbackReturn:
-        """Answer the transition."""
-        return self._step(self.activate)
-
-    def on_deactivate(self, state: LifecycleState) -> TransitionCallbackReturn:
-        """Answer the transition."""
-        return self._step(self.deactivate)
-
-    def on_cleanup(self, state: LifecycleState) -> TransitionCallbackReturn:
-        """Answer the transition."""
-        return self._step(self.cleanup)
-
     def on_shutdown(self, state: LifecycleState) -> TransitionCallbackReturn:
         """End the node."""
         if state.label == "active":
-            self._step(self.deactivate)
+            self.on_deactivate(state)
         self.end()
-        return _DONE
-
-    def _step(self, act: Callable[[], None]) -> TransitionCallbackReturn:
-        try:
-            act()
-        except RobotIdentError as error:
-            self._refusal = error
-            if self.value(MANAGED.name):
-                self.get_logger().error(str(error))
-            return _REFUSED
-        except BaseException as error:
-            self.fail(error)
-            raise
         return _DONE
 
     def _answering(self, change: Callable[[Any, Any], Any]) -> Callable[[Any, Any], Any]:

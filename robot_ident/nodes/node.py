@@ -261,11 +261,7 @@ class Signals:
 
 
 class Abandoned(threading.Thread):
-    """A thread whose work is of no use once the node ends, and that can't be interrupted: nobody waits for it."""
-
-    def __init__(self, target: Callable[..., None], args: Sequence[Any], name: str) -> None:
-        """Prepare to call target(*args)."""
-        super().__init__(target=target, args=args, name=name, daemon=True)
+    """A daemon whose work is of no use once the node ends, and that can't be interrupted: nobody waits for it."""
 
 
 def run(make: type[BaseNode], argv: Sequence[str] | None = None) -> int:
@@ -313,7 +309,9 @@ def _live(make: type[BaseNode], argv: list[str], signals: Signals) -> None:
     """From init to shutdown; whatever the node holds is released on every way out."""
     if (parent := os.environ.pop(PARENT, "")).isdigit():
         end_with(int(parent), by_kernel=True, number=signal.SIGINT)
-    _log_directory()
+    if not any(os.environ.get(name) for name in ("ROS_LOG_DIR", "ROS_HOME", "HOME")):
+        # ROS refuses to start where it finds no place for its log files
+        os.environ["ROS_LOG_DIR"] = os.path.join(tempfile.gettempdir(), "ros_log")
     with _ros_refusals():
         rclpy.init(args=argv, signal_handler_options=SignalHandlerOptions.NO)
     node: BaseNode | None = None
@@ -364,9 +362,3 @@ def _be_prompt() -> None:
     sys.setswitchinterval(_SWITCH)
     gc.collect()
     gc.freeze()
-
-
-def _log_directory() -> None:
-    """ROS refuses to start where it finds no place for its log files."""
-    if not any(os.environ.get(name) for name in ("ROS_LOG_DIR", "ROS_HOME", "HOME")):
-        os.environ["ROS_LOG_DIR"] = os.path.join(tempfile.gettempdir(), "ros_log")

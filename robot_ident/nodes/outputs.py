@@ -5,8 +5,11 @@ the action FollowJointTrajectory in a full ROS 2 installation.
 from __future__ import annotations
 
 import threading
+import time
+from abc import ABC, abstractmethod
 from collections.abc import Callable, Sequence
-from typing import Any, Protocol
+from functools import partial
+from typing import Any, ClassVar
 
 import numpy as np
 from rclpy.action import ActionClient
@@ -17,8 +20,7 @@ from trajectory_msgs.msg import JointTrajectory
 from robot_ident.errors import InputError
 from robot_ident.nodes.messages import joint_state, trajectory
 from robot_ident.nodes.node import BaseNode, overridable, reliable
-from robot_ident.nodes.peers import Neighbours
-from robot_ident.playback.player import Command, Player
+from robot_ident.playback.player import Player
 from robot_ident.playback.windows import Goals, WindowSchedule
 from robot_ident.signals.motion import Motion
 from robot_ident.trajectories.excitation import Reference
@@ -30,77 +32,102 @@ OUTPUTS = {
 }
 
 
-class Output(Protocol):
-    """Sends what a player commands."""
+_SETTLE = 3.0  # s for which the listeners must stay the same: a recorder may be found so long after the robot
+_TRIGGER = "std_srvs/srv/Trigger"
 
-    lead: float
-    """How long before it takes effect a change of plan must be sent [s]."""
-    every: float
-    """How far two commands may be apart [s]."""
-    longest_stall: float
-    """After how long without a command no path leads on from the last one [s]."""
-    longest_silence: float
-    """After how long without a word from the robot no command may reach it that it has missed until then [s]."""
 
-    def send(self, player: Player, command: Command | None, t: float, stamp: Callable[[], int]) -> None:
+class Output(ABC):
+    """Sends what a player commands.
+
+    lead [s]: how long before it takes effect a change of plan must be sent. every [s]: how far two commands may be
+    apart. longest_stall [s]: after how long without a command no path leads on from the last one. longest_silence [s]:
+    after how long without a word from the robot no command may reach it that it has missed until then.
+    """
+
+    lead: ClassVar[float]
+    every: ClassVar[float]
+    longest_stall: ClassVar[float]
+    longest_silence: ClassVar[float]
+
+    @abstractmethod
+    def send(self, player: Player, command: Motion | None, t: float, stamp: Callable[[], int]) -> None:
         """Send what is due at the player's time t [s]; stamp() [ns] is the instant on the node's clock."""
 
+    @abstractmethod
     def not_heard(self) -> str:
         """Return why the robot may not hear the commands yet, or an empty text."""
 
     def rival(self) -> str:
         """Return who else commands the robot, or an empty text."""
+        return ""
 
     def simulated(self) -> bool:
-        """Return whether what listens is a simulated robot of ours."""
+        """Return whether what listens is a simulated robot of ours: it publishes the state and can be reset."""
+        return False
 
+    @abstractmethod
     def forget(self) -> None:
         """Forget what was sent and hasn't arrived: the robot must not hear of it later."""
 
+    @abstractmethod
     def close(self) -> None:
         """Give back what it holds of the node."""
 
 
-class Renewable:
-    """A reliable publisher that can be renewed: it would deliver its last messages once a network is back."""
+class _TopicOutput(Output):
+    """What is published on a topic, reliably, to whoever listens there."""
 
-    def __init__(self, node: BaseNode, kind: Any, topic: str, depth: int) -> None:
-        """Publish messages of a kind."""
-        self._node, self._kind, self._topic, self._depth = node, kind, topic, depth
+    def __init__(self, node: BaseNode, joints: Sequence[str], kind: Any, topic: str, depth: int) -> None:
+        self._node, self._joints = node, tuple(joints)
         self._lock = threading.Lock()
-        self.now = self._made()
+        self._made = partial(node.create_publisher, kind, topic, reliable(depth), qos_overriding_options=overridable())
+        self._commands: Publisher = self._made()
+        self._listeners = (0, 0.0)
 
-    def _made(self) -> Publisher:
-        return self._node.create_publisher(
-            self._kind, self._topic, reliable(self._depth), qos_overriding_options=overridable()
-        )
-
-    def publish(self, message: Any) -> None:
-        """Send a message."""
+    def _publish(self, message: Any) -> None:
         with self._lock:
-            self.now.publish(message)
+            self._commands.publish(message)
 
-    def renew(self) -> None:
-        """Go on with a new publisher, and without what the old one had still to deliver."""
+    def forget(self) -> None:
+        """Go on with a new publisher: the old one would deliver its last messages once a network is back."""
         with self._lock:
-            old, self.now = self.now, self._made()  # whoever counts listeners meanwhile asks one that is there
+            old, self._commands = self._commands, self._made()  # whoever counts listeners meanwhile asks one there is
             self._node.destroy_publisher(old)
 
     def close(self) -> None:
-        """Destroy it."""
+        """Destroy the publisher."""
         with self._lock:
-            self._node.destroy_publisher(self.now)
+            self._node.destroy_publisher(self._commands)
 
+    def not_heard(self) -> str:
+        """Return why the robot may not hear the commands yet, or an empty text."""
+        topic, matched = self._commands.topic_name, self._commands.get_subscription_count()
+        if matched != self._listeners[0]:
+            self._listeners = (matched, time.monotonic())
+        if not matched or matched < len(self._node.get_subscriptions_info_by_topic(topic)):
+            return f"nobody listens to {topic}"
+        settled = time.monotonic() - self._listeners[1] > _SETTLE
+        return "" if settled else f"the listeners on {topic} are still being found"
 
-class _TopicOutput:
-    """What is published on a topic, to whoever listens there."""
+    def simulated(self) -> bool:
+        """Return whether a node that listens publishes the robot's state and can be reset."""
+        states = self._node.get_publishers_info_by_topic(self._node.resolve_topic_name("joint_states"))
+        listening = self._node.get_subscriptions_info_by_topic(self._commands.topic_name)
+        named = ({(info.node_name, info.node_namespace) for info in infos} for infos in (states, listening))
+        return any(
+            (f"{namespace.rstrip('/')}/{name}/reset", [_TRIGGER])
+            in self._node.get_service_names_and_types_by_node(name, namespace)
+            for name, namespace in set.intersection(*named)
+        )
 
-    def __init__(self, node: BaseNode, joints: Sequence[str], kind: Any, topic: str, depth: int) -> None:
-        self._joints = tuple(joints)
-        self._commands = Renewable(node, kind, topic, depth)
-        neighbours = Neighbours(node, lambda: self._commands.now)
-        self.not_heard, self.rival, self.simulated = neighbours.not_heard, neighbours.rival, neighbours.simulated
-        self.forget, self.close = self._commands.renew, self._commands.close
+    def rival(self) -> str:
+        """Return who else publishes there, or an empty text."""
+        topic, own = self._commands.topic_name, (self._node.get_namespace(), self._node.get_name())
+        infos = self._node.get_publishers_info_by_topic(topic)
+        if len(infos) < 2:
+            return ""
+        name = next((one.node_name for one in infos if (one.node_namespace, one.node_name) != own), own[1])
+        return f"{name} publishes on {topic} as well"
 
 
 class SampleOutput(_TopicOutput):
@@ -114,10 +141,10 @@ class SampleOutput(_TopicOutput):
         """Publish on `joint_command`."""
         super().__init__(node, joints, JointState, "joint_command", depth)
 
-    def send(self, player: Player, command: Command | None, t: float, stamp: Callable[[], int]) -> None:
+    def send(self, player: Player, command: Motion | None, t: float, stamp: Callable[[], int]) -> None:
         """Send one sample."""
         if command is not None:
-            self._commands.publish(joint_state(self._joints, stamp(), command.q, command.dq))
+            self._publish(joint_state(self._joints, stamp(), command.q[0], command.dq[0]))
 
 
 class TrajectoryOutput(_TopicOutput):
@@ -143,12 +170,12 @@ class TrajectoryOutput(_TopicOutput):
             plan_stop, node.now_ns, lead=self.lead, every=self.every, ahead=self.ahead, latest=self.longest_stall
         )
 
-    def send(self, player: Player, command: Command | None, t: float, stamp: Callable[[], int]) -> None:
+    def send(self, player: Player, command: Motion | None, t: float, stamp: Callable[[], int]) -> None:
         """Send a window where one is due."""
         meant = stamp()
         window = self._schedule.due(player, t, meant)
         if window is not None:
-            self._commands.publish(trajectory(self._joints, window, meant))
+            self._publish(trajectory(self._joints, window, meant))
 
 
 def follow_joint_trajectory() -> Any:
@@ -163,11 +190,12 @@ def follow_joint_trajectory() -> Any:
     return FollowJointTrajectory
 
 
-class ActionOutput:
+class ActionOutput(Output):
     """The plan of the next second and a stop after it, four times a second: each goal replaces the one before.
 
     One goal for all would let a controller play on for minutes after this process has died. What the action adds to
-    the topic is the controller's answer: `on_trouble` is told when it rejects or aborts.
+    the topic is the controller's answer: `on_trouble` is told when it rejects or aborts, or when somebody else has sent
+    goals. No simulated robot of ours serves the action.
     """
 
     lead = 0.2
@@ -194,7 +222,7 @@ class ActionOutput:
         self._name = f"{controller.rstrip('/')}/follow_joint_trajectory"
         self._client = ActionClient(node, self._type, self._name)
 
-    def send(self, player: Player, command: Command | None, t: float, stamp: Callable[[], int]) -> None:
+    def send(self, player: Player, command: Motion | None, t: float, stamp: Callable[[], int]) -> None:
         """Send a goal where one is due; the controller's own tolerances hold."""
         waited = self._goals.unanswered(t)
         if not player.moving:
@@ -213,7 +241,7 @@ class ActionOutput:
     def _answered(self, number: int, handle: Any) -> None:
         self._goals.answered(number)
         if not handle.accepted:
-            self._on_trouble(self._goals.rejected())
+            self._on_trouble("the controller rejected the trajectory")
             return
         handle.get_result_async().add_done_callback(lambda future: self._ended(number, future.result()))
 
@@ -225,14 +253,6 @@ class ActionOutput:
     def not_heard(self) -> str:
         """Return why the robot may not hear the commands yet, or an empty text."""
         return "" if self._client.server_is_ready() else f"nobody serves the action {self._name}"
-
-    def rival(self) -> str:
-        """Return an empty text: who else has sent goals is told by the end of ours."""
-        return ""
-
-    def simulated(self) -> bool:
-        """Return False: no simulated robot of ours serves the action."""
-        return False
 
     def forget(self) -> None:
         """Do nothing: a goal that was asked for can't be taken back."""

@@ -5,6 +5,7 @@ from __future__ import annotations
 import math
 from collections.abc import Iterable, Mapping
 from dataclasses import dataclass
+from functools import partial
 from typing import Any
 
 from rcl_interfaces.msg import FloatingPointRange, IntegerRange, ParameterDescriptor, SetParametersResult
@@ -21,16 +22,16 @@ _WORDS = {bool: "true or false", int: "a whole number", float: "a number", str: 
 class Parameter:
     """One parameter of a node. Its type is that of the default; a list is never empty: [''] stands for none.
 
-    lower, upper: inclusive bounds of a number, or of each in a list. choices: the texts that are allowed. unit: of a
-    number. live: it may be changed while the node runs and is read when it is next needed; until_configured: it may be
-    changed until a managed node is configured; the others are read once.
+    lower, upper: inclusive bounds of a number, or of each in a list; both or neither. choices: the texts that are
+    allowed. unit: of a number. live: it may be changed while the node runs and is read when it is next needed;
+    until_configured: it may be changed until a managed node is configured; the others are read once.
     """
 
     name: str
     default: Value
     description: str
-    lower: float | None = None
-    upper: float | None = None
+    lower: float = -math.inf
+    upper: float = math.inf
     choices: tuple[str, ...] = ()
     unit: str = ""
     live: bool = False
@@ -42,14 +43,16 @@ class Parameter:
         return type(self.default[0] if isinstance(self.default, list) else self.default)
 
     @property
+    def _bounded(self) -> bool:
+        return math.isfinite(self.lower) and math.isfinite(self.upper)
+
+    @property
     def bound(self) -> str:
         """The bound in words."""
         if self.choices:
             return "one of " + ", ".join(repr(choice) for choice in self.choices)
-        if self.lower is not None or self.upper is not None:
-            low = "-inf" if self.lower is None else f"{self.lower:g}"
-            high = "inf" if self.upper is None else f"{self.upper:g}"
-            return f"{low} to {high}" + (f" {self.unit}" if self.unit else "")
+        if self._bounded:
+            return f"{self.lower:g} to {self.upper:g}" + (f" {self.unit}" if self.unit else "")
         return {bool: "true or false", str: "any text"}.get(self.kind, "any number")
 
     def checked(self, value: Any) -> Value:
@@ -71,11 +74,8 @@ class Parameter:
             raise InputError(
                 f"parameter {self.name} = {value!r}{did_you_mean(value, self.choices)}; it is {self.bound}"
             )
-        if self.kind in (int, float):
-            low = -math.inf if self.lower is None else self.lower
-            high = math.inf if self.upper is None else self.upper
-            if not low <= value <= high:
-                raise InputError(f"parameter {self.name} = {value!r} is out of bounds; it must be within {self.bound}")
+        if self.kind in (int, float) and not self.lower <= value <= self.upper:
+            raise InputError(f"parameter {self.name} = {value!r} is out of bounds; it must be within {self.bound}")
         return value
 
     def descriptor(self) -> ParameterDescriptor:
@@ -87,18 +87,18 @@ class Parameter:
             additional_constraints=self.bound,
             read_only=not (self.live or self.until_configured),
         )
-        bounded = not isinstance(self.default, list) and (self.lower is not None or self.upper is not None)
-        if bounded and self.kind is float:
-            low = -math.inf if self.lower is None else self.lower
-            high = math.inf if self.upper is None else self.upper
-            descriptor.floating_point_range = [
-                FloatingPointRange(from_value=float(low), to_value=float(high), step=0.0)
-            ]
-        elif bounded and self.kind is int:
-            low = -(2**63) if self.lower is None else int(self.lower)
-            high = 2**63 - 1 if self.upper is None else int(self.upper)
-            descriptor.integer_range = [IntegerRange(from_value=int(low), to_value=int(high), step=0)]
+        if not self._bounded or isinstance(self.default, list):
+            return descriptor
+        if self.kind is float:
+            bounds = FloatingPointRange(from_value=float(self.lower), to_value=float(self.upper), step=0.0)
+            descriptor.floating_point_range = [bounds]
+        else:
+            descriptor.integer_range = [IntegerRange(from_value=int(self.lower), to_value=int(self.upper), step=0)]
         return descriptor
+
+
+live = partial(Parameter, live=True)
+until_configured = partial(Parameter, until_configured=True)
 
 
 def declare(node: Node, table: Iterable[Parameter]) -> None:

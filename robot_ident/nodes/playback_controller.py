@@ -16,7 +16,7 @@ from robot_ident.nodes.effort_topics import EffortMessage, EffortTopics, sources
 from robot_ident.nodes.messages import stamp_of
 from robot_ident.nodes.node import BaseNode, reliable
 from robot_ident.nodes.outputs import ActionOutput, Output, SampleOutput, TrajectoryOutput
-from robot_ident.nodes.subscriptions import Hearing, hear
+from robot_ident.nodes.subscriptions import hear
 from robot_ident.planning.approach import NotWanted, approach
 from robot_ident.planning.stop import stop_from
 from robot_ident.playback.periodic_timer import Stall, Ticker
@@ -54,18 +54,13 @@ class Session:
         self._clock = SetClock(node.now_ns)
         self._scaling = SpeedScaling(node.value("speed_scaling_topic"))
         self._efforts = EffortTopics(node, plan.robot, sources, self._on_effort, _DEPTH)
-        self._hearings = self._listen()
+        self._hearings = [hear(node, JointState, "joint_states", self._on_state, reliable(_DEPTH))]
+        if topic := node.value("speed_scaling_topic"):
+            self._hearings.append(hear(node, Float64, topic, self._on_speed_scaling, reliable(10)))
         self._preparing: threading.Thread | None = None
         self._origin_ns: int | None = None
         self._ticked = time.monotonic()
         self.player, self.ticker = self._make_player()
-
-    def _listen(self) -> list[Hearing]:
-        node, scaling = self._node, self._node.value("speed_scaling_topic")
-        sources = [(JointState, "joint_states", self._on_state, _DEPTH)]
-        if scaling:
-            sources.append((Float64, scaling, self._on_speed_scaling, 10))
-        return [hear(node, kind, topic, callback, reliable(depth)) for kind, topic, callback, depth in sources]
 
     def _plan_approach(self, q: Array) -> Reference:
         return approach(
@@ -267,14 +262,12 @@ class Session:
                 if player.unplanned:
                     problem = self._unprepared()
                     if not problem and planned == _ATTEMPTS:
-                        player.cancel()
                         return self._give_up("the robot was moved or slowed whenever its approach had been planned")
                     if not problem:
                         self._tell_unheard()
                         player.prepare()
                         planned, deadline = planned + 1, time.monotonic() + wait
                     elif time.monotonic() > deadline:
-                        player.cancel()
                         return self._give_up(f"not started within {wait:g} s: {problem}")
                 if self._node.wait_end(0.05):
                     return None
@@ -307,6 +300,7 @@ class Session:
             )
 
     def _give_up(self, text: str) -> None:
+        self.player.cancel()
         self._refuse(text)
         self.player.fault, self.player.reason = True, text
 

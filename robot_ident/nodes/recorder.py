@@ -20,7 +20,7 @@ from robot_ident.errors import InputError, RobotIdentError
 from robot_ident.nodes.effort_topics import sources_of, topics_of
 from robot_ident.nodes.messages import definition_of
 from robot_ident.nodes.node import ERROR, OK, WARN, BaseNode, offered, qos_of, reliable, run
-from robot_ident.nodes.parameters import Parameter
+from robot_ident.nodes.parameters import Parameter, live
 from robot_ident.nodes.subscriptions import Hearing
 from robot_ident.playback.stamps import SequenceWatch, StampWatch, header_stamp
 from robot_ident.robot import load_robot
@@ -83,36 +83,21 @@ class Recorder(BaseNode):
     description: ClassVar[str] = "records joint states, commands and further topics to a rosbag2 folder (MCAP)"
     status_topic: ClassVar[str] = "~/status"
     table: ClassVar[tuple[Parameter, ...]] = (
-        Parameter(
+        live(
             "output",
             "",
             "folder of the bag, made by the recorder; it must not exist (empty: a name from date and time)",
-            live=True,
         ),
         Parameter(
             "topics", [""], "further topics to record: NAME, or NAME:TYPE as in tf:tf2_msgs/msg/TFMessage ('' for none)"
         ),
         Parameter("robot", "", "robot YAML whose topics of efforts (effort.topic) are recorded as well ('' for none)"),
         Parameter("autostart", True, "start recording at once; otherwise by ~/start"),
-        Parameter("compress", False, "compress the bag by zstd", live=True),
-        Parameter(
-            "split_size",
-            0,
-            "start a new file of the bag after so many megabytes (0: never)",
-            0,
-            1_000_000,
-            unit="MB",
-            live=True,
+        live("compress", False, "compress the bag by zstd"),
+        live(
+            "split_size", 0, "start a new file of the bag after so many megabytes (0: never)", 0, 1_000_000, unit="MB"
         ),
-        Parameter(
-            "split_duration",
-            0.0,
-            "start a new file of the bag after so many seconds (0: never)",
-            0.0,
-            1e7,
-            unit="s",
-            live=True,
-        ),
+        live("split_duration", 0.0, "start a new file of the bag after so many seconds (0: never)", 0.0, 1e7, unit="s"),
         Parameter("depth", 5000, "messages a topic that may wait to be written", 1, 1_000_000),
         Parameter("status_rate", 1.0, "how often ~/status is published", 0.1, 50.0, unit="Hz"),
     )
@@ -136,7 +121,9 @@ class Recorder(BaseNode):
         self._kinds |= {
             name: kind for name, _, kind in (entry.partition(":") for entry in self.texts("topics")) if kind
         }
-        self._seek_efforts()
+        if self.value("robot"):  # the topics as well on which its YAML says that efforts stand
+            efforts = topics_of(sources_of(load_robot(self.value("robot")), self))
+            self._sought += [name for name in efforts if name not in self._sought]
         if self.value("autostart"):
             self._start()
         for name in ("joint_states", "joint_command"):
@@ -151,12 +138,6 @@ class Recorder(BaseNode):
         self._syncing.start()
 
     # --- topics
-
-    def _seek_efforts(self) -> None:
-        """Record the topics as well on which the robot's YAML says that efforts stand."""
-        if self.value("robot"):
-            robot = load_robot(self.value("robot"))
-            self._sought += [name for name in topics_of(sources_of(robot, self)) if name not in self._sought]
 
     def _look(self) -> None:
         """Subscribe to further topics once they are there, with the quality of service that they offer."""
@@ -197,11 +178,6 @@ class Recorder(BaseNode):
         with self._lock:
             self._streams[full] = stream
         self._hearings[full] = Hearing(self, message, name, profile, raw=True)
-
-    def _offered(self, name: str) -> str:
-        """Return what the publishers of a topic offer; what we ask for, where none is known."""
-        profiles = [offer.qos_profile for offer in self.get_publishers_info_by_topic(name)]
-        return qos_text([qos_of(profile) for profile in profiles or [self._hearings[name].profile]])
 
     # --- recording
 
@@ -274,22 +250,22 @@ class Recorder(BaseNode):
         logged = self._written_ns if 0 < late < _ORDERED else message.received  # else the clock was set
         self._written_ns = logged
         bag.write(message.stream, message.data, logged, message.sent, message.number % 2**32)
-        self._split(bag)
-        stream.stamps.add(header_stamp(message.data) if stream.has_header else message.sent)
-        if message.number:
-            stream.numbers.add(message.number)
-
-    def _list(self, bag: BagWriter, stream: Stream) -> None:
-        """Make a topic known to the bag, with what its publishers offer by now."""
-        bag.add_topic(replace(stream.topic, qos=self._offered(stream.topic.name)))
-        stream.listed = True
-
-    def _split(self, bag: BagWriter) -> None:
         size, duration = self._split_at
         now = time.monotonic()
         if (size and bag.file_bytes >= size) or (duration and now - self._file_begun >= duration):
             bag.split()
             self._file_begun = now
+        stream.stamps.add(header_stamp(message.data) if stream.has_header else message.sent)
+        if message.number:
+            stream.numbers.add(message.number)
+
+    def _list(self, bag: BagWriter, stream: Stream) -> None:
+        """Make a topic known to the bag, with what its publishers offer by now, or what we ask for."""
+        name = stream.topic.name
+        profiles = [offer.qos_profile for offer in self.get_publishers_info_by_topic(name)]
+        qos = qos_text([qos_of(profile) for profile in profiles or [self._hearings[name].profile]])
+        bag.add_topic(replace(stream.topic, qos=qos))
+        stream.listed = True
 
     def _sync(self) -> None:
         """Bring what was written to the disk, so that a power cut takes no more than a second of it."""

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import threading
 import time
 from collections.abc import Callable
 
@@ -11,7 +10,6 @@ import rclpy
 from rclpy.context import Context
 from rclpy.duration import Duration
 from rclpy.node import Node
-from rclpy.publisher import Publisher
 from rclpy.signals import SignalHandlerOptions
 from sensor_msgs.msg import JointState
 
@@ -30,17 +28,15 @@ def replay(
     topic: str = "joint_states",
     wait: float = 30.0,
     progress: Callable[[float], None] | None = None,
-    stop: threading.Event | None = None,
 ) -> int:
     """Publish a recording's joint states `rate` times as fast as they were recorded; return how many.
 
     The header stamps are the original ones, so that who listens gets the same data. It begins when somebody listens
     (InputError after `wait` [s]; 0 begins at once) and ends when every reader has taken in the last message. `progress`
-    is told the share that is done; `stop` ends it early. InputError on a rate that isn't positive.
+    is told the share that is done. InputError on a rate that isn't positive.
     """
     if not (rate > 0 and np.isfinite(rate)):
         raise InputError(f"rate {rate}: it must be above 0")
-    stop = stop or threading.Event()
     stamps = recording.start_ns + np.rint(recording.t * 1e9).astype(np.int64)
     context = Context()
     rclpy.init(context=context, signal_handler_options=SignalHandlerOptions.NO)
@@ -49,33 +45,24 @@ def replay(
         node = Node("replay", context=context, start_parameter_services=False, enable_rosout=False)
         keep_all = reliable(recording.samples)  # none dropped before it is read
         publisher = node.create_publisher(JointState, topic, keep_all)
-        _await_listener(publisher, topic, wait, stop)
+        deadline = time.monotonic() + wait
+        while wait > 0 and not publisher.get_subscription_count():
+            if time.monotonic() > deadline:
+                raise InputError(
+                    f"nobody listens to {topic} after {wait:g} s; start the node that is to receive it first"
+                )
+            time.sleep(0.05)
+        time.sleep(0.2)  # for further listeners that are being found at the same moment
         start = time.monotonic()
-        sent = 0
         for k in range(recording.samples):
-            if stop.is_set():
-                break
-            delay = start + float(recording.t[k] - recording.t[0]) / rate - time.monotonic()
-            if delay > 0 and stop.wait(delay):
-                break
+            time.sleep(max(start + float(recording.t[k] - recording.t[0]) / rate - time.monotonic(), 0.0))
             dq = None if recording.dq is None else recording.dq[k]
             publisher.publish(joint_state(recording.names, int(stamps[k]), recording.q[k], dq, recording.tau[k]))
-            sent += 1
             if progress is not None:
                 progress((k + 1) / recording.samples)
         publisher.wait_for_all_acked(Duration(seconds=_DRAIN))  # what isn't read yet dies with the publisher
-        return sent
+        return recording.samples
     finally:
         if node is not None:
             node.destroy_node()
         context.try_shutdown()
-
-
-def _await_listener(publisher: Publisher, topic: str, wait: float, stop: threading.Event) -> None:
-    deadline = time.monotonic() + wait
-    while wait > 0 and not publisher.get_subscription_count():
-        if time.monotonic() > deadline:
-            raise InputError(f"nobody listens to {topic} after {wait:g} s; start the node that is to receive it first")
-        if stop.wait(0.05):
-            return
-    stop.wait(0.2)  # for further listeners that are being found at the same moment

@@ -35,10 +35,8 @@ class ReportedStates:
     def __init__(self, node: BaseNode, robot: Robot, depth: int) -> None:
         """Make the publishers."""
         self._robot, sources = robot, sources_of(robot, node)
+        self._sources = sources
         self._places = {name: robot.joints.index(name) for name in sources}
-        self._beside = {name: one for name, one in sources.items() if one.topic is None}
-        self._named = {name: one for name, one in sources.items() if one.topic is not None and one.index is None}
-        self._numbered = {name: one for name, one in sources.items() if one.topic is not None and one.index is not None}
         self._states = node.create_publisher(
             JointState, "joint_states", reliable(depth), qos_overriding_options=overridable()
         )
@@ -53,29 +51,26 @@ class ReportedStates:
         if not self._places:
             self._states.publish(joint_state(self._robot.joints, stamp_ns, q, dq, reported))
             return
-        beside = reported.copy()
-        beside[list(self._places.values())] = 0.0
-        rates = dq.copy()
-        for name in self._beside:
-            rates[self._places[name]] = reported[self._places[name]]
+        beside, rates = reported.copy(), dq.copy()
+        for name, place in self._places.items():
+            beside[place] = 0.0
+            if self._sources[name].topic is None:
+                rates[place] = reported[place]
         whole = len(self._places) == self._robot.n
         self._states.publish(joint_state(self._robot.joints, stamp_ns, q, rates, None if whole else beside))
         for topic, publisher in self._others.items():
             publisher.publish(self._message(topic, stamp_ns, reported))
 
     def _message(self, topic: str, stamp_ns: int, reported: Array) -> JointState | Float64MultiArray:
-        named = {name: one.field for name, one in self._named.items() if one.topic == topic}
-        if named:
-            message = joint_state(tuple(named), stamp_ns)
-            for field in set(named.values()):
-                there = [float(reported[self._places[name]]) if own == field else np.nan for name, own in named.items()]
-                setattr(message, field, there)
-            return message
-        indices = {name: one.index for name, one in self._numbered.items() if one.topic == topic}
-        numbers = np.zeros(max(index for index in indices.values() if index is not None) + 1)
-        for name, index in indices.items():
-            numbers[index] = reported[self._places[name]]
-        return Float64MultiArray(data=numbers.tolist())
+        own = {name: one for name, one in self._sources.items() if one.topic == topic}
+        values = {name: float(reported[self._places[name]]) for name in own}
+        indices = {one.index: values[name] for name, one in own.items() if one.index is not None}
+        if indices:
+            return Float64MultiArray(data=[indices.get(k, 0.0) for k in range(max(indices) + 1)])
+        message = joint_state(tuple(own), stamp_ns)
+        for field in {one.field for one in own.values()}:
+            setattr(message, field, [values[name] if one.field == field else np.nan for name, one in own.items()])
+        return message
 
 
 _LAG = 0.1  # s of commands that may wait; those of a stall are left out, or the robot would be late ever after

@@ -142,9 +142,7 @@ class _Unwoken(CallbackGroup):
         """Return False for a subscription: somebody else looks after it."""
         return not isinstance(entity, Subscription)
 
-    def beginning_execution(self, entity: Any) -> bool:
-        """Return the same."""
-        return not isinstance(entity, Subscription)
+    beginning_execution = can_execute
 
     def ending_execution(self, entity: Any) -> None:
         """Do nothing: nothing is held."""

@@ -13,10 +13,10 @@ from std_srvs.srv import Trigger
 
 from robot_ident.errors import CheckFailed, InputError
 from robot_ident.limits.certifier import not_checked, unchecked_refusal
-from robot_ident.nodes.lifecycle import MANAGED, ManagedNode
+from robot_ident.nodes.lifecycle import MANAGED, ManagedNode, transition
 from robot_ident.nodes.node import ERROR, OK, THREAD_PRIORITY, WARN, run
 from robot_ident.nodes.outputs import OUTPUTS
-from robot_ident.nodes.parameters import Parameter
+from robot_ident.nodes.parameters import Parameter, live, until_configured
 from robot_ident.nodes.playback_controller import Session
 from robot_ident.playback.periodic_timer import Timing
 from robot_ident.playback.plan import load_plan, progress
@@ -24,55 +24,37 @@ from robot_ident.playback.player import Phase, Player
 from robot_ident.robot import load_robot
 
 TABLE: tuple[Parameter, ...] = (
-    Parameter("robot", "kuka_ir361", "name of a robot, a robot YAML or a URDF", until_configured=True),
-    Parameter("trajectory", "", "excitation.yaml or validation motion to play", until_configured=True),
-    Parameter("periods", 16, "steady periods to play, after one transient period", 1, 100_000, until_configured=True),
-    Parameter(
-        "rate",
-        0.0,
-        "rate of the commands; 0: the sample rate of the trajectory",
-        0.0,
-        2000.0,
-        unit="Hz",
-        until_configured=True,
-    ),
-    Parameter("speed", 1.0, "share of the designed speed at which all is played", 0.01, 1.0, until_configured=True),
-    Parameter(
+    until_configured("robot", "kuka_ir361", "name of a robot, a robot YAML or a URDF"),
+    until_configured("trajectory", "", "excitation.yaml or validation motion to play"),
+    until_configured("periods", 16, "steady periods to play, after one transient period", 1, 100_000),
+    until_configured("rate", 0.0, "rate of the commands; 0: the sample rate of the trajectory", 0.0, 2000.0, unit="Hz"),
+    until_configured("speed", 1.0, "share of the designed speed at which all is played", 0.01, 1.0),
+    until_configured(
         "rehearsal",
         [0.0],
         "shares of the designed speed at which one period is played first, as [0.1, 0.3] (0: none); the next"
         " follows only where tracking error and effort stayed within rehearsal_margin of their bounds",
         0.0,
         1.0,
-        until_configured=True,
     ),
     Parameter("rehearsal_margin", 0.7, "share of its bounds that a rehearsal may use", 0.01, 1.0),
-    Parameter(
-        "output",
-        "joint_state",
-        "; ".join(f"{k}: {v}" for k, v in OUTPUTS.items()),
-        choices=tuple(OUTPUTS),
-        until_configured=True,
+    until_configured(
+        "output", "joint_state", "; ".join(f"{k}: {v}" for k, v in OUTPUTS.items()), choices=tuple(OUTPUTS)
     ),
-    Parameter(
+    until_configured(
         "controller",
         "",
         "name of the robot's controller, which must hold by itself when commands stop; without one only a"
         " simulated robot is moved",
-        until_configured=True,
     ),
-    Parameter(
+    until_configured(
         "speed_scaling_topic",
         "",
         "topic (std_msgs/Float64) on which the robot tells its speed scaling: a start waits for full speed, 1 or 100,"
         " and anything else stops the motion ('' for none)",
-        until_configured=True,
     ),
-    Parameter(
-        "accept_unchecked",
-        False,
-        "play a motion although limits or surroundings could not be checked, which are named",
-        until_configured=True,
+    until_configured(
+        "accept_unchecked", False, "play a motion although limits or surroundings could not be checked, which are named"
     ),
     Parameter("autostart", False, "start as soon as the robot is there; otherwise by ~/start"),
     MANAGED,
@@ -85,28 +67,24 @@ TABLE: tuple[Parameter, ...] = (
         3600.0,
         unit="s",
     ),
-    Parameter(
-        "state_wait", 30.0, "how long the robot's state is waited for at the start", 0.1, 3600.0, unit="s", live=True
-    ),
-    Parameter("state_timeout", 0.25, "stop when no new joint state comes for so long", 0.01, 10.0, unit="s", live=True),
-    Parameter(
+    live("state_wait", 30.0, "how long the robot's state is waited for at the start", 0.1, 3600.0, unit="s"),
+    live("state_timeout", 0.25, "stop when no new joint state comes for so long", 0.01, 10.0, unit="s"),
+    live(
         "tracking_error",
         [0.1],
         "stop when a joint is so far from where it was sent within 0.15 s; one value, or one a joint",
         1e-6,
         10.0,
         unit="rad or m",
-        live=True,
     ),
-    Parameter(
+    live(
         "effort_limit",
         1.25,
         "stop beyond so many times the robot's torque limit, or the current limit of a drive of unknown Nm/A; 0: never",
         0.0,
         100.0,
-        live=True,
     ),
-    Parameter("exclusive", True, "stop when another node publishes on joint_command as well", live=True),
+    live("exclusive", True, "stop when another node publishes on joint_command as well"),
     Parameter(
         "stall", 0.2, "command nothing more when this process stood still for so long in a motion", 0.01, 10.0, unit="s"
     ),
@@ -149,7 +127,8 @@ class TrajectoryPublisher(ManagedNode):
 
     # --- life
 
-    def configure(self) -> None:
+    @transition
+    def on_configure(self) -> None:
         """Load and certify the trajectory, and begin to listen to the robot."""
         robot = load_robot(self.value("robot"))
         path = self.value("trajectory")
@@ -166,7 +145,8 @@ class TrajectoryPublisher(ManagedNode):
         for text in self._session.warnings:
             self.get_logger().warning(text)
 
-    def activate(self) -> None:
+    @transition
+    def on_activate(self) -> None:
         """Allow to start; `autostart` does so."""
         assert self._session is not None
         self.get_logger().warning(
@@ -186,13 +166,15 @@ class TrajectoryPublisher(ManagedNode):
             self._rest = rest, time.monotonic()
             await rest
 
-    def deactivate(self) -> None:
+    @transition
+    def on_deactivate(self) -> None:
         """Command nothing any more."""
         if self._session is not None:
             self._session.deactivate()
         self._rest = None
 
-    def cleanup(self) -> None:
+    @transition
+    def on_cleanup(self) -> None:
         """Forget the trajectory."""
         if self._session is not None:
             self._session.close()

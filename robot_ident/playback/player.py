@@ -12,7 +12,7 @@ from itertools import pairwise
 import numpy as np
 
 from robot_ident.playback.supervisor import Watch
-from robot_ident.signals.motion import Array, Motion
+from robot_ident.signals.motion import Array, Motion, joined
 from robot_ident.trajectories.excitation import Reference
 
 _WINDOW = 0.15  # s of commands against which the robot's position is judged
@@ -33,15 +33,6 @@ class Phase(Enum):
 
 
 MOVING = (Phase.APPROACH, Phase.PLAYING, Phase.STOPPING)
-
-
-@dataclass(frozen=True)
-class Command:
-    """What the robot is asked to do now: q, dq, ddq [n]."""
-
-    q: Array
-    dq: Array
-    ddq: Array
 
 
 @dataclass(frozen=True)
@@ -168,7 +159,7 @@ class Player:
             if self._phase not in (Phase.IDLE, Phase.HOLDING, Phase.HALTED):
                 return f"already {self._phase.value}"
             if self._phase is Phase.HALTED:
-                self._phase, self._hold = Phase.IDLE, None
+                self._hold = None
             self._phase = Phase.PREPARING
             self.reason, self.fault, self._stop_reason = "", False, None
             self.watch.clear()
@@ -236,8 +227,8 @@ class Player:
                 self.reason, self.fault = reason, True
                 self._release()
 
-    def tick(self, t: float, now: float) -> Command | None:
-        """Return the command at the player's time t [s]; `now` [s] is the time at which states are received."""
+    def tick(self, t: float, now: float) -> Motion | None:
+        """Return what is commanded [1, n] at the player's time t [s]; `now` [s] is when states are received."""
         with self._lock:
             self._t = t
             if self._hold is not None and not self._plan:  # since an earlier tick: it is sent at least once
@@ -260,9 +251,7 @@ class Player:
                 return Motion(still + self._hold, still, still)
             begins = np.array([segment.begin for segment in self._plan])
             at = np.maximum(np.searchsorted(begins, t, side="right") - 1, 0)
-            parts = [self._plan[k].at(t[at == k]) for k in np.unique(at)]
-        q, dq, ddq = (np.concatenate(rows) for rows in zip(*((p.q, p.dq, p.ddq) for p in parts), strict=True))
-        return Motion(q, dq, ddq)
+            return joined([self._plan[k].at(t[at == k]) for k in np.unique(at)])
 
     def _begin(self, approach: Reference, t: float, now: float) -> None:
         """Take the way that was planned; where the robot is hindered or elsewhere now, it is planned anew."""
@@ -272,15 +261,10 @@ class Player:
             return
         if np.any(np.abs(state.q - approach.start_pose) > self.watch.bounds.tracking):
             return
-        self._plan, self._judged = self._timeline(approach, t + self._dwell), 0
-        self._phase = Phase.APPROACH
-
-    def _timeline(self, approach: Reference, t: float) -> tuple[Segment, ...]:
-        """Return the approach from t on and every motion after it, with a rest between any two."""
-        plan = [Segment(approach, t, Phase.APPROACH)]
-        for number, motion in enumerate(self.motions):
+        plan = [Segment(approach, t + self._dwell, Phase.APPROACH)]
+        for number, motion in enumerate(self.motions):  # with a rest between any two
             plan.append(Segment(motion, plan[-1].end + self._dwell, Phase.PLAYING, number))
-        return tuple(plan)
+        self._plan, self._judged, self._phase = tuple(plan), 0, Phase.APPROACH
 
     def _active(self, t: float) -> Segment:
         """Return the segment that rules at t: the last that has begun."""
@@ -291,7 +275,8 @@ class Player:
         last = self._plan[-1]
         if t >= last.end:
             self.completed += self._phase is Phase.PLAYING
-            self._rest(last)
+            self._hold = last.at(np.array([last.end])).q[0]
+            self._plan, self._phase = (), Phase.HOLDING
             return
         if self._phase is Phase.STOPPING:
             return
@@ -353,24 +338,18 @@ class Player:
             self._plan = (*earlier, Segment(self._plan_stop(state), begin, Phase.STOPPING))
             self._phase = Phase.STOPPING
 
-    def _rest(self, segment: Segment) -> None:
-        self._hold = segment.at(np.array([segment.end])).q[0]
-        self._plan = ()
-        self._phase = Phase.HOLDING
-
-    def _command(self, t: float) -> Command | None:
-        motion = self.ahead(np.array([t]))
-        if motion is None:
+    def _command(self, t: float) -> Motion | None:
+        command = self.ahead(np.array([t]))
+        if command is None:
             return None
-        command = Command(motion.q[0], motion.dq[0], motion.ddq[0])
         if self._recent:
-            step = np.abs(command.q - self._recent[-1][1])
+            step = np.abs(command.q[0] - self._recent[-1][1])
             over = step - np.maximum(self._longest_step, self.watch.bounds.tracking)
             if np.any(over > 0.0):
                 joint = int(np.argmax(over))
                 self.halt(f"{self.watch.joints[joint]} would leap by {step[joint]:.3f}: this process was held up")
                 return None
-        self._recent.append((t, command.q))
+        self._recent.append((t, command.q[0]))
         while self._recent[0][0] < t - _WINDOW - self._lead:
             self._recent.popleft()
         return command

@@ -157,7 +157,6 @@ class Pairing:
         self._waiting: deque[tuple[int, Array, Array]] = deque()
         self._efforts: dict[str, deque[tuple[int, float]]] = {joint: deque() for joint in elsewhere}
         self._delays: deque[int] = deque(maxlen=_DELAYS)
-        self._delay: int | None = None
 
     def add_position(self, stamp_ns: int, received_ns: int, q: Array, tau: Array | None) -> None:
         """Take in positions q [n] rad with the efforts tau [n] of the same message, None where it has none.
@@ -166,7 +165,6 @@ class Pairing:
         """
         if stamp_ns:
             self._delays.append(received_ns - stamp_ns)
-            self._delay = None
         if tau is None and len(self._places) < len(q):
             return
         stamp = stamp_ns or received_ns
@@ -176,7 +174,7 @@ class Pairing:
 
     def add_efforts(self, stamp_ns: int, received_ns: int, values: Mapping[str, float]) -> None:
         """Take in the efforts of some joints; stamp_ns: 0 where the message has none."""
-        stamp = stamp_ns or received_ns - self._usual_delay()
+        stamp = stamp_ns or received_ns - int(np.median(self._delays or [0]))
         for joint, value in values.items():
             series = self._efforts[joint]
             if series and stamp < series[-1][0] - _PATIENCE:
@@ -196,7 +194,10 @@ class Pairing:
         while self._waiting and self._waiting[0][0] < last - _PATIENCE:
             self._waiting.popleft()
         paired = self._beside(ready) if ready else []
-        self._forget_before(ready[-1][0] if ready else last - _PATIENCE)
+        before = ready[-1][0] if ready else last - _PATIENCE
+        for series in self._efforts.values():
+            while len(series) > _BEFORE and series[_BEFORE][0] < before:
+                series.popleft()
         return paired
 
     def _beside(self, ready: Sequence[tuple[int, Array, Array]]) -> list[Paired]:
@@ -208,13 +209,3 @@ class Pairing:
             tau[:, self._places[joint]], there = EffortSeries(np.array(stamps), np.array(values)).at(t, start)
             kept &= there
         return [Paired(stamp, q, row) for (stamp, q, _), row, there in zip(ready, tau, kept, strict=True) if there]
-
-    def _forget_before(self, stamp: int) -> None:
-        for series in self._efforts.values():
-            while len(series) > _BEFORE and series[_BEFORE][0] < stamp:
-                series.popleft()
-
-    def _usual_delay(self) -> int:
-        if self._delay is None:
-            self._delay = int(np.median(self._delays)) if self._delays else 0
-        return self._delay

@@ -180,16 +180,15 @@ class Watch:
 
     def not_ready(self, now: float) -> str:
         """Return why no motion can start from here, or an empty text."""
-        with self._lock:
-            recent = tuple(self._recent)
-        silence = self._silent(recent[-1] if recent else None, now) or self._mute(now)
+        silence = self.silence(now) or self._mute(now)
         if silence:
             return silence
-        first, last = recent[0], recent[-1]
-        span = last.received - first.received
+        with self._lock:
+            recent = tuple(self._recent)
+        span = recent[-1].received - recent[0].received if recent else 0.0
         if span < 0.5 * _REST_SPAN:
             return "the robot was seen for too short a time to know whether it stands still"
-        speed = np.abs(last.q - first.q) / span
+        speed = np.abs(recent[-1].q - recent[0].q) / span
         if speed.max() > _REST_SPEED:
             joint = int(np.argmax(speed))
             return f"{self.joints[joint]} moves at {speed[joint]:.3f} rad/s; the robot must stand still to start"
@@ -197,9 +196,7 @@ class Watch:
 
     def silence(self, now: float) -> str:
         """Return for how long nothing was heard of the robot, or an empty text."""
-        return self._silent(self.state, now)
-
-    def _silent(self, last: State | None, now: float) -> str:
+        last = self.state
         if last is None:
             return f"no joint_states{self._hint}"
         age = now - last.received
@@ -236,7 +233,7 @@ class Watch:
         distance from the range that these cover.
         """
         state = self.state
-        silence = self._silent(state, now)
+        silence = self.silence(now)
         if silence or state is None or not len(commanded):
             return silence
         off = np.maximum(state.q - commanded.max(axis=0), commanded.min(axis=0) - state.q)

@@ -16,6 +16,7 @@ from robot_ident.signals.motion import Array, Motion
 from robot_ident.trajectories.excitation import Reference
 
 _IN_TIME = 0.8  # of the lead of a stop may have passed when it is sent
+_SPACING = 0.02  # s between the points of a window
 
 
 @dataclass(frozen=True)
@@ -26,41 +27,14 @@ class Window:
     motion: Motion
 
 
-class Windows:
-    """The plan from `back` seconds ago to `ahead` seconds from now, and a stop from there.
-
-    A controller that hears nothing more brings the robot to rest by itself, within its limits, wherever the plan was.
-    The points of the past make a controller go on along the plan when it takes a window in, rather than draw a line
-    from where the robot is to the window's first point.
-    """
-
-    def __init__(
-        self, plan_stop: Callable[[Motion], Reference], *, spacing: float = 0.02, back: float = 0.1, ahead: float = 0.4
-    ) -> None:
-        """Points are `spacing` [s] apart."""
-        self._plan_stop = plan_stop
-        self._spacing = spacing
-        self._grid: Array = spacing * np.arange(-round(back / spacing), round(ahead / spacing) + 1.0)
-
-    def around(self, player: Player, t: float) -> Window | None:
-        """Return the window about the player's time t [s], None where nothing is commanded."""
-        planned = player.ahead(t + self._grid)
-        if planned is None:
-            return None
-        if not planned.dq[-1].any():
-            return Window(self._grid, planned)
-        last = Motion(planned.q[-1:], planned.dq[-1:], planned.ddq[-1:])
-        stop = self._plan_stop(last)
-        count = max(1, int(np.ceil(stop.duration / self._spacing)))
-        after: Array = stop.duration / count * np.arange(1.0, count + 1.0)
-        braking = stop.reference(after)
-        q, dq, ddq = (np.vstack([getattr(planned, name), getattr(braking, name)]) for name in ("q", "dq", "ddq"))
-        dq[-1], ddq[-1] = 0.0, 0.0  # exactly, not but for rounding: a controller refuses an end that moves
-        return Window(np.concatenate([self._grid, self._grid[-1] + after]), Motion(q, dq, ddq))
-
-
 class WindowSchedule:
-    """When a window is due and what it holds: twenty times a second, say, and at every change of phase."""
+    """When a window is due and what it holds: twenty times a second, say, and at every change of phase.
+
+    A window is the plan from `lead` seconds ago to `ahead` seconds from now, and a stop from there. A controller that
+    hears nothing more brings the robot to rest by itself, within its limits, wherever the plan was. The points of the
+    past make a controller go on along the plan when it takes a window in, rather than draw a line from where the robot
+    is to the window's first point.
+    """
 
     def __init__(
         self,
@@ -76,8 +50,9 @@ class WindowSchedule:
 
         latest [s]: later than that the controller may have begun to stop by itself, and would leap back onto the plan.
         """
-        self._now_ns, self._lead, self._every, self._latest = now_ns, lead, every, latest
-        self._windows = Windows(plan_stop, back=lead, ahead=ahead)
+        self._plan_stop, self._now_ns = plan_stop, now_ns
+        self._lead, self._every, self._latest = lead, every, latest
+        self._grid: Array = _SPACING * np.arange(-round(lead / _SPACING), round(ahead / _SPACING) + 1.0)
         self._sent: tuple[Phase, float] = (Phase.IDLE, -np.inf)
 
     def due(self, player: Player, t: float, stamp: int) -> Window | None:
@@ -93,7 +68,7 @@ class WindowSchedule:
             self._sent = (player.phase, last)
             return None
         self._sent = (player.phase, t)
-        window = self._windows.around(player, t)
+        window = self._around(player, t)
         late = 1e-9 * (self._now_ns() - stamp)
         if player.phase is Phase.STOPPING and changed and late > _IN_TIME * self._lead:
             player.halt(f"{player.reason}; a stop came {late:.3f} s late: the controller stops by itself")
@@ -102,6 +77,21 @@ class WindowSchedule:
             player.halt(f"commands came {late:+.3f} s late: the controller stops by itself")
             return None
         return window
+
+    def _around(self, player: Player, t: float) -> Window | None:
+        """Return the window about the player's time t [s], None where nothing is commanded."""
+        planned = player.ahead(t + self._grid)
+        if planned is None:
+            return None
+        if not planned.dq[-1].any():
+            return Window(self._grid, planned)
+        stop = self._plan_stop(planned[-1:])
+        count = max(1, int(np.ceil(stop.duration / _SPACING)))
+        after: Array = stop.duration / count * np.arange(1.0, count + 1.0)
+        braking = stop.reference(after)
+        q, dq, ddq = (np.vstack([getattr(planned, name), getattr(braking, name)]) for name in ("q", "dq", "ddq"))
+        dq[-1], ddq[-1] = 0.0, 0.0  # exactly, not but for rounding: a controller refuses an end that moves
+        return Window(np.concatenate([self._grid, self._grid[-1] + after]), Motion(q, dq, ddq))
 
 
 class GoalStatus(IntEnum):
@@ -158,10 +148,6 @@ class Goals:
         """Wait for no answer any more."""
         with self._lock:
             self._asked.clear()
-
-    def rejected(self) -> str:
-        """Return what a rejected goal means."""
-        return "the controller rejected the trajectory"
 
     def ended(self, number: int, status: int, error: int, text: str = "") -> str:
         """Return what is wrong with the end of a goal, or an empty text; error and text are its result's."""

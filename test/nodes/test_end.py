@@ -21,7 +21,7 @@ class Busy(BaseNode):
 
     def __init__(self):
         super().__init__()
-        Abandoned(time.sleep, (600.0,), "busy").start()
+        Abandoned(target=time.sleep, args=(600.0,), daemon=True).start()
         self.every(0.2, self.end)
 
 atexit.register(print, "taken apart")

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import importlib
+import math
 import signal
 from collections.abc import Callable
 from pathlib import Path
@@ -50,7 +51,7 @@ def test_table_is_complete(node: str) -> None:
         assert len(parameter.description) > 10
         assert parameter.checked(parameter.default) == parameter.default
         if parameter.kind in (int, float):
-            assert parameter.lower is not None and parameter.upper is not None, parameter.name
+            assert math.isfinite(parameter.lower) and math.isfinite(parameter.upper), parameter.name
 
 
 @pytest.mark.parametrize("node", NODES)

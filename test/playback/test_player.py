@@ -9,7 +9,7 @@ import numpy as np
 import pytest
 
 from robot_ident.playback.plan import Slowed
-from robot_ident.playback.player import Command, Phase, Player
+from robot_ident.playback.player import Phase, Player
 from robot_ident.playback.supervisor import Bounds, Watch
 from robot_ident.signals.motion import Array, Motion
 
@@ -66,7 +66,7 @@ class Robot:
     def __init__(self, p: Player, q: float = 0.0) -> None:
         self.player, self.q, self.k = p, q, 0
         self.silent = self.frozen = False
-        self.commands: list[Command | None] = []
+        self.commands: list[Motion | None] = []
 
     def run(self, steps: int) -> None:
         for _ in range(steps):
@@ -76,13 +76,13 @@ class Robot:
             command = self.player.tick(now, now)
             self.commands.append(command)
             if command is not None and not self.frozen:
-                self.q = float(command.q[0])
+                self.q = float(command.q[0, 0])
             self.k += 1
 
     def smooth(self) -> None:
         """The commands never step, and say the velocity that they have."""
         sent = [c for c in self.commands if c is not None]
-        q, dq = np.array([c.q[0] for c in sent]), np.array([c.dq[0] for c in sent])
+        q, dq = np.array([c.q[0, 0] for c in sent]), np.array([c.dq[0, 0] for c in sent])
         assert np.abs(np.diff(q)).max() < 0.05 * np.abs(q).max()
         assert np.abs(np.diff(dq)).max() < 0.2
         mean = 0.5 * (dq[1:] + dq[:-1])
@@ -112,7 +112,7 @@ def test_a_whole_motion() -> None:
     assert robot.q == pytest.approx(-0.5)
     robot.smooth()
     phases = [c for c in robot.commands[-50:] if c is not None]
-    assert len(phases) == 50 and all(c.dq[0] == 0.0 for c in phases), "the last position is held"
+    assert len(phases) == 50 and all(c.dq[0, 0] == 0.0 for c in phases), "the last position is held"
 
 
 def test_a_second_run_begins_from_the_held_position() -> None:
