@@ -86,11 +86,8 @@ def like_real(robot: Robot, seed: int, *, causes: bool = False) -> LikeReal:
 
 def _size(robot: Robot) -> Array:
     """Return the rms torque [n] of random states, at least a hundredth of the largest."""
-    model, rng = robot.rigid.model, np.random.default_rng(0)
-    data = model.createData()
-    states = rng.uniform(-1.0, 1.0, (300, 3, robot.n)) * np.array([1.5, 1.0, 3.0])[:, None]
-    torque = np.array([pinocchio.rnea(model, data, *state) for state in states])
-    rms = np.sqrt(np.mean(torque**2, axis=0))
+    states = np.random.default_rng(0).uniform(-1.0, 1.0, (300, 3, robot.n)) * np.array([1.5, 1.0, 3.0])[:, None]
+    rms = np.sqrt(np.mean(_links(robot, states) ** 2, axis=0))
     return np.asarray(np.maximum(rms, 0.01 * rms.max()))
 
 

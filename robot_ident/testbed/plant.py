@@ -36,11 +36,6 @@ class Commands:
     jump: Array
     fraction: Array
 
-    @property
-    def steps(self) -> int:
-        """Number of steps N."""
-        return len(self.q)
-
     def rows(self) -> Array:
         """Return [N, 5 n], a row a step."""
         return np.concatenate([self.q, self.dq, self.torque, self.jump, self.fraction], axis=1)
@@ -106,7 +101,7 @@ class Plant:
         """Return the states [N, size] after each of N steps."""
         dry = self._equations.dry[: self.robot.n]
         turns = np.any(commands.jump[:, dry] != 0, axis=1)
-        out = np.empty((commands.steps, self.layout.size))
+        out = np.empty((len(commands.q), self.layout.size))
         self._blocks(state, commands.rows(), turns, out, BLOCKS)
         return out
 

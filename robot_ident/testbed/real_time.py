@@ -252,7 +252,7 @@ class TrajectoryFollower:
 
     def reset(self, q: ArrayLike) -> None:
         """Hold position q [n] and forget what was to be followed."""
-        self._pieces = [Piece(-np.inf, np.inf, frozen_array(q, self._joints)[None])]
+        self._pieces = [Piece(0.0, np.inf, frozen_array(q, self._joints)[None])]
 
     def take(self, now: float, t: Array, motion: Motion) -> None:
         """Replace what is followed at `now` [s] by points at t [K] s, motion [K, n].
@@ -282,8 +282,7 @@ class TrajectoryFollower:
         for piece in self._pieces:
             rows = (begin <= t) & (t < piece.end)
             if rows.any():
-                start = piece.start if np.isfinite(piece.start) else 0.0
-                q[rows], dq[rows], ddq[rows] = Piece(start, piece.end, piece.c).states(t[rows])
+                q[rows], dq[rows], ddq[rows] = piece.states(t[rows])
             begin = piece.end
         return Motion(q, dq, ddq)
 
@@ -300,7 +299,7 @@ class SimulatedRobot:
     """The plant of `simulate`, held in a state: for a node that publishes at `sample_rate` [Hz].
 
     Time is the caller's: each call of `advance` or `hold` takes whole steps of `step` seconds, `steps_per_sample` a
-    sample.
+    sample. reference: that at this instant, one row.
     """
 
     def __init__(
@@ -339,7 +338,7 @@ class SimulatedRobot:
                 f"robot {self.robot.name}: a pose of {self.robot.n} finite positions is needed, got {pose.tolist()}"
             )
         self._state = self._plant.rest(pose)
-        self._reference = Motion(pose[None], np.zeros((1, len(pose))), np.zeros((1, len(pose))))
+        self.reference = Motion(pose[None], np.zeros((1, len(pose))), np.zeros((1, len(pose))))
 
     def advance(self, reference: Motion) -> None:
         """Advance k steps along a reference given at h/2, h, 3 h/2, ... k h from now (2 k instants, h = `step`).
@@ -352,14 +351,14 @@ class SimulatedRobot:
             )
         if not reference.samples:
             return
-        commands = Commands.of(self._servo, joined([self._reference, reference]))
+        commands = Commands.of(self._servo, joined([self.reference, reference]))
         self._state = self._plant.run(self._state, commands)[-1]
-        self._reference = reference[-1:]
+        self.reference = reference[-1:]
 
     def hold(self, steps: int) -> None:
         """Advance some steps with the reference at rest where it was last."""
         still = np.zeros((2 * steps, self.robot.n))
-        self.advance(Motion(still + self._reference.q, still, still))
+        self.advance(Motion(still + self.reference.q, still, still))
 
     @property
     def motion(self) -> Motion:
@@ -373,15 +372,10 @@ class SimulatedRobot:
         return self._plant.shown(self._state[None], np.zeros((1, self.robot.n)))
 
     @property
-    def reference(self) -> Motion:
-        """The reference at this instant, one row."""
-        return self._reference
-
-    @property
     def torque(self) -> Array:
         """The servos' torque [n] Nm at this instant, without noise."""
         seen = self.shown
-        return np.asarray(self._servo.torque(self._reference, seen.q, seen.dq)[0])
+        return np.asarray(self._servo.torque(self.reference, seen.q, seen.dq)[0])
 
     def measure(self, rng: np.random.Generator) -> Reading:
         """Return what the robot reports at this instant: noisy and quantised."""

@@ -5,7 +5,7 @@ from __future__ import annotations
 from collections import Counter
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass
-from typing import Any, NamedTuple
+from typing import Any
 
 import numpy as np
 
@@ -89,13 +89,7 @@ def named_wrong(o: Outcome) -> bool:
     return any(label not in there and not there & set(group) for label, group in pairs)
 
 
-class _Row(NamedTuple):
-    """A row of the table: which cases count, what is counted, and whether it is wanted."""
-
-    name: str
-    counts: Callable[[Outcome], bool]
-    happened: Callable[[Outcome], bool]
-    wanted: bool = True
+_Test = Callable[[Outcome], bool]
 
 
 def rates(outcomes: Sequence[Outcome], least: float) -> list[Rate]:
@@ -116,29 +110,30 @@ def rates(outcomes: Sequence[Outcome], least: float) -> list[Rate]:
     def main_named(o: Outcome) -> bool:
         return set(o.truth) <= set(o.named) and not named_wrong(o)
 
-    rows = (
-        _Row("named_right", single, named_right),
-        _Row("truth_in_tie_group", single, in_tie_group),
-        _Row("wrong_name_outside_tie", single, named_wrong, wanted=False),
-        _Row("false_name_on_null", lambda o: o.kind == "null", lambda o: bool(o.named), wanted=False),
-        _Row("unknown_named", lambda o: o.kind == "unknown", lambda o: bool(o.named), wanted=False),
-        _Row("pair_found_nothing_else", lambda o: o.kind == "pair_other_joints", named_right),
-        _Row("same_joint_found_or_tied", lambda o: o.kind == "same_joint", found_or_tied),
-        _Row("triple_found_or_tied", lambda o: o.kind == "triple", found_or_tied),
-        _Row("wrong_name_among_several", several, named_wrong, wanted=False),
-        _Row("unexplained_though_known", several, lambda o: o.verdict == "unexplained", wanted=False),
-        _Row("fault_named", lambda o: fault(o, visible=True), in_tie_group),
-        _Row("wrong_name_for_faint_fault", lambda o: fault(o, visible=False), named_wrong, wanted=False),
-        _Row("friction_named_for_fault", lambda o: o.kind == MEASUREMENT, rubs, wanted=False),
-        _Row("named_right_with_background", lambda o: o.kind == "single_with_background", main_named),
+    # which cases count, what is counted, and whether it is wanted
+    rows: tuple[tuple[str, _Test, _Test, bool], ...] = (
+        ("named_right", single, named_right, True),
+        ("truth_in_tie_group", single, in_tie_group, True),
+        ("wrong_name_outside_tie", single, named_wrong, False),
+        ("false_name_on_null", lambda o: o.kind == "null", lambda o: bool(o.named), False),
+        ("unknown_named", lambda o: o.kind == "unknown", lambda o: bool(o.named), False),
+        ("pair_found_nothing_else", lambda o: o.kind == "pair_other_joints", named_right, True),
+        ("same_joint_found_or_tied", lambda o: o.kind == "same_joint", found_or_tied, True),
+        ("triple_found_or_tied", lambda o: o.kind == "triple", found_or_tied, True),
+        ("wrong_name_among_several", several, named_wrong, False),
+        ("unexplained_though_known", several, lambda o: o.verdict == "unexplained", False),
+        ("fault_named", lambda o: fault(o, visible=True), in_tie_group, True),
+        ("wrong_name_for_faint_fault", lambda o: fault(o, visible=False), named_wrong, False),
+        ("friction_named_for_fault", lambda o: o.kind == MEASUREMENT, rubs, False),
+        ("named_right_with_background", lambda o: o.kind == "single_with_background", main_named, True),
     )
     out = []
-    for row in rows:
-        among = [o for o in outcomes if row.counts(o)]
+    for name, counts, happened, wanted in rows:
+        among = [o for o in outcomes if counts(o)]
         if among:
-            said = [row.happened(o) for o in among]
-            seeds = [o.seed for o, yes in zip(among, said, strict=True) if yes != row.wanted]
-            out.append(Rate(row.name, sum(said), len(among), tuple(seeds)))
+            said = [happened(o) for o in among]
+            seeds = [o.seed for o, yes in zip(among, said, strict=True) if yes != wanted]
+            out.append(Rate(name, sum(said), len(among), tuple(seeds)))
     return out
 
 
