@@ -159,19 +159,18 @@ class Intake:
 
     def _on_effort(self, message: EffortMessage) -> None:
         if message.positions and message.topic == self._robot.effort.topic:
-            return self._move_to(message.topic)
+            # the topic that the YAML declares turns out to hold the positions as well
+            self._node.get_logger().info(
+                f"positions and efforts come on {self._node.resolve_topic_name(message.topic)}"
+            )
+            self._efforts.close()
+            self._hearing.end()
+            self._listen(message.topic)
+            return
         self._pairing.add_efforts(message.stamp_ns, message.received_ns, message.values)
         stamp = message.stamp_ns or message.received_ns
         other = next(kept for topic, kept in self._others.items() if topic.name == message.topic)
         other.add(stamp, message.received_ns, message.data)
-        return None
-
-    def _move_to(self, topic: str) -> None:
-        """Take the positions from the topic that the YAML declares, whose messages turn out to hold them."""
-        self._node.get_logger().info(f"positions and efforts come on {self._node.resolve_topic_name(topic)}")
-        self._efforts.close()
-        self._hearing.end()
-        self._listen(topic)
 
     def __len__(self) -> int:
         """Return the number of joint states kept."""

@@ -12,7 +12,7 @@ from std_msgs.msg import Float64
 
 from robot_ident.errors import InputError, RobotIdentError
 from robot_ident.limits.certifier import Certifier
-from robot_ident.nodes.effort_topics import EffortMessage, EffortTopics, sources_of
+from robot_ident.nodes.effort_topics import EffortTopics, sources_of
 from robot_ident.nodes.messages import stamp_of
 from robot_ident.nodes.node import BaseNode, reliable
 from robot_ident.nodes.outputs import ActionOutput, Output, SampleOutput, TrajectoryOutput
@@ -53,7 +53,9 @@ class Session:
         )
         self._clock = SetClock(node.now_ns)
         self._scaling = SpeedScaling(node.value("speed_scaling_topic"))
-        self._efforts = EffortTopics(node, plan.robot, sources, self._on_effort, _DEPTH)
+        self._efforts = EffortTopics(
+            node, plan.robot, sources, lambda one: self.watch.update_efforts(one.values, time.monotonic()), _DEPTH
+        )
         self._hearings = [hear(node, JointState, "joint_states", self._on_state, reliable(_DEPTH))]
         if topic := node.value("speed_scaling_topic"):
             self._hearings.append(hear(node, Float64, topic, self._on_speed_scaling, reliable(10)))
@@ -191,9 +193,6 @@ class Session:
             if joint in names and len(values) == len(names):
                 self.watch.update_efforts({joint: values[names.index(joint)]}, now)
         self.watch.update(names, message.position, message.effort, stamp_of(message), now)
-
-    def _on_effort(self, message: EffortMessage) -> None:
-        self.watch.update_efforts(message.values, time.monotonic())
 
     def _on_speed_scaling(self, message: Float64) -> None:
         self._scaling.update(message.data)

@@ -292,19 +292,16 @@ class TrajectoryPublisher(ManagedNode):
         timing = Timing()
         if self._session is not None:
             self._session.player.stop("the node ends")
-            self._await_rest(self._session)
+            since = time.monotonic()
+            while not self._rested(self._session, since):
+                if self.get_parameter("use_sim_time").value and self.executor is not None:
+                    self.executor.spin_once(timeout_sec=_POLL)  # or time would stand still
+                else:
+                    time.sleep(_POLL)
             self._session.end()
             timing = self._session.ticker.timing
         worst = f"worst lateness {1e3 * timing.worst:.2f} ms"
         self.get_logger().info(f"{timing.ticks} ticks, {timing.missed} missed, {worst}")
-
-    def _await_rest(self, session: Session) -> None:
-        since = time.monotonic()
-        while not self._rested(session, since):
-            if self.get_parameter("use_sim_time").value and self.executor is not None:
-                self.executor.spin_once(timeout_sec=_POLL)  # or time would stand still
-            else:
-                time.sleep(_POLL)
 
 
 main = partial(run, TrajectoryPublisher)

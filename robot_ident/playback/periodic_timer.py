@@ -172,7 +172,11 @@ class Ticker:
             before, real_before = self._seen
             now, real = self._look()
             if real - real_before > _STALE:
-                self._await_news(now)
+                # what it said before this process stood still is old; one that says nothing for so long stands still
+                # itself, and may well wait for this process
+                news = time.monotonic() + _NEWS
+                while self._clock() == now and time.monotonic() < news and not self._ended.wait(_POLL):
+                    pass
                 self._woke = time.monotonic()
                 now, real = self._look()
             self._seen = now, real
@@ -189,12 +193,3 @@ class Ticker:
             begun, now, real = time.monotonic(), self._clock(), time.monotonic()
             if real - begun <= _STALE:
                 return now, real
-
-    def _await_news(self, known: float) -> None:
-        """Wait until a foreign clock says something new: what it said before this process stood still is old.
-
-        A clock that says nothing for `_NEWS` seconds stands still itself, and may well wait for this process.
-        """
-        deadline = time.monotonic() + _NEWS
-        while self._clock() == known and time.monotonic() < deadline and not self._ended.wait(_POLL):
-            pass

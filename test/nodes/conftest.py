@@ -119,6 +119,19 @@ def call(client: Any) -> Callable[..., Any]:
 
 
 @pytest.fixture
+def put(call: Callable[..., Any]) -> Callable[[str, str, Any], Any]:
+    """Return a function that sets a node's parameter and returns what came of it."""
+    from rcl_interfaces.srv import SetParameters
+    from rclpy.parameter import Parameter
+
+    def give(node: str, name: str, value: Any) -> Any:
+        request = SetParameters.Request(parameters=[Parameter(name, value=value).to_parameter_msg()])
+        return call(SetParameters, f"{node}/set_parameters", request).results[0]
+
+    return give
+
+
+@pytest.fixture
 def until() -> Callable[..., Any]:
     """Return a function that waits until a condition holds."""
     return wait_until

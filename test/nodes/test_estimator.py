@@ -89,10 +89,8 @@ def test_replay_gives_the_parameters_of_the_offline_command(
 
 
 def test_identify_service_and_live_parameters(
-    start: Callable[..., Any], client: Any, call: Callable[..., Any], bag: Path, trajectory: Path, tmp_path: Path
+    start: Callable[..., Any], call: Callable[..., Any], put: Callable[[str, str, Any], Any], bag: Path, tmp_path: Path
 ) -> None:
-    from rcl_interfaces.msg import Parameter, ParameterType, ParameterValue
-    from rcl_interfaces.srv import SetParameters
     from std_srvs.srv import Trigger
 
     from robot_ident.nodes.replay import replay
@@ -103,12 +101,8 @@ def test_identify_service_and_live_parameters(
     assert not answer.success and "nothing has been received" in answer.message
     replay(read_recording(bag), rate=20.0)
     assert not output.exists()
-    value = ParameterValue(type=ParameterType.PARAMETER_STRING, string_value="ls")
-    request = SetParameters.Request(parameters=[Parameter(name="estimator", value=value)])
-    assert call(SetParameters, "/estimator/set_parameters", request).results[0].successful
-    value = ParameterValue(type=ParameterType.PARAMETER_STRING, string_value="lsq")
-    request = SetParameters.Request(parameters=[Parameter(name="estimator", value=value)])
-    refused = call(SetParameters, "/estimator/set_parameters", request).results[0]
+    assert put("/estimator", "estimator", "ls").successful
+    refused = put("/estimator", "estimator", "lsq")
     assert not refused.successful and "did you mean" in refused.reason
     answer = call(Trigger, "/estimator/identify")
     assert answer.success and "21 parameters from 5 periods" in answer.message
@@ -131,15 +125,13 @@ def test_replay_without_a_listener(domain: int, bag: Path) -> None:
 def test_a_change_of_friction_shows_while_the_robot_runs(
     start: Callable[..., Any],
     client: Any,
-    call: Callable[..., Any],
+    put: Callable[[str, str, Any], Any],
     until: Callable[..., Any],
     bag: Path,
     trajectory: Path,
     tmp_path: Path,
 ) -> None:
     from diagnostic_msgs.msg import DiagnosticArray
-    from rcl_interfaces.msg import Parameter, ParameterType, ParameterValue
-    from rcl_interfaces.srv import SetParameters
 
     from robot_ident.model.model_file import write_model
     from robot_ident.nodes.replay import replay
@@ -173,9 +165,7 @@ def test_a_change_of_friction_shows_while_the_robot_runs(
         ("watch_window", 1.0, True),
         ("watch_change", 0.0, False),
     ):
-        value = ParameterValue(type=ParameterType.PARAMETER_DOUBLE, double_value=given)
-        request = SetParameters.Request(parameters=[Parameter(name=name, value=value)])
-        assert call(SetParameters, "/estimator/set_parameters", request).results[0].successful == accepted
+        assert put("/estimator", name, given).successful == accepted
     replay(Recording(recorded.names, t[:900], q[:900], tau[:900], source="anew"), rate=4.0)  # before the change
     assert until(lambda: "changed" not in told[-1].status[0].message), values()  # the watch has begun anew
     assert estimator.end()[0] == 0, estimator.text
@@ -184,13 +174,11 @@ def test_a_change_of_friction_shows_while_the_robot_runs(
 def test_covariance_is_live_and_another_model_can_be_set(
     start: Callable[..., Any],
     client: Any,
-    call: Callable[..., Any],
+    put: Callable[[str, str, Any], Any],
     until: Callable[..., Any],
     bag: Path,
     tmp_path: Path,
 ) -> None:
-    from rcl_interfaces.msg import Parameter, ParameterType, ParameterValue
-    from rcl_interfaces.srv import SetParameters
     from std_msgs.msg import Float64MultiArray, String
 
     from robot_ident.model.model_file import write_model
@@ -213,16 +201,11 @@ def test_covariance_is_live_and_another_model_can_be_set(
     assert covariances[0].data[0] > covariances[-1].data[0], "more periods, less uncertainty"
     assert until(lambda: any("from 5 periods" in text for text in verdicts)), verdicts
 
-    def put(path: Path) -> Any:
-        value = ParameterValue(type=ParameterType.PARAMETER_STRING, string_value=str(path))
-        request = SetParameters.Request(parameters=[Parameter(name="model", value=value)])
-        return call(SetParameters, "/estimator/set_parameters", request).results[0]
-
-    refused = put(tmp_path / "nothing.yaml")
+    refused = put("/estimator", "model", str(tmp_path / "nothing.yaml"))
     assert not refused.successful and "nothing.yaml" in refused.reason
     other, plain = tmp_path / "other.yaml", offline(bag, estimator="ls")
     write_model(plain, other)
-    assert put(other).successful
+    assert put("/estimator", "model", str(other)).successful
     assert until(lambda: np.array_equal(covariances[-1].data, plain.covariance.ravel()))
     assert until(lambda: any("predicts with" in text for text in verdicts)), verdicts
     assert estimator.end()[0] == 0, estimator.text

@@ -38,23 +38,6 @@ def state(call: Callable[..., Any]) -> Callable[[], str]:
     return lambda: str(call(GetState, f"{NODE}/get_state").current_state.label)
 
 
-@pytest.fixture
-def put(call: Callable[..., Any]) -> Callable[[str, Any], Any]:
-    """Return a function that sets a parameter and returns what came of it."""
-    from rcl_interfaces.msg import Parameter, ParameterType, ParameterValue
-    from rcl_interfaces.srv import SetParameters
-
-    def give(name: str, given: str | list[float]) -> Any:
-        if isinstance(given, str):
-            value = ParameterValue(type=ParameterType.PARAMETER_STRING, string_value=given)
-        else:
-            value = ParameterValue(type=ParameterType.PARAMETER_DOUBLE_ARRAY, double_array_value=given)
-        request = SetParameters.Request(parameters=[Parameter(name=name, value=value)])
-        return call(SetParameters, f"{NODE}/set_parameters", request).results[0]
-
-    return give
-
-
 def test_a_managed_life(
     start: Callable[..., Any],
     call: Callable[..., Any],
@@ -62,7 +45,7 @@ def test_a_managed_life(
     until: Callable[..., Any],
     move: Callable[[str], bool],
     state: Callable[[], str],
-    put: Callable[[str, Any], Any],
+    put: Callable[[str, str, Any], Any],
     trajectory: Path,
     tmp_path: Path,
 ) -> None:
@@ -91,18 +74,18 @@ def test_a_managed_life(
     assert not move("activate"), "not before it is configured, and it doesn't end the node"
     assert not move("configure") and state() == "unconfigured"
     publisher.says("not certified for robot kuka_ir361")
-    assert put("trajectory", str(trajectory)).successful
+    assert put(NODE, "trajectory", str(trajectory)).successful
     assert move("configure") and state() == "inactive"
-    refused = put("trajectory", str(fast))
+    refused = put(NODE, "trajectory", str(fast))
     assert not refused.successful and "read by configure" in refused.reason
     assert not call(Trigger, f"{NODE}/start").success
     assert move("activate") and state() == "active"
 
     assert call(Trigger, f"{NODE}/start").success
     publisher.says("playing")
-    refused = put("tracking_error", [0.3, 0.3])
+    refused = put(NODE, "tracking_error", [0.3, 0.3])
     assert not refused.successful and "one for each of 3 joints" in refused.reason
-    assert put("tracking_error", [0.3, 0.2, 0.3]).successful
+    assert put(NODE, "tracking_error", [0.3, 0.2, 0.3]).successful
     heard: list[Any] = []
     client.create_subscription(JointState, "joint_command", heard.append, 1000)
     assert until(lambda: len(heard) > 50)
