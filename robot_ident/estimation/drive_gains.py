@@ -25,6 +25,7 @@ from robot_ident.estimation.carried import (
 )
 from robot_ident.estimation.declaration import judge_all
 from robot_ident.estimation.equations import Equations
+from robot_ident.estimation.least_squares import held_softly
 from robot_ident.estimation.problem import Problem
 from robot_ident.model.structure import Structure
 from robot_ident.recording.measurement import Measurement, Processing
@@ -281,7 +282,8 @@ def _search(currents: _Currents, g: Array, held: tuple[int, ...]) -> tuple[Array
         solver = problem.factored(factor[:, None] * equations.phi, currents.names)
         theta = solver.solve(problem.right(equations.torque - factor * currents.load))
         current, jacobian = currents.model(theta, g)
-        step = _step(problem, jacobian[:, columns], equations.torque - current, p, before - np.log(g[places]))
+        white, right = (problem.noise.weigh(x) for x in (jacobian[:, columns], equations.torque - current))
+        step = held_softly(white, right, before - np.log(g[places]), _VAGUE)[p:]
         g = g.copy()
         g[places] *= np.exp(np.clip(step, -0.7, 0.7))
         problem = _with_noise(problem, currents, g)
@@ -294,17 +296,6 @@ def _search(currents: _Currents, g: Array, held: tuple[int, ...]) -> tuple[Array
         soft = np.eye(len(own)) / _VAGUE**2  # what was known before
         covariance[np.ix_(searched, searched)] = np.linalg.inv(np.linalg.inv(own) + soft)
     return g, theta, covariance
-
-
-def _step(problem: Problem, jacobian: Array, residual: Array, p: int, back: Array) -> Array:
-    """Return the change of ln g by least squares, held softly to where it began."""
-    white, right = problem.noise.weigh(jacobian), problem.noise.weigh(residual)
-    prior = np.hstack([np.zeros((len(back), p)), np.eye(len(back)) / _VAGUE])
-    scale = np.linalg.norm(white, axis=0)
-    scale = np.where(scale > 0, scale, 1.0)
-    stacked = np.vstack([white, prior]) / scale
-    solved, *_ = np.linalg.lstsq(stacked, np.concatenate([right, back / _VAGUE]), rcond=None)
-    return np.asarray((solved / scale)[p:])
 
 
 def _with_noise(problem: Problem, currents: _Currents, g: Array) -> Problem:

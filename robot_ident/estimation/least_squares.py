@@ -81,3 +81,13 @@ def _condition_number(r: Array, names: Sequence[str], source: str) -> float:
             " excite more joints or drop an effect"
         )
     return float(singular[0] / singular[-1])
+
+
+def held_softly(rows: Array, right: Array, towards: Array, spread: float) -> Array:
+    """Return x [p] that minimises |rows x - right|^2 + |x_k - towards|^2 / spread^2, x_k its last k elements."""
+    p, k = rows.shape[1], len(towards)
+    size = np.linalg.norm(rows, axis=0)
+    size = np.where(size > 0.0, size, 1.0)
+    stacked = np.vstack([rows, np.eye(k, p, p - k) / spread]) / size
+    found, *_ = np.linalg.lstsq(stacked, np.concatenate([right, towards / spread]), rcond=None)
+    return np.asarray(found / size)

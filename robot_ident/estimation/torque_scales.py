@@ -8,6 +8,7 @@ import numpy as np
 
 from robot_ident.effects.torque_scale import SPREAD, TorqueScale
 from robot_ident.estimation.equations import Equations
+from robot_ident.estimation.least_squares import held_softly
 from robot_ident.estimation.problem import Problem
 from robot_ident.model.structure import Structure
 from robot_ident.signals.motion import Array
@@ -27,18 +28,14 @@ def with_scales(problem: Problem, structure: Structure) -> Structure:
     b = len(structure.base.columns)
     alone = equations.phi[:, :b] / scales[equations.joint][:, None]
     own = equations.phi[:, b:]
-    weight = np.sqrt(problem.noise.independent)
     places = np.array(joints)
     for _ in range(_ROUNDS):
         factor = scales[equations.joint]
         links = factor * (alone @ theta[:b])
         jacobian = np.hstack([factor[:, None] * alone, own, by_scale(equations, links, joints)])
         residual = equations.torque - links - own @ theta[b:]
-        step = _least_squares(
-            (problem.noise.whiten(jacobian).T * weight).T,
-            problem.noise.whiten(residual) * weight,
-            -np.log(scales[places]) / SPREAD,
-        )
+        white, right = problem.noise.weigh(jacobian), problem.noise.weigh(residual)
+        step = held_softly(white, right, -np.log(scales[places]), SPREAD)
         change = np.clip(step[len(theta) :], -_STEP, _STEP)
         theta = theta + step[: len(theta)]
         scales[places] *= np.exp(change)
@@ -61,14 +58,3 @@ def at_scales(structure: Structure, scales: Array) -> Structure:
         for effect in structure.effects
     ]
     return replace(structure, effects=tuple(effects))
-
-
-def _least_squares(jacobian: Array, residual: Array, pull: Array) -> Array:
-    """Return the step [p + k] of least squares, the last k held softly: (x - pull SPREAD) / SPREAD beside the rows."""
-    p = jacobian.shape[1] - len(pull)
-    prior = np.hstack([np.zeros((len(pull), p)), np.eye(len(pull)) / SPREAD])
-    size = np.linalg.norm(jacobian, axis=0)
-    size = np.where(size > 0.0, size, 1.0)
-    stacked = np.vstack([jacobian / size, prior / size])
-    found, *_ = np.linalg.lstsq(stacked, np.concatenate([residual, pull]), rcond=None)
-    return np.asarray(found / size)
