@@ -44,13 +44,8 @@ class Identifiability:
     joints: tuple[str, ...]
 
     @property
-    def poor(self) -> bool:
-        """Whether the motion excites too little for a model that holds elsewhere."""
-        return bool(np.any(self.uncertainty > _UNCERTAIN)) or self.condition_number > _CONDITION
-
-    @property
-    def notes(self) -> tuple[str, ...]:
-        """What a user should know, in plain words."""
+    def warnings(self) -> tuple[str, ...]:
+        """Why the model may fail on other motions, in plain words."""
         out = []
         if np.any(self.uncertainty > _UNCERTAIN):
             worst = int(np.argmax(self.uncertainty))
@@ -65,6 +60,12 @@ class Identifiability:
                 f"condition number {self.condition_number:.3g} (good: below 30): the columns of {_listed(self.weak)}"
                 " nearly depend on each other along this motion"
             )
+        return tuple(out)
+
+    @property
+    def notes(self) -> tuple[str, ...]:
+        """Which parameters are known together only, in plain words."""
+        out = []
         for a, b, correlation in self.pairs:
             known = "difference" if correlation > 0 else "sum"
             out.append(

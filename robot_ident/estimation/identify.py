@@ -79,6 +79,7 @@ class Chosen:
             processing=self.choice.processing,
             physical=physical,
             gains=self.gains,
+            before=(*notes, *self.choice.notes),
         )
         made = with_scale_spread(replace(made, base=self.choice.to_dict()))
         scales = {
@@ -88,7 +89,7 @@ class Chosen:
         }
         told = [*torque_scale_notes(self.choice, scales), *_lagging(made, self.choice.effects)]
         first = [made.trouble] if made.trouble else []
-        return replace(made, notes=(*first, *notes, *self.choice.notes, *told, *made.notes))
+        return replace(made, notes=(*first, *made.notes, *told))
 
 
 def with_scale_spread(model: Model) -> Model:
@@ -148,12 +149,13 @@ def estimate(
     processing: Processing | None = None,
     physical: bool = False,
     gains: Gains | None = None,
+    before: Sequence[str] = (),
 ) -> Model:
     """Return the model of some measurements: eq. (7), (10) or the minimum of (4), with its covariance.
 
     physical: take the nearest parameters that a real arm can have. gains: those of the drives that the same recordings
-    told, whose uncertainty the covariance takes in. Payloads that conditions leave open are found with the arm, and the
-    model is that of the arm alone.
+    told, whose uncertainty the covariance takes in. before: notes that come before its own, after what may fail on
+    other motions. Payloads that conditions leave open are found with the arm, and the model is that of the arm alone.
     """
     if estimator not in ESTIMATORS:
         raise InputError(f"unknown estimator {estimator!r}{did_you_mean(estimator, ESTIMATORS)}")
@@ -184,7 +186,8 @@ def estimate(
     notes += [] if structure.robot.ampere_joints else scale_notes(measurements, found)
     days = by_day(measurements, found)
     notes += days.notes(structure.names)
-    notes += identifiability(found, measurements).notes
+    determined = identifiability(found, measurements)
+    notes += determined.notes
     notes += time_scale_notes(measurements)
     consistent = None
     if physical:
@@ -200,7 +203,8 @@ def estimate(
         rows = equations.joint == joint
         torque = equations.torque[rows]
         residual[name] = fit(torque - equations.phi[rows] @ linear, torque, equations.variance[rows])
-    notes = [*implausible_notes(found.structure, equations, linear, np.sqrt(np.diag(found.covariance))), *notes]
+    implausible = implausible_notes(found.structure, equations, linear, np.sqrt(np.diag(found.covariance)))
+    notes = [*determined.warnings, *before, *implausible, *notes]
     _, logdet = np.linalg.slogdet(found.covariance[: len(linear), : len(linear)])
     return Model(
         structure=found.structure,
