@@ -15,8 +15,8 @@ from arms import write_arm
 from robot_ident.cli.main import main
 
 CASES = int(os.environ.get("ROBOT_IDENT_LIKE_REAL", "99"))
-FIRST = 6000
-"""No development has used seeds from here on."""
+FIRST = 6106
+"""Judged once with these; development has used those before."""
 
 
 def arms(folder: Path) -> list[str]:

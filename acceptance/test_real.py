@@ -121,6 +121,8 @@ def chosen(model: Model) -> str:
     kinds = sorted({label.partition("@")[0] for label in model.base["effects"]}) if model.base else []
     processing = model.processing
     way = "periods averaged"
+    if processing["low_pass"]:
+        way += f" {processing['low_pass']:.3g} Hz"
     if processing["periodic"] is False:
         way = f"one pass {processing['derivative_bandwidth']:.3g} / {processing['low_pass']:.3g} Hz"
     return ", ".join([way, *kinds])

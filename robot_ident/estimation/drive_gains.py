@@ -250,20 +250,20 @@ def _start(measurements: Sequence[Measurement], robot: Robot) -> Array:
     """
     g, judged = np.ones(robot.n), judge_all(measurements, robot)
     free = [joint for joint in range(robot.n) if robot.in_ampere(joint)]
-    untold = [joint for joint in free if not judged[joint].share > _SURE * judged[joint].std]
-    told = [joint for joint in free if joint not in untold]
+    unidentifiable = [joint for joint in free if not judged[joint].share > _SURE * judged[joint].std]
+    told = [joint for joint in free if joint not in unidentifiable]
     g[told] = [judged[joint].share for joint in told]
-    return 1.0 / _like_the_others(g, untold, free, robot)
+    return 1.0 / _like_the_others(g, unidentifiable, free, robot)
 
 
-def _like_the_others(g: Array, untold: Sequence[int], free: Sequence[int], robot: Robot) -> Array:
+def _like_the_others(g: Array, unidentifiable: Sequence[int], free: Sequence[int], robot: Robot) -> Array:
     """Return g [n] where drives that nothing tells of have the geometric mean of the others of their kind, or 1.
 
     What is taken for them matters little: they are those whose torque beside friction hardly exceeds its noise.
     """
     out = np.array(g)
-    for joint in untold:
-        others = [k for k in free if k not in untold and robot.prismatic[k] == robot.prismatic[joint]]
+    for joint in unidentifiable:
+        others = [k for k in free if k not in unidentifiable and robot.prismatic[k] == robot.prismatic[joint]]
         out[joint] = float(np.exp(np.mean(np.log(g[others])))) if others else 1.0
     return out
 

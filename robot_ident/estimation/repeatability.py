@@ -4,6 +4,7 @@ what drifts.
 
 from __future__ import annotations
 
+from abc import ABC, abstractmethod
 from collections.abc import Sequence
 from dataclasses import asdict, dataclass
 from datetime import UTC, datetime
@@ -36,7 +37,7 @@ class Drift:
 
 
 @dataclass(frozen=True)
-class _Repeated:
+class _Repeated(ABC):
     """Estimates [K, p] of one model from parts of its data, their scatter, and what sigma lets expect of it."""
 
     values: Array
@@ -48,9 +49,9 @@ class _Repeated:
         return np.std(self.values, axis=0, ddof=1)
 
     @property
+    @abstractmethod
     def expected(self) -> Array:
         """What the noise lets expect of it [p]."""
-        raise NotImplementedError
 
     @property
     def ratio(self) -> float:
