@@ -64,8 +64,8 @@ class Inner:
     """A parameter inside a column, which is searched: on `grid` first, then refined between `lower` and `upper`.
 
     grid_prismatic: the grid on a prismatic joint, where it differs. continuous: False where only the values of the grid
-    have a meaning; ordered: these are more or less of something rather than kinds. logarithmic: a scale, to be refined
-    in its logarithm. defining: where it is zero there is no such effect.
+    have a meaning. logarithmic: a scale, to be refined in its logarithm. defining: where it is zero there is no such
+    effect.
     """
 
     name: str
@@ -76,13 +76,12 @@ class Inner:
     grid: tuple[float, ...]
     grid_prismatic: tuple[float, ...] = ()
     continuous: bool = True
-    ordered: bool = False
     logarithmic: bool = False
     defining: bool = False
 
     def at_bound(self, value: float) -> bool:
         """Return whether a value rests at a bound, where it says no more than that it is there or beyond."""
-        if not self.continuous and not self.ordered:
+        if not self.continuous:
             return False
         if self.logarithmic:
             return value <= self.lower * (1.0 + _RESTS) or value >= self.upper * (1.0 - _RESTS)

@@ -31,7 +31,7 @@ class Stribeck(Effect):
             logarithmic=True,
             defining=True,
         ),
-        Inner("d", "", "", 0.5, 2.0, (0.5, 1.0, 2.0), continuous=False, ordered=True),
+        Inner("d", "", "", 0.5, 2.0, (0.5, 1.0, 2.0)),
     )
     symmetry = "dissipative"
     signature = "peaks at low speed"

@@ -166,6 +166,7 @@ def estimate(
             f"robot {structure.robot.name}: without drive gains no inertia is known in kg m^2, and none can be physical"
         )
     solved = solve_carrying(measurements, structure, estimator)
+    solved = replace(solved, solution=solved.solution.whichever_form())
     measurements, found, payloads = solved.measurements, solved.solution, solved.payloads
     taken = apart(measurements, structure.effects)
     # where a trend is part of the model, no period by itself tells it from the level

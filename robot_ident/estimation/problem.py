@@ -4,10 +4,11 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from copy import copy
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 
+from robot_ident.effects import Effect
 from robot_ident.effects.torque_scale import SPREAD, TorqueScale
 from robot_ident.estimation.covariance import sandwich
 from robot_ident.estimation.equations import Compared, Equations, stack
@@ -18,7 +19,23 @@ from robot_ident.recording.measurement import Measurement
 from robot_ident.signals.motion import Array
 
 _TORQUE_ROUNDS = 4  # of the fixed point: load friction of 10 % leaves 1e-4 of itself after four
+_WORTH_A_WORD = 0.05  # probability of another form
 STEP = 1e-3  # of the range between an inner parameter's bounds, for derivatives
+
+
+@dataclass(frozen=True)
+class OtherForm:
+    """An effect in another of its forms, which only values of a grid tell apart.
+
+    words: these values. more: chi-square that it leaves more, in units of what is left of the effect's joint, at least
+    of noise. values [p + r], covariance: of all parameters with it, the effect's own inner ones those of that form.
+    """
+
+    effect: Effect
+    words: str
+    more: float
+    values: Array
+    covariance: Array
 
 
 @dataclass(frozen=True)
@@ -26,6 +43,7 @@ class Solution:
     """Parameters [p + r] with covariance, the equations at the solution, and their noise variance [R].
 
     chi_square: weighted squared error, with dof degrees of freedom; nan where the noise is not known independently.
+    other_forms: of its effects.
     """
 
     structure: Structure
@@ -37,6 +55,33 @@ class Solution:
     notes: tuple[str, ...]
     chi_square: float = float("nan")
     dof: float = float("nan")
+    other_forms: tuple[OtherForm, ...] = ()
+
+    def whichever_form(self) -> Solution:
+        """Return the solution with a covariance that holds whichever form an effect has, and notes on those that fit as
+        well: sum_k p_k (C_k + (t_k - t) (t_k - t)'), C_k the covariance and t_k the linear parameters with form k, t
+        those with the one that fits best, p_k ~ exp(-chi-square_k / 2) how probable it is.
+        """
+        p, notes = len(self.structure.parameters), []
+        chances = np.exp(-0.5 * np.array([form.more for form in self.other_forms]))
+        total = 1.0 + chances.sum()
+        covariance = self.covariance / total
+        for form, chance in zip(self.other_forms, chances / total, strict=True):
+            moved = form.values[:p] - self.values[:p]
+            covariance = covariance + chance * form.covariance
+            covariance[:p, :p] += chance * np.outer(moved, moved)
+            if chance > _WORTH_A_WORD:
+                far = np.abs(moved) / np.sqrt(np.diag(self.covariance)[:p])
+                told = ", ".join(
+                    f"{self.structure.names[k]} {form.values[k]:.3g} instead of {self.values[k]:.3g}"
+                    for k in np.argsort(-far)[:3]
+                    if far[k] > 1.0
+                )
+                notes.append(
+                    f"{form.effect.label} fits as well with {form.words} (chi-square {form.more:.2g} more)"
+                    + (f": {told}; the standard deviations take that in" if told else "")
+                )
+        return replace(self, covariance=covariance, notes=(*self.notes, *notes))
 
 
 class Problem:

@@ -19,7 +19,7 @@ from robot_ident.errors import InputError
 from robot_ident.estimation.instruments import instrumental_variables
 from robot_ident.estimation.least_squares import Factor
 from robot_ident.estimation.maximum_likelihood import maximum_likelihood
-from robot_ident.estimation.problem import STEP, Problem, Solution, inner_bounds, solution
+from robot_ident.estimation.problem import STEP, OtherForm, Problem, Solution, inner_bounds, solution
 from robot_ident.estimation.torque_scales import with_scales
 from robot_ident.model.structure import Structure
 from robot_ident.recording.measurement import Measurement
@@ -98,6 +98,7 @@ def solve(measurements: Sequence[Measurement], structure: Structure, estimator: 
     """Return all parameters of a structure, searched from its inner parameters' grids."""
     _refuse_hidden(measurements, structure)
     problem: Problem | None = Problem(measurements, structure, weighted=ESTIMATORS[estimator].weighted)
+    others: list[tuple[int, Structure]] = []
     while problem is not None:
         used = problem
         searched = with_scales(used, structure)
@@ -105,11 +106,13 @@ def solve(measurements: Sequence[Measurement], structure: Structure, estimator: 
             used = used.weighed_anew(searched)
             searched = with_scales(used, searched)
         if len(structure.inner) > len(structure.scaled):
-            searched = with_scales(used, _refine(used, _scan(used, searched)))
+            searched, others = _best_forms(used, _refine(used, _scan(used, searched)))
+            searched = with_scales(used, searched)
         values, _, equations = used.linear(searched)
         problem = used.beside(values, equations)
     finish, found = ESTIMATORS[estimator].finish, solution(used, searched, values, equations)
-    return found if finish is None else finish(used, found)
+    forms = tuple(_compared(used, found, index, one) for index, one in others)
+    return replace(found if finish is None else finish(used, found), other_forms=forms)
 
 
 def _refuse_hidden(measurements: Sequence[Measurement], structure: Structure) -> None:
@@ -159,16 +162,69 @@ def _searched(effect: Effect) -> bool:
     return bool(effect.inner) and not isinstance(effect, TorqueScale)
 
 
-def _refine(problem: Problem, structure: Structure) -> Structure:
-    """Refine continuous inner parameters by bounded least squares on the projected residual."""
+def _best_forms(problem: Problem, structure: Structure) -> tuple[Structure, list[tuple[int, Structure]]]:
+    """Return a structure with every effect in the form that leaves least, its inner parameters refined, and the same in
+    each other form of one effect, by the effect's number.
+    """
+    while True:
+        others = [(k, one) for k in range(len(structure.effects)) for one in _other_forms(problem, structure, k)]
+        left = [_left(problem, one) for _, one in others]
+        if not left or min(left) >= _left(problem, structure):
+            return structure, others
+        structure = _refine(problem, others[int(np.argmin(left))][1])
+
+
+def _left(problem: Problem, structure: Structure) -> float:
+    """Return chi-square at theta(s)."""
+    values, _, equations = problem.linear(structure)
+    return float(equations.independent @ problem.noise.whiten(equations.torque - equations.phi @ values) ** 2)
+
+
+def _other_forms(problem: Problem, structure: Structure, index: int) -> list[Structure]:
+    """Return a structure with one of its effects in each other form, the best of the grid refined; of a ripple, whose
+    lines are apart, none.
+    """
+    effect = structure.effects[index]
+    names = [inner.name for inner in effect.inner if not inner.continuous]
+    if not names or isinstance(effect, TorqueRipple):
+        return []
+    reached = joined([measured.motion for measured in problem.measurements])
+    forms: dict[tuple[float, ...], list[Structure]] = {}
+    for setting in effect.settings(reached):
+        effects = (*structure.effects[:index], effect.at(setting), *structure.effects[index + 1 :])
+        forms.setdefault(tuple(setting[name] for name in names), []).append(replace(structure, effects=effects))
+    forms.pop(tuple(effect.setting[name] for name in names), None)
+    projected = Projection.of(problem, structure, [effect.label])
+    best = [min(trials, key=projected.cost) for trials in forms.values()]
+    return [_refine(problem, one, [index]) for one in best if np.isfinite(projected.cost(one))]
+
+
+def _compared(problem: Problem, found: Solution, index: int, other: Structure) -> OtherForm:
+    """Return what a structure with one effect in another form is, beside the solution."""
+    values, _, equations = problem.linear(other)
+    effect, mine = other.effects[index], found.equations
+    rows = slice(None) if effect.whole else mine.joint == effect.joint
+    left = mine.independent * problem.noise.whiten(mine.torque - mine.phi @ found.values[: len(values)]) ** 2
+    unit = max(1.0, float(np.sum(left[rows]) / np.sum(mine.independent[rows])))
+    more = max((_left(problem, other) - float(np.sum(left))) / unit, 0.0)
+    words = ", ".join(f"{inner.name} {effect.setting[inner.name]:.3g}" for inner in effect.inner)
+    of_other = solution(problem, other, values, equations)
+    return OtherForm(effect, words, more, of_other.values, of_other.covariance)
+
+
+def _refine(problem: Problem, structure: Structure, some: Collection[int] | None = None) -> Structure:
+    """Refine continuous inner parameters of some effects, by number (None: of all), by bounded least squares on the
+    projected residual.
+    """
     from scipy.optimize import least_squares
 
     lower, upper, free = inner_bounds(structure)
-    free &= [_searched(effect) for effect in structure.effects for _ in effect.inner]
+    numbers = range(len(structure.effects)) if some is None else some
+    effects = [structure.effects[k] for k in numbers if _searched(structure.effects[k])]
+    free &= [effect in effects for effect in structure.effects for _ in effect.inner]
     if not free.any():
         return structure
     settings = structure.settings.copy()
-    effects = [effect for effect in structure.effects if _searched(effect)]
     searched = [inner for effect in effects for inner in effect.inner if inner.continuous]
 
     def scaled(values: Array) -> Array:

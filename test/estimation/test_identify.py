@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from dataclasses import replace
 from pathlib import Path
 from typing import Any
 
@@ -28,6 +29,48 @@ def test_errors_are_as_large_as_their_covariance_says(arm: Any, estimator: str) 
     ]
     # 30 recordings x 21 parameters; the variance itself is known to sqrt(2 / 4500)
     assert np.mean(found) == pytest.approx(1.0, abs=4 * np.sqrt(2 / 630))
+
+
+def test_friction_that_falls_with_speed_is_as_certain_as_it_says_whatever_its_exponent(arm: Any) -> None:
+    """The exponent is a parameter like others: held at a value nearby, level and Coulomb friction are off by tens of
+    their standard deviations.
+    """
+    truth = {"stribeck.level@joint_3": 20.0, "stribeck.vs@joint_3": 0.15, "stribeck.d@joint_3": 1.4}
+    off = []
+    for seed in range(12):
+        recorded = arm.record(seed, periods=8, lead=0.0)
+        dq = arm.series.motion(np.arange(len(recorded.t)) / 150.0).dq[:, 2]
+        tau = recorded.tau.copy()
+        tau[:, 2] += 20.0 * np.sign(dq) * np.exp(-((np.abs(dq) / 0.15) ** 1.4))
+        model = identify([replace(recorded, tau=tau)], arm.robot, effects=["stribeck@joint_3"])
+        names = [parameter.name for parameter in model.parameters]
+        for name, true in (truth | dict(zip(arm.structure.names, arm.structure.true_values(), strict=True))).items():
+            if name.endswith("joint_3"):
+                off.append((model.values[names.index(name)] - true) / model.std[names.index(name)])
+    # 12 recordings x 6 parameters, of which four hang together
+    assert np.mean(np.square(off)) == pytest.approx(1.0, abs=4 * np.sqrt(2 / 36))
+
+
+def test_sigmas_hold_whichever_form_an_effect_has(arm: Any) -> None:
+    """Friction of a third kind, which a power of the speed and a tanh follow alike: noise decides between them."""
+
+    def estimated(seed: int, noise: float) -> Any:
+        recorded = arm.record(seed, periods=2, lead=0.0, noise=noise)
+        dq = arm.series.motion(np.arange(len(recorded.t)) / 150.0).dq[:, 1]
+        tau = recorded.tau.copy()
+        tau[:, 1] += 8.0 * np.arcsinh(dq / 0.2)
+        return identify([replace(recorded, tau=tau)], arm.robot, effects=["viscous_nonlinear@joint_2"])
+
+    exact = estimated(0, 1e-3)
+    names = [parameter.name for parameter in exact.parameters]
+    own = [names.index(f"{name}@joint_2") for name in ("viscous", "coulomb")]
+    models = [estimated(seed, 1.0) for seed in range(1, 9)]
+    forms = [model.values[names.index("viscous_nonlinear.form@joint_2")] for model in models]
+    assert len(set(forms)) == 2
+    assert max(np.abs(model.values - exact.values)[own].max() for model in models) > 5.0
+    for model in models:
+        np.testing.assert_array_less(np.abs(model.values - exact.values)[own], 3.5 * model.std[own])
+        assert any("viscous_nonlinear@joint_2 fits as well with form" in note for note in model.notes)
 
 
 def test_low_pass_keeps_the_covariance_honest(arm: Any) -> None:

@@ -1,4 +1,6 @@
-"""The parameters of named effects in a fit of the model with all of them, and whether they differ from zero."""
+"""The parameters of named effects in a fit of the model with all of them, and whether they differ from zero: their
+sigmas hold whichever form an effect has, the test is of the form that fits best.
+"""
 
 from __future__ import annotations
 
@@ -28,7 +30,7 @@ class Fitted:
 
 def known_parameters(solution: Solution) -> Mapping[str, Fitted]:
     """Return by label the parameters of every effect of a solution, without the coefficients that others hold too."""
-    model, spread, out = solution.structure, np.sqrt(np.diag(solution.covariance)), {}
+    model, spread, out = solution.structure, np.sqrt(np.diag(solution.whichever_form().covariance)), {}
     first = len(model.parameters)
     for effect, own in model.placed:
         inner = np.arange(first, first + len(effect.inner))
