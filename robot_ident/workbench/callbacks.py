@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Mapping
 from dataclasses import asdict, dataclass
-from typing import Any
+from typing import Any, TypeVar
 
 from dash import ALL, MATCH, ClientsideFunction, Dash, Input, Output, State, html, no_update
 from dash.exceptions import PreventUpdate
@@ -17,12 +17,23 @@ from robot_ident.workbench.layout import chooser
 from robot_ident.workbench.session import Session
 from robot_ident.workbench.view import CANDIDATE, View
 
+Stand = dict[str, Any] | None
+"""Where a session stands, as the page keeps it; None on the first page."""
+
+_Kind = TypeVar("_Kind", Input, Output, State)
+
 
 def register(app: Dash, desk: Desk) -> None:
     """Register the callbacks of the session and of the pages."""
     _register_client(app)
-    for part in (_register_session, _register_navigation, _register_opening, _register_proposals):
-        part(app, desk)
+    _register_session(app, desk)
+    _register_pages(app, desk)
+
+
+def parts(kind: type[_Kind], *names: str, **more: Any) -> list[_Kind]:
+    """Return what a callback takes or gives: parts of the page like `stand.data`."""
+    places = (name.split(".") for name in names)
+    return [kind(place, what, **more) for place, what in places]
 
 
 def now(desk: Desk, session: Session) -> tuple[dict[str, Any], dict[str, Any]]:
@@ -36,10 +47,6 @@ def now(desk: Desk, session: Session) -> tuple[dict[str, Any], dict[str, Any]]:
     drawn = f"{session.name} {session.here} {len(steps)} {','.join(known)}"
     stand = {"session": session.name, "step": session.here, "drawn": drawn, "job": [job.number, job.state]}
     return stand, {key: value for key, value in asdict(job).items() if key != "task"}
-
-
-Stand = dict[str, Any] | None
-"""Where a session stands, as the page keeps it; None on the first page."""
 
 
 @dataclass
@@ -57,18 +64,13 @@ def _register_session(app: Dash, desk: Desk) -> None:
     """Register the one callback of all deeds."""
 
     @app.callback(
-        Output("stand", "data", allow_duplicate=True),
-        Output("task", "data", allow_duplicate=True),
-        Output("overlays", "data", allow_duplicate=True),
-        Output("said", "children"),
-        Output("saved", "children"),
+        *parts(Output, "stand.data", "task.data", "overlays.data", allow_duplicate=True),
+        *parts(Output, "said.children", "saved.children"),
         Input("pressed", "data"),
-        State("stand", "data"),
-        State("overlays", "data"),
+        *parts(State, "stand.data", "overlays.data"),
         State({"name": ALL}, "value"),
         State({"name": ALL}, "id"),
-        State("other", "value"),
-        State("replace", "value"),
+        *parts(State, "other.value", "replace.value"),
         prevent_initial_call=True,
     )
     def pressed(
@@ -142,19 +144,12 @@ def looked_at(desk: Desk, stand: Stand) -> View | None:
     return None if stand is None else View.of(desk.session(stand["session"]))
 
 
-def _register_navigation(app: Dash, desk: Desk) -> None:
-    """Register the callbacks of pages and progress."""
+def _register_pages(app: Dash, desk: Desk) -> None:
+    """Register the callbacks of pages and progress, and of the choice on the first page."""
 
     @app.callback(
-        Output("page", "children"),
-        Output("session", "hidden"),
-        Output("opened", "children"),
-        Output("stand", "data"),
-        Output("task", "data"),
-        Output("joint", "data"),
-        Output("recording", "data"),
-        Output("overlays", "data"),
-        Output("brush", "data"),
+        *parts(Output, "page.children", "session.hidden", "opened.children", "stand.data", "task.data"),
+        *parts(Output, "joint.data", "recording.data", "overlays.data", "brush.data"),
         Input("address", "pathname"),
     )
     def show(path: str | None) -> tuple[Any, ...]:
@@ -183,18 +178,12 @@ def _register_navigation(app: Dash, desk: Desk) -> None:
         known = stand["drawn"] if stand else None
         return no_update if known == before else known
 
-
-def _register_opening(app: Dash, desk: Desk) -> None:
-    """Register the callbacks of the first page."""
-
     @app.callback(
-        Output("address", "pathname"),
-        Output("refused", "children"),
+        *parts(Output, "address.pathname", "refused.children"),
         Input("begin", "n_clicks"),
         State({"role": ALL}, "value"),
         State({"role": ALL}, "id"),
-        State("brought", "value"),
-        State("robot", "value"),
+        *parts(State, "brought.value", "robot.value"),
         prevent_initial_call=True,
     )
     def begin(
@@ -210,15 +199,10 @@ def _register_opening(app: Dash, desk: Desk) -> None:
         except InputError as error:
             return no_update, str(error)
 
-
-def _register_proposals(app: Dash, desk: Desk) -> None:
-    """Register the callbacks of the proposal."""
-
     @app.callback(
         Output({"about": MATCH, "part": "words"}, "children"),
         Output({"about": MATCH, "part": "seen"}, "data"),
-        Input("robot", "value"),
-        Input("brought", "value"),
+        *parts(Input, "robot.value", "brought.value"),
         State({"about": MATCH, "part": "words"}, "id"),
     )
     def look(robot: str | None, model: str | None, place: dict[str, str]) -> tuple[str, dict[str, Any]]:
@@ -253,45 +237,20 @@ def _register_client(app: Dash) -> None:
         function = ClientsideFunction("workbench", name)
         app.clientside_callback(function, *places, prevent_initial_call=not at_first)  # type: ignore[no-untyped-call]
 
+    def clicks(*names: str) -> list[Input]:
+        return [Input({name: ALL}, "n_clicks") for name in names]
+
     run("look", Output("shade", "data"), Input("look", "n_clicks"))
     for name in ("joint", "recording"):
-        pressed, ids = Input({name: ALL}, "n_clicks"), Input({name: ALL}, "id")
-        run("choose", Output(name, "data", allow_duplicate=True), pressed, at_first=False)
+        run("choose", Output(name, "data", allow_duplicate=True), *clicks(name), at_first=False)
         focus = [Input("focus", "data")] if name == "joint" else []
-        run("mark", Output({name: ALL}, "aria-pressed"), Input(name, "data"), ids, *focus)
-    run(
-        "toggle",
-        Output("overlays", "data", allow_duplicate=True),
-        Input({"tick": ALL}, "n_clicks"),
-        State("overlays", "data"),
-        at_first=False,
-    )
+        run("mark", Output({name: ALL}, "aria-pressed"), Input(name, "data"), Input({name: ALL}, "id"), *focus)
+    toggled = Output("overlays", "data", allow_duplicate=True)
+    run("toggle", toggled, *clicks("tick"), State("overlays", "data"), at_first=False)
     run("ticked", Output({"tick": ALL}, "aria-checked"), Input("overlays", "data"), Input({"tick": ALL}, "id"))
-    run(
-        "real",
-        Output("brushing", "data"),
-        Input("time", "selectedData"),
-        Input("scatter", "selectedData"),
-        Input({"brush": ALL}, "n_clicks"),
-        Input({"drop": ALL}, "n_clicks"),
-        Input({"region": ALL}, "n_clicks"),
-        at_first=False,
-    )
-    run(
-        "stood",
-        Output("running", "data"),
-        Output("said", "children", allow_duplicate=True),
-        Input("stand", "data"),
-        State("running", "data"),
-        at_first=False,
-    )
-    run(
-        "job",
-        Output("work", "hidden"),
-        Output("progress", "value"),
-        Output("told", "children"),
-        Output("told", "className"),
-        Output("fault", "hidden"),
-        Output("trace", "children"),
-        Input("task", "data"),
-    )
+    dragged = parts(Input, "time.selectedData", "scatter.selectedData")
+    run("real", Output("brushing", "data"), *dragged, *clicks("brush", "drop", "region"), at_first=False)
+    stood = Output("running", "data"), Output("said", "children", allow_duplicate=True)
+    run("stood", *stood, Input("stand", "data"), State("running", "data"), at_first=False)
+    told = ("told.children", "told.className", "fault.hidden", "trace.children")
+    run("job", *parts(Output, "work.hidden", "progress.value", *told), Input("task", "data"))

@@ -8,7 +8,7 @@ from typing import Any
 from dash import html
 
 from robot_ident.report.wording import NOTHING, short, with_sigma
-from robot_ident.workbench.brushing import Condition, Held, in_words
+from robot_ident.workbench.brushing import Look
 from robot_ident.workbench.next_step import STAGES, Next
 from robot_ident.workbench.view import CANDIDATE, STEP, Overlay, View
 
@@ -261,17 +261,17 @@ def bars(rows: list[tuple[str, float]]) -> html.Table:
     )
 
 
-def brushed(view: View, joint: int, conditions: list[Condition], held: Held | None) -> list[Any]:
+def brushed(look: Look) -> list[Any]:
     """Return what is brushed and what it holds, with a way to let go."""
-    low = html.Button("Low speed", id={"brush": "low"}, title="the slowest tenth of the time")
-    if not conditions or held is None:
+    low, held = html.Button("Low speed", id={"brush": "low"}, title="the slowest tenth of the time"), look.held()
+    if held is None:
         return [low, html.Span("Drag across a picture to find the same moments in all others.")]
     chips = [
-        html.Button(f"{in_words(view, joint, one)}  ×", id={"drop": k}, className="chip", title="let go of this region")
-        for k, one in enumerate(conditions)
+        html.Button(f"{look.in_words(one)}  ×", id={"drop": k}, className="chip", title="let go of this region")
+        for k, one in enumerate(look.conditions)
     ]
     words = (
         f"{100 * held.share:.0f} % of the excess in {100 * held.of_time:.0f} % of the time;"
-        f" {short(held.rms)} {view.unit(joint)} rms in {held.rows} samples of the training recordings"
+        f" {short(held.rms)} {look.unit} rms in {held.rows} samples of the training recordings"
     )
     return [low, *chips, html.Span(words, className="held"), html.Button("Clear", id={"brush": "clear"})]

@@ -55,6 +55,11 @@ class View:
         """Mean square errors on training and validation, and the noise of both."""
         return self._read("errors.json")
 
+    @property
+    def errors_so_far(self) -> list[dict[str, Any]]:
+        """The errors of all steps from the first one to this."""
+        return [View(self.session, number).errors for number in self.session.path(self.number)]
+
     @cached_property
     def diagnosis(self) -> dict[str, Any] | None:
         """What `diagnose` says of it, None as long as nobody asked."""

@@ -8,7 +8,7 @@ import numpy as np
 import pytest
 
 from robot_ident.errors import InputError
-from robot_ident.workbench.brushing import Condition, brushed, held
+from robot_ident.workbench.brushing import Condition, Look
 from robot_ident.workbench.view import View
 
 
@@ -18,9 +18,7 @@ def view(bench: Any) -> View:
 
 
 def holds(view: View, joint: int, *conditions: Condition) -> Any:
-    inside = brushed(conditions, view.rows, view.loads, view.joints, joint)
-    seen = view.training
-    return held([inside[k] for k in seen], [view.rows[k] for k in seen], [view.residual[k] for k in seen], joint)
+    return Look(view, joint, conditions=conditions).held()
 
 
 def test_a_region_of_compare_holds_what_compare_says(view: View) -> None:
@@ -37,7 +35,8 @@ def test_a_region_of_compare_holds_what_compare_says(view: View) -> None:
 def test_conditions_hold_together_and_stay_with_their_joint(view: View) -> None:
     slow = Condition("velocity of joint_2", -0.1, 0.1)
     early = Condition("time", 0.0, 6.0, 0)
-    from_one, from_three = (brushed([slow, early], view.rows, view.loads, view.joints, joint) for joint in (0, 2))
+    from_one, from_three = (Look(view, joint, conditions=[slow, early]).inside for joint in (0, 2))
+    assert from_one and from_three
     for one, three in zip(from_one, from_three, strict=True):
         np.testing.assert_array_equal(one, three)
     assert from_one[0].any()

@@ -10,7 +10,7 @@ import numpy as np
 import pytest
 
 from robot_ident.report.wording import short
-from robot_ident.workbench.brushing import Condition, brushed
+from robot_ident.workbench.brushing import Condition, Look
 from robot_ident.workbench.pictures import (
     MOST_POINTS,
     over_time,
@@ -37,13 +37,13 @@ def values(picture: dict[str, Any], name: str, axis: str = "y") -> Any:
 
 def test_a_residual_is_drawn_with_its_extremes(view: View) -> None:
     joint = view.worst
-    picture = over_time(view, joint, 0, [], None, [], "light")
+    picture = over_time(Look(view, joint))
     used = view.rows[0].weight[:, joint] > 0
     residual = view.residual[0][used, joint]
     drawn = values(picture, "residual")
     assert (np.nanmin(drawn), np.nanmax(drawn)) == pytest.approx((residual.min(), residual.max()), rel=1e-6)
     peak = float(np.abs(residual).max())
-    assert f"at most {short(peak)}" in over_time_told(view, joint, 0)
+    assert f"at most {short(peak)}" in over_time_told(Look(view, joint))
     json.dumps(picture)  # nothing in it that a browser could not take
 
 
@@ -53,27 +53,27 @@ def test_a_candidate_and_a_region_are_laid_over(view: View) -> None:
     overlays = view.overlays([f"{CANDIDATE}{label}", "with:nothing@joint_9"])
     assert [one.words for one in overlays] == [f"with {label}"]
     region = [Condition(f"velocity of {view.joints[joint]}", -0.2, 0.2)]
-    inside = brushed(region, view.rows, view.loads, view.joints, joint)
-    picture = scatter(view, joint, ("velocity", "position", "load"), overlays, inside, region, "dark")
+    look = Look(view, joint, overlays=overlays, conditions=region, shade="dark")
+    picture = scatter(look)
     x = values(picture, "brushed", "x")
     assert np.all(np.abs(x) <= 0.2 + 1e-6)
     assert 0 < len(x) < len(values(picture, "residual", "x")) <= 2 * MOST_POINTS
     assert [shape["x0"] for shape in picture["layout"]["shapes"]] == [-0.2]
     assert any(one["name"].startswith(f"mean with {label}") for one in picture["data"])
-    later = over_time(view, joint, 0, overlays, inside, region, "dark")
+    later = over_time(look)
     assert any(label in one["name"] for one in later["data"])
 
 
 def test_lines_and_levels_are_those_of_the_figures_on_disk(view: View) -> None:
     joint = view.worst
-    lines = spectrum(view, joint, 0, [], "light")
+    lines = spectrum(Look(view, joint))
     largest = float(view.residual_lines[0][:, joint].max())
     assert max(float(np.max(values(lines, one["name"]))) for one in lines["data"]) == pytest.approx(largest, rel=1e-6)
-    assert f"{short(largest)} Nm rms" in spectrum_told(view, joint, 0)
+    assert f"{short(largest)} Nm rms" in spectrum_told(Look(view, joint))
     # Parseval: lines and mean hold the residual's mean square, but for what a low pass takes away
     square = float(np.mean(np.where(view.rows[0].weight[:, joint] > 0, view.residual[0][:, joint], 0.0) ** 2))
     assert float(np.sum(view.residual_lines[0][:, joint] ** 2)) == pytest.approx(square, rel=0.05)
-    stairs = staircase(view, joint, [], "light")
+    stairs = staircase(Look(view, joint))
     expected = view.errors["training"][view.joints[joint]] ** 0.5
     assert values(stairs, "training") == pytest.approx([expected], rel=1e-6)
-    assert f"training {short(expected)} Nm rms" in staircase_told(view, joint)
+    assert f"training {short(expected)} Nm rms" in staircase_told(Look(view, joint))
