@@ -60,31 +60,15 @@ class Allowed:
         return str(path.relative_to(self.root)) if path.is_relative_to(self.root) else str(path)
 
 
-def recordings_below(root: Path) -> list[str]:
-    """Return the recordings below a folder, relative to it, those of one folder together."""
-    return _below(root, is_recording)
-
-
-def models_below(root: Path) -> list[str]:
-    """Return the model files below a folder, relative to it."""
-    from robot_ident.model.model_file import is_model
-
-    return _below(root, lambda path: path.suffix in (".yaml", ".yml") and is_model(path))
-
-
-def robots_below(root: Path) -> list[str]:
-    """Return the robots that are there without a file, and the descriptions below a folder, relative to it."""
-    return [*BUILT_IN, *_below(root, lambda path: path.suffix == ".urdf" or _describes_robot(path))]
-
-
-def _below(root: Path, wanted: Callable[[Path], bool]) -> list[str]:
+def below(root: Path, wanted: Callable[[Path], bool]) -> list[str]:
+    """Return what is wanted of all below a folder, relative to it, what is in one folder together."""
     return [str(path.relative_to(root)) for path in islice(filter(wanted, _walk(root, 0)), _MOST)]
 
 
-def _describes_robot(path: Path) -> bool:
-    """Return whether a YAML file says in one of its first lines that it describes a robot."""
+def describes_robot(path: Path) -> bool:
+    """Return whether a file is a URDF, or a YAML file that says in one of its first lines that it describes a robot."""
     if path.suffix not in (".yaml", ".yml") or not path.is_file():
-        return False
+        return path.suffix == ".urdf"
     with path.open("rb") as file:
         return b"schema: robot_ident/robot/" in file.read(_HEAD)
 
@@ -122,19 +106,3 @@ def stamp(path: Path) -> Stamp | None:
     except FileNotFoundError:
         return None
     return found.st_dev, found.st_ino, found.st_size, found.st_mtime_ns
-
-
-class Made:
-    """Files as they were left when they were saved."""
-
-    def __init__(self) -> None:
-        self._left: dict[Path, Stamp | None] = {}
-
-    def note(self, path: Path, left: Stamp | None) -> None:
-        """Remember a file that was saved, and how it was left."""
-        self._left[path] = left
-
-    def still(self, path: Path) -> Stamp | None:
-        """Return the stamp of a file that was saved here and is as it was left; None for any other."""
-        left = self._left.get(path)
-        return left if left is not None and stamp(path) == left else None

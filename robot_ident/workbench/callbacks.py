@@ -224,10 +224,10 @@ def _register_pages(app: Dash, desk: Desk) -> None:
             raise PreventUpdate
         names = [one["about"] for one in ids]
         seen = {n: None if one["holds"] is None else Seen(**one["holds"]) for n, one in zip(names, looked, strict=True)}
-        found = propose(seen)
+        proposed, words = propose(seen)
         if any(role != "none" for role in roles):  # someone has chosen already
             return [no_update] * len(roles), no_update
-        return [found.roles[name] for name in names], found.words
+        return [proposed[name] for name in names], words
 
 
 def _register_client(app: Dash) -> None:

@@ -17,7 +17,7 @@ from robot_ident.files import write_text
 from robot_ident.model.model_file import read_model
 from robot_ident.recording.process import process
 from robot_ident.robot import load_robot
-from robot_ident.workbench.allowed_paths import BUILT_IN, RECORDINGS, Allowed, Made, is_recording, stamp
+from robot_ident.workbench.allowed_paths import BUILT_IN, RECORDINGS, Allowed, Stamp, is_recording, stamp
 from robot_ident.workbench.file_roles import Seen
 from robot_ident.workbench.jobs import Jobs
 from robot_ident.workbench.session import Choice, Session, begin, script, sessions_in
@@ -39,7 +39,7 @@ class Desk:
     ) -> None:
         self.folder, self.allowed = folder, allowed
         self.robot, self.topic, self.effects_from = robot, topic, effects_from
-        self.made = Made()
+        self.made: dict[Path, Stamp | None] = {}  # files that were saved, and how they were left
         self._jobs: dict[str, Jobs] = {}
         self._lock, self._reading = threading.Lock(), threading.Lock()
         self._seen: dict[tuple[str, str | None, str | None, int], Seen] = {}
@@ -65,7 +65,7 @@ class Desk:
         with self._lock:
             if session.name not in self._jobs:
                 session.sweep()
-                self._jobs[session.name] = Jobs(session.folder, self.effects_from, self.made.note)
+                self._jobs[session.name] = Jobs(session.folder, self.effects_from, self.made.__setitem__)
                 if not session.steps:
                     self._jobs[session.name].start({"task": "open"})
             return self._jobs[session.name]
@@ -116,6 +116,11 @@ class Desk:
                 self._seen[key] = Seen.of(process(replace(read, source=name), found))
             return self._seen[key]
 
+    def still(self, path: Path) -> Stamp | None:
+        """Return the stamp of a file that was saved here and is as it was left; None for any other."""
+        left = self.made.get(path)
+        return left if left is not None and stamp(path) == left else None
+
     def close(self) -> None:
         """End all workers."""
         with self._lock:
@@ -136,7 +141,7 @@ def save(desk: Desk, session: Session, what: str, name: str, *, force: bool) -> 
     name = name.strip()
     try:
         path = target(desk, name, force=force)
-        shown, own = desk.allowed.shown(path), desk.made.still(path)
+        shown, own = desk.allowed.shown(path), desk.still(path)
         if what == "report":
             desk.jobs(session).start(
                 {"task": "report", "number": session.here, "path": str(path), "shown": shown, "left": own}
@@ -144,20 +149,17 @@ def save(desk: Desk, session: Session, what: str, name: str, *, force: bool) -> 
             return f"Writing {shown}; the line under the next step says when it is there."
         here = session.here
         text = script(session, here) if what == "commands" else session.model_file(here).read_text("utf-8")
-        _write(path, shown, text, force=own is not None)
-        desk.made.note(path, stamp(path))
+        try:
+            write_text(path, text, force=own is not None)
+        except InputError as error:
+            reason = getattr(error.__cause__, "strerror", None) or str(error)
+            told = f"{shown} was not saved: {reason}; make room, or name a file in another folder"
+            raise InputError(told) from error
+        desk.made[path] = stamp(path)
     except (OSError, ValueError, RuntimeError) as error:  # also of names that no file can have, and of circles of links
         reason = getattr(error, "strerror", None) or "no file can have this name"
         raise InputError(f"{name} was not saved: {reason}; give another name") from error
     return f"Saved: {shown} (step {here})"
-
-
-def _write(path: Path, shown: str, text: str, *, force: bool) -> None:
-    try:
-        write_text(path, text, force=force)
-    except InputError as error:
-        reason = getattr(error.__cause__, "strerror", None) or str(error)
-        raise InputError(f"{shown} was not saved: {reason}; make room, or name a file in another folder") from error
 
 
 def target(desk: Desk, name: str, *, force: bool) -> Path:
@@ -178,7 +180,7 @@ def target(desk: Desk, name: str, *, force: bool) -> Path:
         if is_recording(folder):
             raise InputError(f"{name}: {desk.allowed.shown(folder)} is a recording; name a file in another folder")
     if path.exists():
-        if desk.made.still(path) is None:
+        if desk.still(path) is None:
             raise InputError(f"{name} exists already and was not saved by this workbench; give another name")
         if not force:
             raise InputError(f"{name} exists already; give another name, or tick “replace what was saved here before”")

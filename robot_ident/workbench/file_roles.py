@@ -60,26 +60,16 @@ class Seen:
         )
 
 
-@dataclass(frozen=True)
-class Proposal:
-    """A role for each recording, and why."""
-
-    roles: Mapping[str, Role]
-    words: str
-
-
-def propose(seen: Mapping[str, Seen | None]) -> Proposal:
-    """Return what each recording is best for; None: it can't be used.
+def propose(seen: Mapping[str, Seen | None]) -> tuple[dict[str, Role], str]:
+    """Return what each recording (None: it can't be used) is best for, and why.
 
     What repeats tells its noise and is fitted. Kept for validation are the recordings that don't repeat while others
     do; else, of three different motions or more, the one with the least data.
     """
     usable = {name: one for name, one in seen.items() if one is not None}
     if not usable:
-        return Proposal(
-            dict.fromkeys(seen, "none"),
-            "None of these recordings can be used with this robot: choose another one below.",
-        )
+        words = "None of these recordings can be used with this robot: choose another one below."
+        return dict.fromkeys(seen, "none"), words
     motions = _motions(usable)
     single = [names for names in motions if all(usable[name].periods == 1 for name in names)]
     kept: list[str] = []
@@ -88,18 +78,15 @@ def propose(seen: Mapping[str, Seen | None]) -> Proposal:
         kept = [name for names in single for name in names]
         why = "does not repeat, and is kept" if len(kept) == 1 else "do not repeat, and are kept"
     elif len(motions) >= _ENOUGH:
-        least = min(reversed(motions), key=lambda names: sum(usable[name].seconds for name in names))
-        kept = least
+        kept = min(reversed(motions), key=lambda names: sum(usable[name].seconds for name in names))
         why = "holds a motion of its own, and is kept" if len(kept) == 1 else "hold a motion of their own, and are kept"
-    fitted = [name for name in usable if name not in kept]
-    roles: dict[str, Role] = {name: "none" for name in seen}
-    roles.update(dict.fromkeys(fitted, "training"))
-    roles.update(dict.fromkeys(kept, "validation"))
+    roles: dict[str, Role] = {n: "validation" if n in kept else "training" if n in usable else "none" for n in seen}
+    fitted = [name for name, role in roles.items() if role == "training"]
     words = f"Proposed by what they hold: {joined(fitted)} for training"
     words += f"; {joined(kept)} {why} for validation" if kept else ""
     left = [names for names in motions if names[0] not in kept]
     words += "" if len(left) > 1 else "; a second, different motion would make a diagnosis firm"
-    return Proposal(roles, f"{words}. Change what you like.")
+    return roles, f"{words}. Change what you like."
 
 
 def _motions(seen: Mapping[str, Seen]) -> list[list[str]]:

@@ -70,7 +70,12 @@ class Jobs:
             if self._job.running:
                 raise InputError("something is being computed already; wait for it, or cancel it")
             if self._process is None or not self._process.is_alive():
-                self._launch()
+                context = multiprocessing.get_context("spawn")
+                self._pipe, theirs = context.Pipe()
+                told = (theirs, str(self._folder), self._effects_from, os.getpid())
+                self._process = context.Process(target=_serve, args=told, daemon=True)
+                self._process.start()
+                theirs.close()
             self._began = time.monotonic()
             self._job = Job(self._job.number + 1, "running", dict(task), 0.0, "starting")
             assert self._pipe is not None
@@ -97,14 +102,6 @@ class Jobs:
         """End the worker."""
         with self._lock:
             self._stop()
-
-    def _launch(self) -> None:
-        context = multiprocessing.get_context("spawn")
-        self._pipe, theirs = context.Pipe()
-        told = (theirs, str(self._folder), self._effects_from, os.getpid())
-        self._process = context.Process(target=_serve, args=told, daemon=True)
-        self._process.start()
-        theirs.close()
 
     def _stop(self) -> None:
         if self._process is not None:
@@ -153,7 +150,7 @@ def _serve(pipe: Connection, folder: str, effects_from: Sequence[str], server: i
         try:
             kept = kept or tasks.Work(session, effects_from)
             with bounded():
-                tasks.run(session, kept, task, lambda share, words: pipe.send(("progress", share, words)))
+                kept.do(task, lambda share, words: pipe.send(("progress", share, words)))
             said: tuple[Any, ...] = ("done", kept.said, kept.wrote)
         except RobotIdentError as error:
             said = ("failed", str(error), "")

@@ -7,10 +7,9 @@ from typing import Any
 from dash import dcc, html
 
 from robot_ident.figures.theme import private
-from robot_ident.workbench.allowed_paths import models_below, recordings_below, robots_below
+from robot_ident.workbench.allowed_paths import BUILT_IN, below, describes_robot, is_recording
 from robot_ident.workbench.controller import Desk
 from robot_ident.workbench.panels import action
-from robot_ident.workbench.session import Session
 
 UNDO, REDO = ({"do": deed, "label": "", "at": ""} for deed in ("undo", "redo"))
 
@@ -45,25 +44,21 @@ def shell() -> html.Div:
 
 
 def _session() -> list[Any]:
-    guide = [
-        html.Ol(id="stages"),
-        html.Div(id="next", role="status"),
-        html.Div(_job(), id="job", role="status"),
-        html.Div(id="said", role="alert"),
-    ]
-    bench = [html.Div(_left(), id="left"), html.Div(_right(), id="right")]
-    return [html.Section(guide, id="guide"), html.Div(bench, id="bench", hidden=True)]
-
-
-def _job() -> list[Any]:
-    """Return the place of the task under way: how far it is, and how it ended."""
     bar: dict[str, Any] = {"aria-label": "how far it is"}
     work = [html.Progress(id="progress", value="0", max="100", **bar), action("Cancel", "cancel")]
-    return [
+    job = [
         html.Div(work, id="work", hidden=True),
         html.P(id="told"),
         html.Details([html.Summary("This is a fault of the program; details"), html.Pre(id="trace")], id="fault"),
     ]
+    guide = [
+        html.Ol(id="stages"),
+        html.Div(id="next", role="status"),
+        html.Div(job, id="job", role="status"),
+        html.Div(id="said", role="alert"),
+    ]
+    bench = [html.Div(_left(), id="left"), html.Div(_right(), id="right")]
+    return [html.Section(guide, id="guide"), html.Div(bench, id="bench", hidden=True)]
 
 
 def _graph(name: str, height: int) -> html.Div:
@@ -131,15 +126,21 @@ def chooser(desk: Desk) -> list[Any]:
 
     root = desk.allowed.root
     outside = [str(path) for path in desk.allowed.outside]
-    models = [*models_below(root), *(path for path in outside if is_model(path))]
-    recordings = [*recordings_below(root), *(path for path in outside if path not in models)]
+    models = below(root, lambda path: path.suffix in (".yaml", ".yml") and is_model(path))
+    models += [path for path in outside if is_model(path)]
+    recordings = [*below(root, is_recording), *(path for path in outside if path not in models)]
     sessions, refused = desk.sessions
+    held = []
+    for one in sessions:
+        count, begun = len(one.steps), one.choice.started[:16].replace("T", " ")
+        words = f" {one.choice.in_words}; {count} {'step' if count == 1 else 'steps'}; begun {begun}"
+        held.append(html.Li([dcc.Link(one.name, href=f"/{one.name}"), html.Span(words)]))
     out: list[Any] = [
         html.P(f"A session can't be opened: {reason}; mend the file, or move its folder away", className="wrong")
         for reason in refused
     ]
     if sessions:
-        out.append(_part("Go on with", html.Ul([_to_go_on_with(one) for one in sessions])))
+        out.append(_part("Go on with", html.Ul(held)))
     if not recordings:
         words = (
             f"There is no recording below {root}. Start the workbench in the folder that holds yours, or name them:"
@@ -150,14 +151,13 @@ def chooser(desk: Desk) -> list[Any]:
         "Choose what each recording is for. Training: models are fitted to it; two or more different motions make a"
         " diagnosis firm. Validation: never fitted, it shows whether a model predicts what it has not seen."
     )
-    robots = robots_below(root)
     roles = {"training": "training", "validation": "validation", "none": "not used"}
     rows = []
     for name in recordings:
         role = dcc.RadioItems(id={"role": name}, options=_options(roles), value="none", inline=True)
-        held = [html.Span("…", id={"about": name, "part": "words"}), dcc.Store(id={"about": name, "part": "seen"})]
-        rows.append(html.Tr([html.Th(name, scope="row"), html.Td(role), html.Td(held, className="note")]))
-    begun = desk.robot or robots[0]
+        seen = [html.Span("…", id={"about": name, "part": "words"}), dcc.Store(id={"about": name, "part": "seen"})]
+        rows.append(html.Tr([html.Th(name, scope="row"), html.Td(role), html.Td(seen, className="note")]))
+    begun, robots = desk.robot or BUILT_IN[0], [*BUILT_IN, *below(root, describes_robot)]
     given = html.Div(
         [
             html.Label("robot", htmlFor="robot"),
@@ -177,10 +177,3 @@ def chooser(desk: Desk) -> list[Any]:
         html.Div(id="refused", role="alert"),
     )
     return [*out, begin]
-
-
-def _to_go_on_with(session: Session) -> html.Li:
-    choice, count = session.choice, len(session.steps)
-    steps = f"{count} {'step' if count == 1 else 'steps'}"
-    words = f" {choice.in_words}; {steps}; begun {choice.started[:16].replace('T', ' ')}"
-    return html.Li([dcc.Link(session.name, href=f"/{session.name}"), html.Span(words)])

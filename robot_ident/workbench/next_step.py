@@ -87,7 +87,7 @@ def _after_adding(view: View) -> str:
         return ""
     before, after = View(view.session, step.parent).errors, view.errors
     words = f"{step.added} was added: "
-    name = _most(before["training"], after["training"])
+    name = most(before["training"], after["training"])
     words += f"{name} went from {_fall(view, name, before['training'], after['training'])}"
     if after["validation"] is not None:
         words += f", on validation from {_fall(view, name, before['validation'], after['validation'])}"
@@ -131,7 +131,7 @@ def _diagnosed(view: View, found: Mapping[str, Any]) -> Next:
 
 def _helps(candidate: Mapping[str, Any]) -> bool:
     """Return whether a candidate lowers the error of its joint on validation, as far as that is known."""
-    name = _most(candidate["residual_mse_before"], candidate["residual_mse_after"])
+    name = most(candidate["residual_mse_before"], candidate["residual_mse_after"])
     before, after = candidate["validation_mse_before"], candidate["validation_mse_after"]
     return not after or bool(after[name] < before[name])
 
@@ -143,7 +143,7 @@ def _nearest(view: View, listed: list[Mapping[str, Any]]) -> str:
     one = listed[0]
     kind = "validation" if one["validation_mse_after"] else "residual"
     before, after = one[f"{kind}_mse_before"], one[f"{kind}_mse_after"]
-    name = _most(before, after)
+    name = most(before, after)
     on = " on validation" if kind == "validation" else ""
     noise = view.errors["validation_noise" if kind == "validation" else "noise"]
     floor = f" (noise {rms(noise[name])})" if noise and noise[name] is not None else ""
@@ -157,7 +157,7 @@ def _with_candidate(view: View, chosen: Overlay) -> Next:
     """A candidate is laid over the residual."""
     label = chosen.key.removeprefix(CANDIDATE)
     data = view.previews[label]
-    name = _most(data["before"], data["after"])
+    name = most(data["before"], data["after"])
     noise = view.errors["noise"][name]
     words = f"The orange residual is what would remain with {label}: {name} from"
     words += f" {_fall(view, name, view.errors['training'], data['after'])}"
@@ -174,7 +174,7 @@ def _with_candidate(view: View, chosen: Overlay) -> Next:
     return Next("add", f"{words}. Next: add it, or tick another to see two side by side.", f"Add {label}", "add", label)
 
 
-def _most(before: Mapping[str, float], after: Mapping[str, float]) -> str:
+def most(before: Mapping[str, float], after: Mapping[str, float]) -> str:
     """Return the joint whose mean square falls most."""
     return max(before, key=lambda name: before[name] - after[name])
 

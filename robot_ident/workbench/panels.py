@@ -9,7 +9,7 @@ from dash import html
 
 from robot_ident.report.wording import NOTHING, short, with_sigma
 from robot_ident.workbench.brushing import Look
-from robot_ident.workbench.next_step import STAGES, Next
+from robot_ident.workbench.next_step import STAGES, Next, most
 from robot_ident.workbench.view import CANDIDATE, STEP, Overlay, View
 
 _UNPRESSED: dict[str, Any] = {"aria-pressed": "false"}
@@ -30,33 +30,29 @@ def tick(text: str, key: str, *, ticked: bool, disabled: bool = False) -> html.B
 
 
 def candidates(view: View, overlays: Sequence[str], running: bool) -> list[Any]:
-    """Return the verdict and the candidates."""
+    """Return the verdict, the candidates, and the effects that are not listed, but were looked at."""
     found = view.diagnosis
     if found is None:
         fits = not view.failing and view.judged
         words = "The model fits; there is nothing to look for." if fits else "Not looked for yet."
-        ask = action("Find what is missing", "diagnose", at="list", disabled=running)
-        return [html.P(words), ask, *_own(view, overlays)]
-    listed = [_candidate(view, one, overlays) for one in found["candidates"]]
-    notes = [html.P(note, className="note") for note in found["notes"]]
-    head = html.P(f"Verdict: {found['in_words']}", className="verdict")
-    notes.append(html.P(_remains(view, found["remaining_rms"]), className="note"))
-    if not listed:
-        return [head, *notes, *_own(view, overlays)]
-    lead = html.P("Tick one to see what would remain; tick two to see them side by side.")
-    if not view.judged:
-        words = (
-            "Without a known noise the model is refitted, weighted by its own residual, before effects are compared."
-        )
-        notes.append(html.P(words, className="note"))
-    return [head, *notes, lead, html.Div(listed, className="candidates"), *_own(view, overlays)]
-
-
-def _remains(view: View, remaining: Mapping[str, float]) -> str:
-    """Return the unexplained excess over the noise, where that is known, with all that the verdict names."""
-    each = (f"{name} {short(value)} {view.unit(view.joints.index(name))}" for name, value in remaining.items())
-    what = "Unexplained excess over the noise, rms" if view.judged else "Residual, noise included, rms"
-    return f"{what}: {', '.join(each)}."
+        out: list[Any] = [html.P(words), action("Find what is missing", "diagnose", at="list", disabled=running)]
+    else:
+        remaining = found["remaining_rms"].items()
+        each = (f"{name} {short(value)} {view.unit(view.joints.index(name))}" for name, value in remaining)
+        what = "Unexplained excess over the noise, rms" if view.judged else "Residual, noise included, rms"
+        notes = [*found["notes"], f"{what}: {', '.join(each)}."]
+        if found["candidates"] and not view.judged:
+            words = "Without a known noise the model is refitted, weighted by its own residual, before effects are"
+            notes.append(f"{words} compared.")
+        out = [html.P(f"Verdict: {found['in_words']}", className="verdict")]
+        out += [html.P(note, className="note") for note in notes]
+        if found["candidates"]:
+            out.append(html.P("Tick one to see what would remain; tick two to see them side by side."))
+            listed = [_candidate(view, one, overlays) for one in found["candidates"]]
+            out.append(html.Div(listed, className="candidates"))
+    known = [str(one["label"]) for one in (found or {"candidates": []})["candidates"]]
+    keys = [(label, f"{CANDIDATE}{label}") for label in view.previews if label not in known]
+    return [*out, *(tick(label, key, ticked=key in overlays) for label, key in keys)]
 
 
 def _candidate(view: View, one: Mapping[str, Any], overlays: Sequence[str]) -> html.Div:
@@ -65,7 +61,7 @@ def _candidate(view: View, one: Mapping[str, Any], overlays: Sequence[str]) -> h
     key = f"{CANDIDATE}{label}"
     ticked = key in overlays
     box = tick(label, key, ticked=ticked, disabled=not one["can_be_added"])
-    best = max(one["residual_mse_before"], key=lambda n: one["residual_mse_before"][n] - one["residual_mse_after"][n])
+    best = most(one["residual_mse_before"], one["residual_mse_after"])
     before, after = one["residual_mse_before"][best] ** 0.5, one["residual_mse_after"][best] ** 0.5
     unit = view.unit(view.joints.index(best))
     line = f"explains {100 * one['explained']:.0f} %; {best} {short(before)} to {short(after)} {unit} rms"
@@ -90,13 +86,6 @@ def _details(one: Mapping[str, Any]) -> list[Any]:
         if one["experiment"]:
             out.append(html.P(f"What would tell: {one['experiment']}"))
     return out
-
-
-def _own(view: View, overlays: Sequence[str]) -> list[Any]:
-    """Return the effects that are not listed, but were looked at."""
-    listed = [str(one["label"]) for one in (view.diagnosis or {"candidates": []})["candidates"]]
-    own = [label for label in view.previews if label not in listed]
-    return [tick(label, f"{CANDIDATE}{label}", ticked=f"{CANDIDATE}{label}" in overlays) for label in own]
 
 
 def stages(now: Next) -> list[Any]:
@@ -134,12 +123,11 @@ def joint_cards(view: View) -> list[Any]:
 
 def recording_buttons(view: View) -> list[Any]:
     """Return a button for every recording; one is drawn over time."""
-    out = []
-    for place, one in enumerate(view.recordings):
-        name = f"{one['name']} (validation)" if one["validation"] else str(one["name"])
-        notes = "; ".join(one["notes"])
-        out.append(html.Button(name, id={"recording": place}, title=notes, **_UNPRESSED))
-    return out
+    names = [f"{one['name']} (validation)" if one["validation"] else str(one["name"]) for one in view.recordings]
+    return [
+        html.Button(name, id={"recording": place}, title="; ".join(one["notes"]), **_UNPRESSED)
+        for place, (name, one) in enumerate(zip(names, view.recordings, strict=True))
+    ]
 
 
 def tree(view: View, overlays: Sequence[str]) -> list[Any]:
@@ -222,10 +210,8 @@ def where(view: View, joint: int) -> list[Any]:
     notes: list[Any] = [html.P(note, className="note") for note in (*view.comparison["notes"], *view.unusable)]
     if not found["worst"] and not found["explained_by"]:
         fits = found["fails"] is False
-        return [
-            *notes,
-            html.P(f"{found['name']} fits: there is nothing to look for." if fits else "Nothing stands out."),
-        ]
+        words = f"{found['name']} fits: there is nothing to look for." if fits else "Nothing stands out."
+        return [*notes, html.P(words)]
     sentences = [
         html.Button(words, id={"region": k}, className="sentence", title="find these moments in all pictures")
         for k, words in enumerate(found["worst_in_words"])
@@ -237,28 +223,16 @@ def where(view: View, joint: int) -> list[Any]:
     beyond = f"{size} {'excess over the noise' if known else 'residual, noise included'}. Most of it is in:"
     explains: list[Any] = [html.P("No single variable explains it (cross-validated).")]
     if ranked:
-        explains = [html.P("Explained by a curve over each variable (cross-validated):"), bars(ranked[:_BARS])]
+        rows = []
+        for name, share in ranked[:_BARS]:
+            bar = html.Td(html.Div(style={"width": f"{100 * share:.0f}%"}), className="bar")
+            rows.append(html.Tr([html.Th(name, scope="row"), bar, html.Td(f"{100 * share:.0f} %")]))
+        told = html.P("Explained by a curve over each variable (cross-validated):")
+        explains = [told, html.Table(rows, className="bars")]
     if found["time_symmetry"]:
         odd, even = (100 * found["time_symmetry"][key] for key in ("odd", "even"))
         explains.append(html.P(f"Under time reversal: {odd:.0f} % odd (friction), {even:.0f} % even (forces, inertia)"))
     return [*notes, html.Div([html.Div([html.P(beyond), *sentences]), html.Div(explains)], className="halves")]
-
-
-def bars(rows: list[tuple[str, float]]) -> html.Table:
-    """Return shares as a table with bars."""
-    return html.Table(
-        [
-            html.Tr(
-                [
-                    html.Th(name, scope="row"),
-                    html.Td(html.Div(style={"width": f"{100 * share:.0f}%"}), className="bar"),
-                    html.Td(f"{100 * share:.0f} %"),
-                ]
-            )
-            for name, share in rows
-        ],
-        className="bars",
-    )
 
 
 def brushed(look: Look) -> list[Any]:

@@ -4,10 +4,9 @@ recording, measured and predicted, with what they depend on.
 
 from __future__ import annotations
 
-import io
 import json
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass
+from dataclasses import asdict, dataclass
 from pathlib import Path
 from typing import Any, TypeVar
 
@@ -15,7 +14,6 @@ import numpy as np
 
 from robot_ident.diagnosis.diagnosis import Diagnosis
 from robot_ident.effects import candidates_of
-from robot_ident.estimation.extend import mean_square_errors
 from robot_ident.estimation.validation import unusable_on
 from robot_ident.files import whole, write_text
 from robot_ident.model.model import Model
@@ -24,12 +22,11 @@ from robot_ident.residuals.beside import noise_variance
 from robot_ident.residuals.comparison import Comparison
 from robot_ident.signals.motion import Array, Mask
 from robot_ident.workflow.preview import Preview
+from robot_ident.workflow.steps import unseen_errors
 
 
 def about(measured: Measurement, validation: bool) -> dict[str, Any]:
     """Return what the figures say of a recording."""
-    known = np.isfinite(measured.averaged_variance)
-    variance = [float(v) if yes else None for v, yes in zip(measured.averaged_variance, known, strict=True)]
     return {
         "name": measured.source,
         "validation": validation,
@@ -37,7 +34,7 @@ def about(measured: Measurement, validation: bool) -> dict[str, Any]:
         "base_frequency": measured.base_frequency,
         "dt": measured.dt * measured.decimate,
         "samples": measured.motion.samples,
-        "noise_variance": variance,
+        "noise_variance": measured.averaged_variance.tolist(),
         "notes": list(measured.notes),
     }
 
@@ -71,17 +68,12 @@ def errors(model: Model, compared: Comparison, validation: Sequence[Measurement]
     validation as `add` does, the mean over recordings. Where a recording to validate on doesn't tell its noise, the
     model's stands for it, as in the report.
     """
-
-    def mean(values: Sequence[Array]) -> dict[str, float] | None:
-        if not values:
-            return None
-        return {name: float(v) for name, v in zip(model.robot.joints, np.mean(values, axis=0), strict=True)}
-
+    unseen = [noise_variance(model, measured) for measured in validation]
     return {
         "training": {joint.name: joint.residual_mse for joint in compared.joints},
         "noise": {joint.name: joint.noise_variance for joint in compared.joints},
-        "validation": mean([mean_square_errors(model, m) for m in validation]),
-        "validation_noise": mean([noise_variance(model, m) for m in validation]),
+        "validation": unseen_errors(model, validation),
+        "validation_noise": dict(zip(model.robot.joints, np.mean(unseen, axis=0), strict=True)) if unseen else None,
     }
 
 
@@ -111,7 +103,7 @@ def preview_of(preview: Preview) -> dict[str, Any]:
         "after": preview.after,
         "validation_before": preview.validation_before,
         "validation_after": preview.validation_after,
-        "parameters": [{"name": p.name, "value": p.value, "std": p.std, "unit": p.unit} for p in preview.parameters],
+        "parameters": [asdict(one) for one in preview.parameters],
     }
 
 
@@ -164,15 +156,7 @@ _Kind = TypeVar("_Kind", Rows, Lines)
 def write_arrays(path: Path, arrays: Mapping[str, Array]) -> None:
     """Write named arrays to a file, whole or not at all."""
     with whole(path, force=True) as draft:
-        buffer = io.BytesIO()
-        np.savez(buffer, **{name: np.asarray(array) for name, array in arrays.items()})  # type: ignore[arg-type]
-        draft.write_bytes(buffer.getvalue())
-
-
-def read_arrays(path: Path) -> dict[str, Array]:
-    """Return the arrays of a file."""
-    with np.load(path, allow_pickle=False) as file:
-        return {name: file[name] for name in file.files}
+        np.savez(draft, **arrays)  # type: ignore[arg-type]
 
 
 def to_arrays(kind: type[Rows] | type[Lines], every: Sequence[Any]) -> dict[str, Array]:
@@ -182,8 +166,6 @@ def to_arrays(kind: type[Rows] | type[Lines], every: Sequence[Any]) -> dict[str,
 
 def from_arrays(kind: type[_Kind], arrays: Mapping[str, Array]) -> tuple[_Kind, ...]:
     """Return what was held of all recordings; the reverse of `to_arrays`."""
-    count = len({name.partition(".")[0] for name in arrays})
-    held: list[dict[str, Any]] = [
-        {name: arrays[f"{k}.{name}"] for name in kind.__dataclass_fields__} for k in range(count)
-    ]
-    return tuple(kind(**one) for one in held)
+    names = tuple(kind.__dataclass_fields__)
+    every: list[Any] = [[arrays[f"{k}.{name}"] for name in names] for k in range(len(arrays) // len(names))]
+    return tuple(kind(*one) for one in every)

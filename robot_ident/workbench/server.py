@@ -135,13 +135,15 @@ def bind(desk: Desk, port: int | None, token: str) -> BaseWSGIServer:
     Raises InputError where the port is taken.
     """
     logging.getLogger("werkzeug").setLevel(logging.ERROR)
-    chosen = _free() if port is None else port
-    try:
-        listening = socket.create_server((HOST, chosen))
-    except OSError as error:
-        raise InputError(f"--port {chosen}: {error.strerror}; give another one") from error
-    chosen = listening.getsockname()[1]
-    listening.close()
+    for tried in (*range(DEFAULT_PORT, DEFAULT_PORT + _TRIED), 0) if port is None else (port,):
+        try:
+            with socket.create_server((HOST, tried)) as listening:
+                chosen = listening.getsockname()[1]
+            break
+        except OSError as error:
+            refused = error
+    else:
+        raise InputError(f"--port {tried}: {refused.strerror}; give another one") from refused
     return make_server(HOST, chosen, make_app(desk, chosen, token).server, threaded=True, request_handler=_Quiet)
 
 
@@ -157,24 +159,20 @@ def serve(desk: Desk, port: int | None, page: str, ready: Callable[[str], None])
         desk.close()
 
 
-def _free() -> int:
-    for port in range(DEFAULT_PORT, DEFAULT_PORT + _TRIED):
-        with socket.socket() as probe:
-            probe.setsockopt(socket.SOL_SOCKET, socket.SO_REUSEADDR, 1)
-            try:
-                probe.bind((HOST, port))
-            except OSError:
-                continue
-            return port
-    return 0
-
-
 @contextmanager
 def browsed(address: str, folder: Path) -> Iterator[None]:
     """Show an address in the user's browser by a page in a folder that only the user can read, removed in the end."""
     page = None
     try:
-        page = leading_to(address, folder)
+        folder.mkdir(parents=True, exist_ok=True)
+        handle, name = tempfile.mkstemp(prefix="open_", suffix=".html", dir=folder)  # rw for its owner
+        page, url = Path(name), escape(address)
+        with open(handle, "w", encoding="utf-8") as file:
+            file.write(
+                '<!DOCTYPE html><meta charset="utf-8"><meta name="referrer" content="no-referrer">'
+                f'<meta http-equiv="refresh" content="0; url={url}"><title>robot_ident workbench</title>'
+                f'<a href="{url}">robot_ident workbench</a>\n'
+            )
         webbrowser.open(page.as_uri())
     except OSError:
         pass  # nothing can be written: the address was printed
@@ -183,17 +181,3 @@ def browsed(address: str, folder: Path) -> Iterator[None]:
     finally:
         if page is not None:
             page.unlink(missing_ok=True)
-
-
-def leading_to(address: str, folder: Path) -> Path:
-    """Write a page that leads to an address, for this user's eyes alone."""
-    folder.mkdir(parents=True, exist_ok=True)
-    handle, name = tempfile.mkstemp(prefix="open_", suffix=".html", dir=folder)  # rw for its owner
-    with open(handle, "w", encoding="utf-8") as file:
-        url = escape(address)
-        file.write(
-            '<!DOCTYPE html><meta charset="utf-8"><meta name="referrer" content="no-referrer">'
-            f'<meta http-equiv="refresh" content="0; url={url}"><title>robot_ident workbench</title>'
-            f'<a href="{url}">robot_ident workbench</a>\n'
-        )
-    return Path(name)

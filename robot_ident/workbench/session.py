@@ -78,19 +78,6 @@ class Session:
     choice: Choice
 
     @classmethod
-    def create(cls, folder: Path, choice: Choice) -> Session:
-        """Begin a session in a folder that does not exist yet; InputError where nothing is to be fitted."""
-        if not choice.recordings:
-            raise InputError("no recording was chosen; choose at least one for training")
-        both = [name for name in choice.recordings if name in choice.validation]
-        if both:
-            raise InputError(f"{both[0]}: chosen for training and for validation; a recording can be one of both")
-        folder.mkdir(parents=True)
-        made = choice.model_copy(update={"started": now()})
-        write_text(folder / "session.yaml", to_yaml(made.model_dump(by_alias=True)))
-        return cls(folder, made)
-
-    @classmethod
     def open(cls, folder: Path) -> Session:
         """Open a session that was begun earlier."""
         return cls(folder, read(Choice, folder / "session.yaml"))
@@ -243,15 +230,24 @@ def sessions_in(folder: Path) -> tuple[list[Session], list[str]]:
 
 
 def begin(folder: Path, choice: Choice) -> Session:
-    """Return the session on the same recordings and model that was begun before, or a new one."""
-    choice = choice.model_copy(update={"stamps": _stamps(choice)})
-    same = ("folder", "recordings", "validation", "model", "robot", "topic", "effects_from", "stamps")
+    """Return the session on the same recordings and model that was begun before, or a new one; InputError where
+    nothing is to be fitted.
+    """
+    choice = choice.model_copy(update={"stamps": _stamps(choice), "started": now()})
     for session in sessions_in(folder)[0]:
-        if all(getattr(session.choice, key) == getattr(choice, key) for key in same):
+        if session.choice.model_copy(update={"started": choice.started}) == choice:
             return session
-    taken: Sequence[str] = [path.name for path in folder.glob("session_*")] if folder.is_dir() else []
+    if not choice.recordings:
+        raise InputError("no recording was chosen; choose at least one for training")
+    both = [name for name in choice.recordings if name in choice.validation]
+    if both:
+        raise InputError(f"{both[0]}: chosen for training and for validation; a recording can be one of both")
+    taken = {path.name for path in folder.glob("session_*")}
     number = next(k for k in range(1, len(taken) + 2) if f"session_{k}" not in taken)
-    return Session.create(folder / f"session_{number}", choice)
+    own = folder / f"session_{number}"
+    own.mkdir(parents=True)
+    write_text(own / "session.yaml", to_yaml(choice.model_dump(by_alias=True)))
+    return Session(own, choice)
 
 
 def _stamps(choice: Choice) -> list[str]:
@@ -274,24 +270,22 @@ def model_name(session: Session, count: int) -> str:
 
 def command_lines(session: Session, number: int) -> list[str]:
     """Return the commands, to be run in the folder of the session's start, that lead to a step's model and report."""
-    choice = session.choice
-    bags = [shlex.quote(name) for name in choice.recordings]
-    unseen = [word for name in choice.validation for word in ("--validation", shlex.quote(name))]
-    more = ["--topic", shlex.quote(choice.topic)] if choice.topic else []
-    more += [word for path in choice.effects_from for word in ("--effects-from", shlex.quote(path))]
+    choice, bags = session.choice, session.choice.recordings
+    unseen = [word for name in choice.validation for word in ("--validation", name)]
+    more = ["--topic", choice.topic] if choice.topic else []
+    more += [word for path in choice.effects_from for word in ("--effects-from", path)]
     added = session.added(number)
-    models = [shlex.quote(model_name(session, count)) for count in range(len(added) + 1)]
-    lines = [["cd", shlex.quote(choice.folder)]]
+    models = [model_name(session, count) for count in range(len(added) + 1)]
+    lines = [["cd", choice.folder]]
     if choice.model is None:
-        robot = ["--robot", shlex.quote(choice.robot)] if choice.robot else []
+        robot = ["--robot", choice.robot] if choice.robot else []
         lines.append(["robot_ident", "identify", *bags, *robot, *more, "-o", models[0]])
     lines.append(["robot_ident", "compare", models[0], *bags, *more])
-    for count, label in enumerate(added):
-        before, after = models[count : count + 2]
+    for label, before, after in zip(added, models, models[1:], strict=False):
         lines.append(["robot_ident", "diagnose", before, *bags, *unseen, *more])
-        lines.append(["robot_ident", "add", before, shlex.quote(label), "--bag", *bags, *unseen, *more, "-o", after])
+        lines.append(["robot_ident", "add", before, label, "--bag", *bags, *unseen, *more, "-o", after])
     lines.append(["robot_ident", "report", *models, "--bag", *bags, *unseen, *more, "-o", "report.html"])
-    return [" ".join(line) for line in lines]
+    return [shlex.join(line) for line in lines]
 
 
 def script(session: Session, number: int) -> str:

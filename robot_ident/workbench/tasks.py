@@ -6,6 +6,7 @@ browser shows is what they print.
 
 from __future__ import annotations
 
+import json
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import replace
 from itertools import count
@@ -14,27 +15,32 @@ from typing import Any
 
 import numpy as np
 
+from robot_ident.bags import read_for
 from robot_ident.configuration import to_yaml
 from robot_ident.diagnosis.progress import Tell, after, silent
-from robot_ident.effects import make_effect
+from robot_ident.effects import load_effects, make_effect, register
 from robot_ident.errors import InputError
 from robot_ident.estimation.effort_checks import contradictions
 from robot_ident.estimation.extend import extended, measured_anew
 from robot_ident.estimation.identify import with_base
+from robot_ident.estimation.prediction import measured_for
 from robot_ident.files import whole, write_text
 from robot_ident.model.model import Model
 from robot_ident.model.model_file import read_model, write_model
 from robot_ident.model.structure import Structure
-from robot_ident.recording.measurement import Measurement, Processing
+from robot_ident.provenance import fingerprint, provenance
+from robot_ident.recording.measurement import Measurement, Processing, Source
+from robot_ident.recording.process import process
+from robot_ident.recording.recording import Recording
 from robot_ident.residuals.beside import Beside, beside
 from robot_ident.residuals.comparison import compare, judged
 from robot_ident.residuals.curves import since_reversal
 from robot_ident.residuals.residual_lines import residual_lines
-from robot_ident.robot import Robot
+from robot_ident.robot import Robot, load_robot
+from robot_ident.robot.robot_file import definition_of
 from robot_ident.signals.motion import Array
 from robot_ident.workbench import records
-from robot_ident.workbench.allowed_paths import Stamp, stamp
-from robot_ident.workbench.inputs import Inputs
+from robot_ident.workbench.allowed_paths import BUILT_IN, Stamp, stamp
 from robot_ident.workbench.records import Lines, Rows, to_arrays, write_arrays
 from robot_ident.workbench.session import Session, StepFile, model_name, now
 from robot_ident.workflow.preview import Forecast, Preview
@@ -49,42 +55,99 @@ class Work:
     """
 
     def __init__(self, session: Session, effects_from: Sequence[str] = ()) -> None:
-        """Make the user's own effects known; effects_from: the files of effects that the command line named."""
+        """Make the user's own effects known; effects_from: the files of effects that the command line named.
+
+        InputError where the session asks for another one: what it holds may be anybody's.
+        """
         self.session = session
-        self.inputs = Inputs(session, effects_from)
         self.said = ""
         self.wrote: dict[str, Stamp | None] = {}
+        self._read: list[tuple[Recording, str]] = []
+        self._measured: dict[str, list[Source]] = {}
+        for path in session.own_effects(effects_from):
+            register(load_effects(path))
+
+    def do(self, task: Mapping[str, Any], tell: Tell) -> None:
+        """Do a task by its name."""
+        every: tuple[Callable[..., None], ...] = (self.open, self.diagnose, self.preview, self.add, self.report)
+        tasks = {one.__name__: one for one in every}
+        name, self.said, self.wrote = str(task["task"]), "", {}
+        if name not in tasks:
+            raise InputError(f"unknown task {name!r}")
+        tasks[name](tell, **{key: value for key, value in task.items() if key != "task"})
 
     def open(self, tell: Tell) -> None:
         """Read the recordings, identify the first model (or take the one that was brought), and compare it."""
         if (self.session.step_folder(0) / "step.yaml").is_file():
             return
-        model, robot = self.inputs.brought()
-        if model is None:
-            model = self._identified(tell, robot)
-        training, validation = self.inputs.measurements(tell, model, model.robot)
+        brought = self.session.choice.model
+        model = read_model(self._file(brought)) if brought is not None else self._identified(tell)
+        training, validation = self._measurements(tell, model)
         every = (*training, *validation)
-        write_arrays(self.session.folder / "rows.npz", to_arrays(Rows, [_rows(m, model) for m in every]))
-        lines = [residual_lines(beside(model, measured), measured) for measured in every]
+        found = [beside(model, measured) for measured in every]
+        rows = [_rows(one, measured, model) for one, measured in zip(found, every, strict=True)]
+        write_arrays(self.session.folder / "rows.npz", to_arrays(Rows, rows))
+        lines = [residual_lines(one, measured) for one, measured in zip(found, every, strict=True)]
         write_arrays(self.session.folder / "lines.npz", to_arrays(Lines, lines))
         about = {"recordings": [records.about(m, k >= len(training)) for k, m in enumerate(every)]}
         records.write_json(self.session.folder / "recordings.json", about)
         self._write_step(0, StepFile(made=now()), model, tell)
 
-    def _identified(self, tell: Tell, robot: Robot) -> Model:
+    def _identified(self, tell: Tell) -> Model:
         """Return the first model, with gains of drives that the robot's files don't give, as `identify` finds it."""
-        training, _ = self.inputs.measurements(tell, None, robot)
+        choice = self.session.choice
+        name = choice.robot or BUILT_IN[0]
+        robot = load_robot(self._file(name) if self._file(name).is_file() else name)
+        training, _ = self._measurements(tell, robot)
         tell(0.6, "identifying the model")
         doubts = contradictions(training, robot, otherwise=_OTHERWISE)
-        structure = Structure.build(robot)
-        chosen = with_base(self.inputs.recordings(robot), training, structure, Processing())
+        chosen = with_base(self._fitted(robot), training, Structure.build(robot), Processing())
         model = chosen.model(estimator="wls", physical=False, notes=doubts)
-        return replace(model, provenance=self.inputs.provenance())
+        made = provenance([str(self._file(name)) for name in choice.recordings], {"topic": choice.topic})
+        named = zip(made["recordings"], choice.recordings, strict=True)  # by the names they were given
+        return replace(model, provenance={**made, "recordings": [{**one, "path": name} for one, name in named]})
+
+    def _file(self, name: str) -> Path:
+        """Return where a file is that was named in the folder of the start."""
+        return Path(self.session.choice.folder, name)
+
+    def _recordings(self, tell: Tell, robot: Robot) -> list[tuple[Recording, str]]:
+        """Read all recordings, those of validation last, with their sha256."""
+        choice = self.session.choice
+        names = [*choice.recordings, *choice.validation]
+        for place, name in list(enumerate(names))[len(self._read) :]:
+            tell(0.5 * place / len(names), f"reading {name}")
+            read = read_for(self._file(name), robot, topic=choice.topic)
+            self._read.append((replace(read, source=name), fingerprint(self._file(name))))
+        return self._read
+
+    def _fitted(self, robot: Robot) -> list[Recording]:
+        """Return the recordings that models are fitted to, as they were read."""
+        return [recording for recording, _ in self._recordings(silent, robot)][: len(self.session.choice.recordings)]
+
+    def _sources(self, tell: Tell, given: Model | Robot) -> tuple[list[Source], list[Source]]:
+        """Read and process all recordings, as the model says where there is one: anew for other gains and payloads.
+        Those of validation apart.
+        """
+        robot, payloads = (given.robot, given.payloads) if isinstance(given, Model) else (given, [])
+        key = json.dumps([definition_of(robot).yaml.get("joints"), payloads], sort_keys=True, default=str)
+        if key not in self._measured:
+            sources = []
+            for read, digest in self._recordings(tell, robot):
+                measured = measured_for(given, read) if isinstance(given, Model) else process(read, robot)
+                sources.append(Source(read.source, digest, read, measured))
+            self._measured[key] = sources
+        every, fitted = self._measured[key], len(self.session.choice.recordings)
+        return every[:fitted], every[fitted:]
+
+    def _measurements(self, tell: Tell, given: Model | Robot) -> tuple[list[Measurement], list[Measurement]]:
+        training, validation = self._sources(tell, given)
+        return [source.measured for source in training], [source.measured for source in validation]
 
     def diagnose(self, tell: Tell, number: int) -> None:
         """Find what a step's model lacks, and what each candidate would do."""
         training, validation, model = self._given(tell, number)
-        found = find_missing(model, training, validation, _part(tell, 0.3, 0.8))
+        found = find_missing(model, training, validation, lambda share, what: tell(0.3 + 0.5 * share, what))
         listed = [s for s in (*found.missing, *found.others) if s.effect.regression]
         forecast = Forecast(training, model.structure, validation)
         for place, finding in enumerate(listed):
@@ -105,7 +168,7 @@ class Work:
         training, _, model = self._given(tell, number)
         effect = make_effect(label, model.robot)
         tell(0.3, f"fitting the model with {label}")
-        better = extended(model, training, lambda: self.inputs.recordings(model.robot), [effect])[-1]
+        better = extended(model, training, lambda: self._fitted(model.robot), [effect])[-1]
         self._write_step(new, StepFile(parent=number, added=label, made=now()), better, tell)
         self.session.go(new)
 
@@ -120,7 +183,7 @@ class Work:
         numbers = self.session.path(number)
         models = [read_model(self.session.model_file(k)) for k in numbers]
         names = [model_name(self.session, added) for added in range(len(numbers))]
-        training, validation = self.inputs.sources(tell, models[0], models[0].robot)
+        training, validation = self._sources(tell, models[0])
         steps = count(1)
 
         def heard(what: str) -> None:
@@ -137,12 +200,12 @@ class Work:
 
     def _given(self, tell: Tell, number: int) -> tuple[list[Measurement], list[Measurement], Model]:
         model = read_model(self.session.model_file(number))
-        return (*self.inputs.measurements(tell, model, model.robot), model)
+        return (*self._measurements(tell, model), model)
 
     def _write_step(self, number: int, step: StepFile, model: Model, tell: Tell) -> None:
         """Write a step's folder whole: the model, its torque along the recordings, its errors, the comparison."""
         tell(0.8, "comparing the model with the recordings")
-        training, validation = self.inputs.measurements(tell, model, model.robot)
+        training, validation = self._measurements(tell, model)
         compared = compare(model, training)
         arrays: dict[str, Array] = {}
         for k, measured in enumerate((*training, *validation)):
@@ -160,7 +223,7 @@ class Work:
             write_text(folder / "step.yaml", to_yaml(step.model_dump()))
 
     def _write_preview(self, number: int, preview: Preview, model: Model) -> None:
-        training, validation = self.inputs.measurements(silent, model, model.robot)
+        training, validation = self._measurements(silent, model)
         arrays: dict[str, Array] = {}
         for k, (measured, predicted) in enumerate(zip((*training, *validation), preview.predicted, strict=True)):
             arrays |= _along(k, replace(beside(model, measured), predicted=predicted), measured)
@@ -169,39 +232,14 @@ class Work:
         records.write_json(self.session.preview_file(number, label, ".json"), records.preview_of(preview))
 
 
-def _part(tell: Tell, start: float, end: float) -> Tell:
-    """Return what tells of a part of a task, as the share of the whole."""
-    return lambda share, words: tell(start + (end - start) * share, words)
-
-
 def _along(place: int, found: Beside, measured: Measurement) -> dict[str, Array]:
     """Return what is kept of a model along a recording: its torque, and the lines of its residual."""
     return {f"{place}.predicted": found.predicted, f"{place}.lines": residual_lines(found, measured).residual}
 
 
-def _rows(measured: Measurement, model: Model) -> Rows:
+def _rows(found: Beside, measured: Measurement, model: Model) -> Rows:
     """Return the rows of a measurement as they are compared: low-passed and thinned."""
-    motion, kept, t = measured.motion, measured.rows, judged(measured, model)
+    motion, told = measured.motion, judged(measured, model)
     since = [since_reversal(dq, measured.dt, periodic=motion.periodic) for dq in motion.dq.T]
-    return Rows(
-        t=np.asarray(np.arange(motion.samples) * measured.dt)[kept],
-        q=motion.q[kept],
-        dq=motion.dq[kept],
-        ddq=motion.ddq[kept],
-        since=np.column_stack(since)[kept],
-        measured=measured.passed(measured.torque),
-        weight=t.weight,
-        dof=t.dof,
-    )
-
-
-def run(session: Session, work: Work | None, task: Mapping[str, Any], tell: Tell) -> Work:
-    """Do a task by its name; return the work with what was read for it."""
-    work = work or Work(session)
-    every: tuple[Callable[..., None], ...] = (work.open, work.diagnose, work.preview, work.add, work.report)
-    tasks = {one.__name__: one for one in every}
-    name, work.said, work.wrote = str(task["task"]), "", {}
-    if name not in tasks:
-        raise InputError(f"unknown task {name!r}")
-    tasks[name](tell, **{key: value for key, value in task.items() if key != "task"})
-    return work
+    since_rows = np.column_stack(since)[measured.rows]
+    return Rows(found.t, found.q, found.dq, found.ddq, since_rows, found.measured, told.weight, told.dof)

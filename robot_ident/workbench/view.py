@@ -8,9 +8,11 @@ from functools import cached_property, lru_cache
 from pathlib import Path
 from typing import Any
 
+import numpy as np
+
 from robot_ident.errors import InputError
 from robot_ident.signals.motion import Array
-from robot_ident.workbench.records import Lines, Rows, from_arrays, read_arrays
+from robot_ident.workbench.records import Lines, Rows, from_arrays
 from robot_ident.workbench.session import Session, read_json
 
 STEP, CANDIDATE = "step:", "with:"
@@ -19,7 +21,8 @@ STEP, CANDIDATE = "step:", "with:"
 
 @lru_cache(maxsize=64)
 def _arrays(path: str, _stamp: int) -> dict[str, Array]:
-    return read_arrays(Path(path))
+    with np.load(path, allow_pickle=False) as file:
+        return {name: file[name] for name in file.files}
 
 
 def _cached(path: Path) -> dict[str, Array]:

@@ -21,7 +21,7 @@ from robot_ident.workbench.allowed_paths import Allowed
 from robot_ident.workbench.controller import Desk
 from robot_ident.workbench.jobs import Job
 from robot_ident.workbench.session import Session
-from robot_ident.workbench.tasks import Work, run
+from robot_ident.workbench.tasks import Work
 
 HIDDEN = "3"
 TRAINING, UNSEEN = ("run_1", "run_2"), "run_3"
@@ -59,7 +59,8 @@ class Bench:
         self.work: Work | None = None
 
     def do(self, task: str, **more: Any) -> None:
-        self.work = run(self.session, self.work, {"task": task, **more}, lambda share, words: None)
+        self.work = self.work or Work(self.session)
+        self.work.do({"task": task, **more}, lambda share, words: None)
 
 
 @pytest.fixture(scope="module")

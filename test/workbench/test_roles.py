@@ -34,9 +34,9 @@ THREE = replace(ONCE, mean=(0.5, 0.3))
     ],
 )
 def test_roles_follow_from_what_recordings_hold(seen: dict[str, Seen | None], roles: str, said: str) -> None:
-    found = propose(seen)
-    assert "".join(found.roles[name][0] for name in seen) == roles
-    assert said in found.words
+    proposed, words = propose(seen)
+    assert "".join(proposed[name][0] for name in seen) == roles
+    assert said in words
 
 
 def test_a_motion_is_known_again_by_its_positions() -> None:

@@ -25,7 +25,7 @@ from robot_ident.workbench.next_step import next_step
 from robot_ident.workbench.panels import where
 from robot_ident.workbench.server import make_app
 from robot_ident.workbench.session import Choice, Session, begin, script
-from robot_ident.workbench.tasks import run
+from robot_ident.workbench.tasks import Work
 from robot_ident.workbench.view import View
 
 
@@ -82,7 +82,7 @@ def test_a_model_that_is_worse_than_none_says_so_beside_its_misfit(
     unseen = read_recording(recordings / "run_2")
     write_recording(folder / "backwards.npz", replace(unseen, tau=unseen.tau * [1.0, -1.0, 1.0]))
     session = Desk(tmp_path / "sessions", Allowed(folder)).open(["run_1"], ["backwards.npz"])
-    run(session, None, {"task": "open"}, lambda share, words: None)
+    Work(session).do({"task": "open"}, lambda share, words: None)
     view = View(session, 0)
     monkeypatch.setattr(View, "failing", [])
     assert "worse than none" in next_step(view, Job(), []).words, "also where it leaves noise on what it was fitted to"
@@ -176,7 +176,7 @@ def test_efforts_that_are_none_of_the_motion_make_no_model(recordings: Path, tmp
         write_recording(tmp_path / f"{name}.npz", replace(read, tau=noise))
     session = Desk(tmp_path / "sessions", Allowed(tmp_path)).open(("run_1.npz", "run_2.npz"), [])
     with pytest.raises(InputError, match="not made by the motion"):
-        run(session, None, {"task": "open"}, lambda share, words: None)
+        Work(session).do({"task": "open"}, lambda share, words: None)
     assert not session.steps
 
 
