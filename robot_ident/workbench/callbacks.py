@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+from collections.abc import Callable, Mapping
 from dataclasses import asdict, dataclass
 from typing import Any, TypeVar
 
@@ -96,27 +96,21 @@ def _register_session(app: Dash, desk: Desk) -> None:
         return *now(desk, session), page.overlays, page.said, page.saved
 
 
-MOVES = ("undo", "redo", "go")
-"""Deeds that wait for what is being computed, and let go of what is laid over."""
-
-
 def _do(deed: str, desk: Desk, session: Session, page: Page) -> None:
     """Do what a button says; InputError where it can't be done now."""
     jobs, here = desk.jobs(session), session.here
-    if deed in MOVES:
+    moves: dict[str, Callable[[], None]] = {
+        "undo": session.undo,
+        "redo": session.redo,
+        "go": lambda: session.go(int(page.label)),
+    }
+    if deed in moves:
         if jobs.look().running:
             raise InputError("something is being computed; wait for it, or cancel it")
-        if deed == "undo":
-            session.undo()
-        elif deed == "redo":
-            session.redo()
-        else:
-            session.go(int(page.label))
+        moves[deed]()
         page.overlays = []
-    elif deed == "open":
-        jobs.start({"task": "open"})
-    elif deed == "diagnose":
-        jobs.start({"task": "diagnose", "number": here})
+    elif deed in ("open", "diagnose"):
+        jobs.start({"task": deed} if deed == "open" else {"task": deed, "number": here})
     elif deed == "look":
         page.overlays = [f"{CANDIDATE}{page.label}"]
     elif deed == "preview":

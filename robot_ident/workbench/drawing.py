@@ -11,7 +11,7 @@ from dash import Dash, Input, Output, State
 from dash.exceptions import PreventUpdate
 
 from robot_ident.workbench import panels, pictures
-from robot_ident.workbench.brushing import Condition, Look, Shade
+from robot_ident.workbench.brushing import Condition, Look
 from robot_ident.workbench.callbacks import Stand, looked_at, parts
 from robot_ident.workbench.controller import Desk
 from robot_ident.workbench.layout import REDO, UNDO
@@ -87,44 +87,34 @@ def register(app: Dash, desk: Desk) -> None:
         beside = panels.side_by_side(at.view, at.overlays, running)
         return panels.candidates(at.view, keys, running), beside, panels.tree(at.view, keys)
 
-    @app.callback(
-        *parts(Output, "joints.children", "focus.data", "recordings.children", "commands.children", "other.options"),
-        drawn,
-        stood,
-    )
-    def step(_drawn: str | None, stand: Stand) -> tuple[Any, ...]:
-        view = look(stand).view
-        lines = "\n".join(command_lines(view.session, view.number))
+    def filled(*places: str, by: Sequence[str] = ()) -> Callable[[Callable[[Look], Any]], None]:
+        """Return a decorator of what fills parts of the page as soon as what it looks at has changed."""
+        outputs = parts(Output, *places)
+
+        def fill(made: Callable[[Look], Any]) -> None:
+            @app.callback(
+                outputs if len(outputs) > 1 else outputs[0],
+                inputs={one: Input(one, "value" if one == "over" else "data") for one in ("drawn", *by)},
+                state={"stand": stood},
+            )
+            def answer(drawn: str | None, **page: Any) -> Any:
+                if page.get("shade", "light") is None:  # the page does not know yet whether it is dark
+                    raise PreventUpdate
+                return made(look(**page))
+
+        return fill
+
+    @filled("joints.children", "focus.data", "recordings.children", "commands.children", "other.options")
+    def step(at: Look) -> tuple[Any, ...]:
+        view, lines = at.view, "\n".join(command_lines(at.view.session, at.view.number))
         others = [label for label in view.comparison["possible"] if label not in view.previews]
         return panels.joint_cards(view), view.focus, panels.recording_buttons(view), lines, others
 
-    @app.callback(Output("where", "children"), drawn, Input("joint", "data"), stood)
-    def failure(_drawn: str | None, joint: int | None, stand: Stand) -> list[Any]:
-        at = look(stand, joint)
-        return panels.where(at.view, at.joint)
-
-    @app.callback(Output("brushed", "children"), drawn, *parts(Input, "joint.data", "brush.data"), stood)
-    def brushed(_drawn: str | None, joint: int | None, data: list[dict[str, Any]], stand: Stand) -> Any:
-        return panels.brushed(look(stand, joint, brush=data))
-
-    def draw(name: str) -> None:
-        picture, told, more = _PICTURES[name]
-        every = ("drawn", "joint", "overlays", "shade", *more)
-
-        @app.callback(
-            Output(name, "figure"),
-            Output(f"{name}_told", "children"),
-            inputs={one: Input(one, "value" if one == "over" else "data") for one in every},
-            state={"stand": stood},
-        )
-        def drawing(drawn: str | None, shade: Shade | None, **page: Any) -> tuple[Any, str]:
-            if shade is None:
-                raise PreventUpdate
-            at = look(shade=shade, **page)
-            return picture(at), told(at)
-
-    for name in _PICTURES:
-        draw(name)
+    filled("where.children", by=["joint"])(lambda at: panels.where(at.view, at.joint))
+    filled("brushed.children", by=["joint", "brush"])(panels.brushed)
+    for name, (picture, told, more) in _PICTURES.items():
+        drawing = filled(f"{name}.figure", f"{name}_told.children", by=["joint", "overlays", "shade", *more])
+        drawing(lambda at, picture=picture, told=told: (picture(at), told(at)))  # type: ignore[misc]
 
 
 def _clicked(at: Look, cause: dict[str, Any], before: list[dict[str, Any]]) -> Any:

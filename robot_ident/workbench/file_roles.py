@@ -93,9 +93,8 @@ def _motions(seen: Mapping[str, Seen]) -> list[list[str]]:
     """Return the recordings, those of one motion together."""
     out: list[list[str]] = []
     for name, one in seen.items():
-        found = next((names for names in out if seen[names[0]].same_motion(one)), None)
-        if found is None:
-            out.append([name])
-        else:
-            found.append(name)
+        found = next((names for names in out if seen[names[0]].same_motion(one)), [])
+        if not found:
+            out.append(found)
+        found.append(name)
     return out

@@ -117,22 +117,19 @@ class Jobs:
             return
         try:
             while self._job.running and self._pipe.poll():
-                self._hear(self._pipe.recv())
+                kind, *rest = self._pipe.recv()
+                if kind == "progress":
+                    self._job = replace(self._job, share=rest[0], words=rest[1])
+                elif kind == "done":
+                    self._job = replace(self._job, state="done", share=1.0, words=rest[0])
+                    for path, left in rest[1].items():
+                        self._wrote(Path(path), left)
+                else:
+                    self._job = replace(self._job, state="failed", words=rest[0], trace=rest[1])
         except (EOFError, OSError):
             self._stop()
             words = "the process that computes has ended unexpectedly (out of memory?); what was done before is safe"
             self._job = replace(self._job, state="failed", words=words)
-
-    def _hear(self, said: tuple[Any, ...]) -> None:
-        kind, *rest = said
-        if kind == "progress":
-            self._job = replace(self._job, share=rest[0], words=rest[1])
-        elif kind == "done":
-            self._job = replace(self._job, state="done", share=1.0, words=rest[0])
-            for path, left in rest[1].items():
-                self._wrote(Path(path), left)
-        else:
-            self._job = replace(self._job, state="failed", words=rest[0], trace=rest[1])
 
 
 def _serve(pipe: Connection, folder: str, effects_from: Sequence[str], server: int) -> None:

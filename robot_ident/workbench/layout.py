@@ -13,8 +13,6 @@ from robot_ident.workbench.panels import action
 
 UNDO, REDO = ({"do": deed, "label": "", "at": ""} for deed in ("undo", "redo"))
 
-GRAPH: Any = private("lasso2d", "autoScale2d", "toImage")
-
 
 def shell() -> html.Div:
     """Return what every page has: its address, the look, and a place for what belongs to the address."""
@@ -63,7 +61,8 @@ def _session() -> list[Any]:
 
 def _graph(name: str, height: int) -> html.Div:
     """Return the place of a picture, as high from the beginning as it will be, and of what it shows in words."""
-    graph = dcc.Graph(id=name, config=GRAPH, responsive=True, style={"height": f"{height}px"})
+    config: Any = private("lasso2d", "autoScale2d", "toImage")
+    graph = dcc.Graph(id=name, config=config, responsive=True, style={"height": f"{height}px"})
     return html.Div([graph, html.P(id=f"{name}_told", className="unseen")])
 
 

@@ -8,7 +8,7 @@ from typing import Any, Literal
 
 from robot_ident.report.wording import short
 from robot_ident.workbench.jobs import Job
-from robot_ident.workbench.view import CANDIDATE, Overlay, View
+from robot_ident.workbench.view import CANDIDATE, Overlay, View, most
 
 Stage = Literal["compare", "see", "learn", "add", "watch"]
 STAGES: dict[Stage, str] = {
@@ -172,11 +172,6 @@ def _with_candidate(view: View, chosen: Overlay) -> Next:
     if there is not None:
         return Next("add", f"{words}. It was added already, in step {there}.", f"Go to step {there}", "go", str(there))
     return Next("add", f"{words}. Next: add it, or tick another to see two side by side.", f"Add {label}", "add", label)
-
-
-def most(before: Mapping[str, float], after: Mapping[str, float]) -> str:
-    """Return the joint whose mean square falls most."""
-    return max(before, key=lambda name: before[name] - after[name])
 
 
 def _fall(view: View, name: str, before: Mapping[str, float], after: Mapping[str, float]) -> str:

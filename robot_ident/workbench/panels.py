@@ -9,8 +9,8 @@ from dash import html
 
 from robot_ident.report.wording import NOTHING, short, with_sigma
 from robot_ident.workbench.brushing import Look
-from robot_ident.workbench.next_step import STAGES, Next, most
-from robot_ident.workbench.view import CANDIDATE, STEP, Overlay, View
+from robot_ident.workbench.next_step import STAGES, Next
+from robot_ident.workbench.view import CANDIDATE, STEP, Overlay, View, most
 
 _UNPRESSED: dict[str, Any] = {"aria-pressed": "false"}
 """Of buttons of which one is chosen; the page itself says which."""

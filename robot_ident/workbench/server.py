@@ -18,7 +18,7 @@ from urllib.parse import quote, urlencode, urlsplit
 
 from dash import Dash
 from flask import Flask, Response, abort, request
-from werkzeug.serving import BaseWSGIServer, WSGIRequestHandler, make_server
+from werkzeug.serving import BaseWSGIServer, make_server
 
 from robot_ident.errors import InputError
 from robot_ident.workbench import callbacks, drawing
@@ -122,19 +122,12 @@ DEFAULT_PORT = 8050
 _TRIED = 20  # ports after the default one
 
 
-class _Quiet(WSGIRequestHandler):
-    """Logs no request."""
-
-    def log_request(self, code: int | str = "-", size: int | str = "-") -> None:
-        """Say nothing."""
-
-
 def bind(desk: Desk, port: int | None, token: str) -> BaseWSGIServer:
     """Return a server of the desk's application, bound to a port of the loopback (None: the first free one from 8050).
 
     Raises InputError where the port is taken.
     """
-    logging.getLogger("werkzeug").setLevel(logging.ERROR)
+    logging.getLogger("werkzeug").setLevel(logging.ERROR)  # no line for every request
     for tried in (*range(DEFAULT_PORT, DEFAULT_PORT + _TRIED), 0) if port is None else (port,):
         try:
             with socket.create_server((HOST, tried)) as listening:
@@ -144,7 +137,7 @@ def bind(desk: Desk, port: int | None, token: str) -> BaseWSGIServer:
             refused = error
     else:
         raise InputError(f"--port {tried}: {refused.strerror}; give another one") from refused
-    return make_server(HOST, chosen, make_app(desk, chosen, token).server, threaded=True, request_handler=_Quiet)
+    return make_server(HOST, chosen, make_app(desk, chosen, token).server, threaded=True)
 
 
 def serve(desk: Desk, port: int | None, page: str, ready: Callable[[str], None]) -> None:

@@ -193,8 +193,7 @@ class Session:
     def previews(self, number: int) -> dict[str, dict[str, Any]]:
         """Return what is known of the effects that were looked at from a step, by label."""
         files = sorted(self.step_folder(number).glob("preview_*.json"))
-        found = [data for data in map(read_json, files) if data is not None]
-        return {str(data["label"]): data for data in found}
+        return {str(data["label"]): data for data in map(read_json, files) if data is not None}
 
     def _here(self) -> Here:
         path = self.folder / "here.yaml"

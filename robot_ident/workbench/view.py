@@ -30,6 +30,11 @@ def _cached(path: Path) -> dict[str, Array]:
     return _arrays(str(path), path.stat().st_mtime_ns)
 
 
+def most(before: Mapping[str, float], after: Mapping[str, float]) -> str:
+    """Return the joint whose mean square falls most."""
+    return max(before, key=lambda name: before[name] - after[name])
+
+
 @dataclass(frozen=True)
 class View:
     """A step of a session, as it is on disk."""
@@ -137,7 +142,7 @@ class View:
         if parent is None:
             return self.worst
         before, after = View(self.session, parent).errors["training"], self.errors["training"]
-        return max(range(len(self.joints)), key=lambda k: before[self.joints[k]] - after[self.joints[k]])
+        return self.joints.index(most(before, after))
 
     @property
     def failing(self) -> list[str]:
