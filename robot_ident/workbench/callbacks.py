@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Callable, Mapping
-from dataclasses import asdict, dataclass
+from dataclasses import asdict
 from typing import Any, TypeVar
 
 from dash import ALL, MATCH, ClientsideFunction, Dash, Input, Output, State, html, no_update
@@ -49,17 +49,6 @@ def now(desk: Desk, session: Session) -> tuple[dict[str, Any], dict[str, Any]]:
     return stand, {key: value for key, value in asdict(job).items() if key != "task"}
 
 
-@dataclass
-class Page:
-    """What the page held when a button was pressed, and what the deed changes of it."""
-
-    label: str
-    fields: Mapping[str, Any]
-    overlays: list[str]
-    said: str = ""
-    saved: str | html.Span = ""
-
-
 def _register_session(app: Dash, desk: Desk) -> None:
     """Register the one callback of all deeds."""
 
@@ -81,56 +70,61 @@ def _register_session(app: Dash, desk: Desk) -> None:
         cause = click["of"]
         fields = {one["name"]: value for one, value in zip(ids, names, strict=True)}
         fields |= {"other": other, "replace": bool(replace)}
-        page = Page(str(cause["label"]), fields, overlays)
+        said = ""
+        saved: str | html.Span = ""
         try:
             session = desk.session(stand["session"])
         except InputError as error:
             return no_update, no_update, no_update, str(error), ""
         try:
-            _do(cause["do"], desk, session, page)
+            overlays, saved = _do(cause["do"], str(cause["label"]), fields, overlays, desk, session)
         except InputError as error:
             if cause["do"].startswith("save "):  # of the buttons that stand beside the names
-                page.saved = html.Span(str(error), className="wrong")
+                saved = html.Span(str(error), className="wrong")
             else:
-                page.said = str(error)
-        return *now(desk, session), page.overlays, page.said, page.saved
+                said = str(error)
+        return *now(desk, session), overlays, said, saved
 
 
-def _do(deed: str, desk: Desk, session: Session, page: Page) -> None:
-    """Do what a button says; InputError where it can't be done now."""
+def _do(
+    deed: str, label: str, fields: Mapping[str, Any], overlays: list[str], desk: Desk, session: Session
+) -> tuple[list[str], str]:
+    """Do what a button says; return what is laid over then, and what is said of a file that was saved.
+
+    Raises InputError where it can't be done now.
+    """
     jobs, here = desk.jobs(session), session.here
-    moves: dict[str, Callable[[], None]] = {
-        "undo": session.undo,
-        "redo": session.redo,
-        "go": lambda: session.go(int(page.label)),
-    }
+    moves: dict[str, Callable[[], None]] = {"undo": session.undo, "redo": session.redo}
+    moves["go"] = lambda: session.go(int(label))
     if deed in moves:
         if jobs.look().running:
             raise InputError("something is being computed; wait for it, or cancel it")
         moves[deed]()
-        page.overlays = []
-    elif deed in ("open", "diagnose"):
-        jobs.start({"task": deed} if deed == "open" else {"task": deed, "number": here})
-    elif deed == "look":
-        page.overlays = [f"{CANDIDATE}{page.label}"]
-    elif deed == "preview":
-        label = page.fields["other"]
-        if not label:
-            raise InputError("choose an effect first")
-        jobs.start({"task": "preview", "number": here, "label": label})
-        page.overlays = [*page.overlays, f"{CANDIDATE}{label}"][-2:]
-    elif deed == "add" and (there := session.find(here, page.label)) is not None:
+        return [], ""
+    if deed == "add" and (there := session.find(here, label)) is not None:
         session.go(there)
-        page.overlays = []
-    elif deed == "add":
-        jobs.start({"task": "add", "number": here, "label": page.label, "new": session.next_number()})
-    elif deed == "cancel":
-        jobs.cancel()
-    elif deed.partition(" ")[0] == "save":
+        return [], ""
+    if deed == "look":
+        return [f"{CANDIDATE}{label}"], ""
+    if deed == "preview":
+        if not fields["other"]:
+            raise InputError("choose an effect first")
+        jobs.start({"task": "preview", "number": here, "label": fields["other"]})
+        return [*overlays, f"{CANDIDATE}{fields['other']}"][-2:], ""
+    if deed.partition(" ")[0] == "save":
         what = deed.partition(" ")[2] or "model"
-        page.saved = save(desk, session, what, str(page.fields[what] or ""), force=bool(page.fields["replace"]))
+        return overlays, save(desk, session, what, str(fields[what] or ""), force=fields["replace"])
+    if deed == "cancel":
+        jobs.cancel()
+    elif deed == "open":
+        jobs.start({"task": "open"})
+    elif deed == "diagnose":
+        jobs.start({"task": "diagnose", "number": here})
+    elif deed == "add":
+        jobs.start({"task": "add", "number": here, "label": label, "new": session.next_number()})
     else:
         raise InputError(f"{deed}: there is no such button")
+    return overlays, ""
 
 
 def looked_at(desk: Desk, stand: Stand) -> View | None:

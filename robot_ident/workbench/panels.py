@@ -15,8 +15,6 @@ from robot_ident.workbench.view import CANDIDATE, STEP, Overlay, View, most
 _UNPRESSED: dict[str, Any] = {"aria-pressed": "false"}
 """Of buttons of which one is chosen; the page itself says which."""
 
-_Errors = Mapping[str, Any]
-
 
 def action(text: str, do: str, label: str = "", at: str = "", **more: Any) -> html.Button:
     """Return a button: what it does, to which effect or step; at: tells buttons of the same deed apart."""
@@ -161,32 +159,27 @@ def side_by_side(view: View, overlays: Sequence[Overlay], running: bool) -> list
     if not overlays:
         return [html.P("Tick candidates or steps (two at most) to see them beside the present model.")]
     errors = view.errors
-    columns: list[tuple[str, _Errors, _Errors | None]] = [
-        (f"step {view.number}, now", errors["training"], errors["validation"]),
-        *((one.words, one.training, one.validation) for one in overlays),
-    ]
-    heads = [html.Th(_broken(words), scope="col", className=f"overlay{k}") for k, (words, _, _) in enumerate(columns)]
+    now = Overlay(f"{STEP}{view.number}", f"step {view.number}, now", [], [], errors["training"], errors["validation"])
+    columns = [now, *overlays]
+    heads = [html.Th(_broken(one.words), scope="col", className=f"overlay{k}") for k, one in enumerate(columns)]
     head = html.Tr([html.Th(f"{view.unit(0)} rms"), *heads, html.Th("noise", scope="col")])
-    parts = [_part("training", "noise", view, [training for _, training, _ in columns])]
-    if errors["validation"] is not None:
-        parts.append(_part("validation", "validation_noise", view, [unseen for _, _, unseen in columns]))
+    bodies = []
+    for kind, noise in (("training", "noise"), ("validation", "validation_noise")):
+        if errors[kind] is None:
+            continue
+        rows = [html.Tr(html.Th(kind, scope="rowgroup", colSpan=len(columns) + 2), className="part")]
+        for k, joint in enumerate(view.joints):
+            unit = "" if view.unit(k) == view.unit(0) else f", {view.unit(k)}"
+            every = [*((getattr(one, kind) or {}).get(joint) for one in columns), errors[noise][joint]]
+            cells = [html.Td(NOTHING if square is None else short(square**0.5, 4)) for square in every]
+            rows.append(html.Tr([html.Th(f"{joint}{unit}", scope="row"), *cells]))
+        bodies.append(html.Tbody(rows))
     buttons = [
         action(f"Add {label}", "add", label, "table", disabled=running)
         for label in (one.key.removeprefix(CANDIDATE) for one in overlays if one.key.startswith(CANDIDATE))
         if view.session.find(view.number, label) is None
     ]
-    return [html.Table([html.Thead(head), *parts], className="numbers"), html.Div(buttons, className="line")]
-
-
-def _part(name: str, noise: str, view: View, columns: Sequence[_Errors | None]) -> html.Tbody:
-    """Return the rows of all joints, on training or on validation."""
-    rows = [html.Tr(html.Th(name, scope="rowgroup", colSpan=len(columns) + 2), className="part")]
-    for k, joint in enumerate(view.joints):
-        unit = "" if view.unit(k) == view.unit(0) else f", {view.unit(k)}"
-        cells = [NOTHING if one is None else _rms(one[joint]) for one in columns]
-        floor = html.Td(_rms(view.errors[noise][joint]))
-        rows.append(html.Tr([html.Th(f"{joint}{unit}", scope="row"), *map(html.Td, cells), floor]))
-    return html.Tbody(rows)
+    return [html.Table([html.Thead(head), *bodies], className="numbers"), html.Div(buttons, className="line")]
 
 
 def _broken(words: str) -> list[Any]:
@@ -194,10 +187,6 @@ def _broken(words: str) -> list[Any]:
     first, at, joint = words.partition("@")
     parts = first.replace("_", "_\u200b")  # may be broken after an underscore
     return [parts, html.Br(), f"{at}{joint}"] if at else [words]
-
-
-def _rms(mean_square: float | None) -> str:
-    return NOTHING if mean_square is None else short(mean_square**0.5, 4)
 
 
 _BARS = 7

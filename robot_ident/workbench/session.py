@@ -160,10 +160,9 @@ class Session:
 
     def redo(self) -> None:
         """Look at the step that was left by the last undo."""
-        ahead = self._here().forward.get(str(self.here))
-        if ahead is None or ahead not in self.steps:
+        if not self.can_redo:
             raise InputError("nothing was undone here")
-        self.go(ahead)
+        self.go(self._here().forward[str(self.here)])
 
     @property
     def can_redo(self) -> bool:

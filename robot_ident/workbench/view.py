@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
+from contextlib import suppress
 from dataclasses import dataclass, replace
 from functools import cached_property, lru_cache
 from pathlib import Path
@@ -178,10 +179,8 @@ class View:
         """Return what the keys name, leaving out what is not there (any more)."""
         found = []
         for key in keys:
-            try:
+            with suppress(InputError):
                 found.append(self.overlay(key))
-            except InputError:
-                continue
         return found
 
     def _series(self, name: str) -> list[Array]:
