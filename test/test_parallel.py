@@ -16,7 +16,7 @@ from typing import Any
 
 import pytest
 
-from robot_ident.cli.options import register_effects
+from robot_ident.cli.values import register_effects
 from robot_ident.effects import CATALOGUE
 from robot_ident.errors import InputError
 from robot_ident.parallel import completed, on_cluster, run_parallel

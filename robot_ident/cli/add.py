@@ -4,35 +4,18 @@ from __future__ import annotations
 
 import argparse
 from collections.abc import Sequence
-from typing import TYPE_CHECKING, Any
+from typing import Any
 
-from robot_ident.cli.options import add_json, add_recordings, flag, several
-from robot_ident.cli.output import print_json, refuse_output, say, say_written, tell
+from robot_ident.cli.output import print_json, say, say_written, tell
+from robot_ident.cli.steps import staircase
 from robot_ident.errors import InputError
-
-if TYPE_CHECKING:
-    from robot_ident.workflow.steps import Step
-
-
-def add_arguments(parser: argparse.ArgumentParser) -> None:
-    """Add the command's options."""
-    parser.add_argument("model", metavar="model.yaml", help="the model to extend")
-    parser.add_argument("effects", nargs="+", metavar="NAME@JOINT", help="effects to add")
-    several(parser, "--bag", "BAG", "recordings to fit the model to", required=True)
-    parser.add_argument("-o", "--output", metavar="MODEL2", help="write the extended model to this file")
-    flag(parser, "--force", "overwrite existing files")
-    add_recordings(parser)
-    add_json(parser)
+from robot_ident.model.model_file import is_model, read_model, write_model
+from robot_ident.workflow.inputs import read_inputs
+from robot_ident.workflow.steps import Step, steps_of
 
 
 def run(args: argparse.Namespace) -> int:
     """Add effects to a model, refit, and print the error before and after."""
-    from robot_ident.cli.steps import staircase
-    from robot_ident.model.model_file import is_model, read_model, write_model
-    from robot_ident.workflow.inputs import read_inputs
-    from robot_ident.workflow.steps import steps_of
-
-    refuse_output(args)
     if not is_model(args.model):
         raise InputError(f"{args.model}: not a model; make one by robot_ident identify ... -o model.yaml")
     read_model(args.model).structure.with_further(args.effects)  # what it refuses, it refuses before it reads BAG

@@ -4,43 +4,31 @@ from __future__ import annotations
 
 import argparse
 from dataclasses import replace
-from typing import TYPE_CHECKING
 
-from robot_ident.cli.design import Precision, add_precision, precision, precision_json, precision_lines
-from robot_ident.cli.options import add_accept_unchecked, add_json, add_robot, count, option
+import numpy as np
+
+from robot_ident.cli.design import Precision, precision, precision_json, precision_lines
 from robot_ident.cli.output import margin_table, print_json, refuse_unchecked, say, say_unchecked
+from robot_ident.cli.values import numbers_of
+from robot_ident.design.target import Target
 from robot_ident.errors import CheckFailed, InputError
-
-if TYPE_CHECKING:
-    from robot_ident.limits.certifier import Margins
-    from robot_ident.robot import Robot
-    from robot_ident.signals.motion import Array
-    from robot_ident.trajectories.excitation import Excitation
-    from robot_ident.trajectories.point_to_point import PointToPoint
-
-
-def add_arguments(parser: argparse.ArgumentParser) -> None:
-    """Add the command's options."""
-    parser.add_argument("excitation", metavar="excitation.yaml", help="excitation or validation motion")
-    add_robot(parser)
-    count(parser, "--periods", None, (1, 100_000), "number of periods to play", 1)
-    text = (
-        "check the approach from rest at these positions (rad or m) too; write --from=-0.1,... if the first is negative"
-    )
-    option(parser, "--from", "Q1,Q2,...", text, dest="start")
-    option(parser, "--model", "MODEL", "with --precision: model.yaml that holds the parameters")
-    add_precision(parser)
-    add_accept_unchecked(parser)
-    add_json(parser)
+from robot_ident.limits.certifier import Certifier, Margins, worst_of
+from robot_ident.model.model_file import read_model
+from robot_ident.planning.approach import approach
+from robot_ident.planning.blends import Playback
+from robot_ident.robot import Robot, load_robot
+from robot_ident.signals.motion import Array
+from robot_ident.trajectories.excitation import Excitation
+from robot_ident.trajectories.point_to_point import PointToPoint, load_motion
 
 
 def run(args: argparse.Namespace) -> int:
     """Certify a motion and its way in and out; exit with 3 when a limit is not kept or not known."""
-    from robot_ident.robot import load_robot
-    from robot_ident.trajectories.point_to_point import load_motion
-
     robot = load_robot(args.robot)
-    start = None if args.start is None else _positions(args.start, robot.joints)
+    start = None
+    if args.start is not None:
+        expected = f"--from {args.start}: {robot.n} numbers were expected, for {', '.join(robot.joints)}"
+        start = np.array(numbers_of(args.start, expected, (robot.n,)))
     motion = load_motion(args.excitation)
     motion.check_robot(robot)
     margins, parts, played = _certified(motion, robot, args.periods, start)
@@ -70,10 +58,6 @@ def run(args: argparse.Namespace) -> int:
 
 def _precision(args: argparse.Namespace, motion: Excitation | PointToPoint, robot: Robot) -> Precision | None:
     """Return how many periods of an excitation --precision takes, None where it isn't asked for."""
-    from robot_ident.design.target import Target
-    from robot_ident.model.model_file import read_model
-    from robot_ident.trajectories.excitation import Excitation
-
     if args.precision is None and not args.parameter:
         return None
     if not isinstance(motion, Excitation):
@@ -88,11 +72,6 @@ def _certified(
     """Return the margins of a motion, of its parts (blends and approach, where it keeps the limits itself), and of all
     that is played.
     """
-    from robot_ident.limits.certifier import Certifier, worst_of
-    from robot_ident.planning.approach import approach
-    from robot_ident.planning.blends import Playback
-    from robot_ident.trajectories.excitation import Excitation
-
     certifier = Certifier(robot)
     margins = certifier.margins(motion)
     if not margins.kept:
@@ -107,16 +86,3 @@ def _certified(
     if start is not None:
         parts["approach"] = certifier.margins(approach(start, reference.start_pose, robot))
     return margins, parts, played
-
-
-def _positions(text: str, joints: tuple[str, ...]) -> Array:
-    """Return the positions [n] of a text; InputError unless there is a number for each joint."""
-    import numpy as np
-
-    try:
-        values = np.array([float(word) for word in text.replace(",", " ").split()])
-    except ValueError:
-        values = np.zeros(0)
-    if len(values) != len(joints) or not np.all(np.isfinite(values)):
-        raise InputError(f"--from {text}: {len(joints)} numbers were expected, for {', '.join(joints)}")
-    return values

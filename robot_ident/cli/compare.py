@@ -3,21 +3,33 @@
 from __future__ import annotations
 
 import argparse
+import re
+import time
 from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass
-from typing import TYPE_CHECKING, Any
+from typing import Any
 
-from robot_ident.cli.options import add_json, flag, option
+import numpy as np
+
+from robot_ident.bags import Series, read_for, write_series
 from robot_ident.cli.output import print_json, say, table, tell
 from robot_ident.errors import CheckFailed, InputError, did_you_mean
-
-if TYPE_CHECKING:
-    from robot_ident.bags import Series
-    from robot_ident.residuals.comparison import Comparison, JointComparison
-    from robot_ident.residuals.model_change import ModelChange, ParameterChange
-    from robot_ident.robot.robot import Robot
-    from robot_ident.workflow.inputs import Inputs
-
+from robot_ident.estimation.prediction import at_pose
+from robot_ident.regression.more_than_noise import chance
+from robot_ident.residuals.comparison import Comparison, JointComparison, compare
+from robot_ident.residuals.likely_reason import likely_reason
+from robot_ident.residuals.model_change import (
+    CHANCE,
+    ModelChange,
+    ParameterChange,
+    changed,
+    shared_recordings,
+    torque_change,
+)
+from robot_ident.residuals.regions import ALONG, symbol_and_unit
+from robot_ident.residuals.time_series import along
+from robot_ident.robot.robot import Robot
+from robot_ident.workflow.inputs import Inputs, read_inputs
 
 _BAR = 20  # characters of a whole bar
 _BARS = 8  # variables shown for a joint
@@ -25,40 +37,8 @@ _LEAST = 0.005  # of a share that is worth a bar
 _SENTENCES = 4
 
 
-def add_arguments(parser: argparse.ArgumentParser) -> None:
-    """Add the command's options."""
-    parser.add_argument(
-        "inputs",
-        nargs="+",
-        metavar="model.yaml BAG",
-        help="models and recordings; two models without a recording: what changed",
-    )
-    option(parser, "--topic", "T", "topic of the joint states")
-    text = "write effort, prediction, residual and the torque of each effect as time series (.mcap file or folder)"
-    option(parser, "--mcap", "OUT", text)
-    option(
-        parser,
-        "--over",
-        "WHAT",
-        "also print the residual and its noise as a function of position, velocity, acceleration, load,"
-        " time_since_reversal, time or frequency",
-    )
-    flag(parser, "--fail-on-misfit", "exit with 3 if the first model shows lack of fit at a joint")
-    flag(parser, "--force", "overwrite existing files")
-    flag(parser, "--fail-on-change", "exit with 3 if a parameter changed from the first of two models to the second")
-    add_json(parser)
-
-
 def run(args: argparse.Namespace) -> int:
     """Show models beside measurements, and what has changed between two models."""
-    from robot_ident.files import refuse_existing
-    from robot_ident.residuals.comparison import compare
-    from robot_ident.residuals.likely_reason import likely_reason
-    from robot_ident.residuals.regions import ALONG
-    from robot_ident.workflow.inputs import read_inputs
-
-    if args.mcap:
-        refuse_existing(args.mcap, force=args.force)
     if args.over is not None and args.over not in ALONG:
         raise InputError(f"--over {args.over!r}{did_you_mean(args.over, ALONG)}")
     inputs = read_inputs(args.inputs, [], args.topic)
@@ -191,8 +171,6 @@ def _print_joint(joint: JointComparison, robot: Robot, number: int, model: str) 
 
 def _print_profiles(inputs: Inputs, found: Comparison, what: str) -> None:
     """Print the first model's residual along a variable, joint by joint."""
-    from robot_ident.residuals.regions import symbol_and_unit
-
     robot = inputs.models[0].robot
     for number, joint in enumerate(found.joints):
         for profile in (one for one in joint.profiles if one.what == what):
@@ -217,10 +195,6 @@ def _print_bars(title: str, rows: Sequence[tuple[str, float]], nothing: str) -> 
 
 def _write_mcap(args: argparse.Namespace, inputs: Inputs) -> None:
     """Write what belongs beside the recordings in a viewer, with their own stamps."""
-    from robot_ident.bags import read_for, write_series
-    from robot_ident.estimation.prediction import at_pose
-    from robot_ident.residuals.time_series import along
-
     series: list[Series] = []
     for number, (name, measured) in enumerate(zip(inputs.bags, inputs.measurements, strict=True), 1):
         recording = at_pose(inputs.models[0], read_for(name, inputs.models[0].robot, topic=args.topic))
@@ -230,13 +204,6 @@ def _write_mcap(args: argparse.Namespace, inputs: Inputs) -> None:
 
 
 def _series_along(prefix: str, found: Any) -> Iterator[Series]:
-    import re
-    import time
-
-    import numpy as np
-
-    from robot_ident.bags import Series
-
     rows = found.rows
     start = rows.start_ns or (0 if rows.t[0] > 0 else time.time_ns())
     stamps = start + np.rint(rows.t * 1e9).astype(np.int64)
@@ -268,8 +235,6 @@ def change_between(inputs: Inputs, *, asked: bool) -> Change | None:
     None where the inputs are no two models, or where both come from one recording and are to be held against another;
     asked: whether that is an error.
     """
-    from robot_ident.residuals.model_change import changed, shared_recordings, torque_change
-
     if len(inputs.models) != 2:
         if asked:
             raise InputError("--fail-on-change: takes two models, the old and the new one")
@@ -283,9 +248,6 @@ def change_between(inputs: Inputs, *, asked: bool) -> Change | None:
 
 def say_change(inputs: Inputs, change: Change, *, after: bool) -> None:
     """Print what has changed, joint by joint, then the parameters that did."""
-    from robot_ident.regression.more_than_noise import chance
-    from robot_ident.residuals.model_change import CHANCE
-
     found, old, new = change.found, *inputs.paths
     for note in found.notes:
         tell(f"note: {note}")

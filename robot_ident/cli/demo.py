@@ -22,22 +22,35 @@ from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, replace
 from functools import partial
 from pathlib import Path
-from typing import TYPE_CHECKING, Any, TextIO
+from typing import Any, TextIO
 
-from robot_ident.cli.options import add_json, count, flag, option, within
+from robot_ident.bags import BagGrowth, read_recording
 from robot_ident.cli.output import Progress, print_json, say, table, tell
+from robot_ident.cli.steps import bar
+from robot_ident.design.design import Progress as DesignProgress
+from robot_ident.design.design import design
+from robot_ident.diagnosis.staircase import Step
 from robot_ident.errors import InputError, RobotIdentError
+from robot_ident.estimation.identify import estimate
+from robot_ident.estimation.validation import validate
+from robot_ident.model.model import Model
+from robot_ident.model.model_file import read_model, write_model
+from robot_ident.model.structure import Structure
+from robot_ident.paper.printed import SPRING_CONDITION, SPRING_LOG10_DET
 from robot_ident.parallel import PARENT
-
-if TYPE_CHECKING:
-    from robot_ident.design.design import Progress as DesignProgress
-    from robot_ident.diagnosis.staircase import Step
-    from robot_ident.model.model import Model
-    from robot_ident.robot import Robot
-    from robot_ident.signals.motion import Array
-    from robot_ident.workflow.findings import Findings
-    from robot_ident.workflow.steps import Additions
-
+from robot_ident.planning.blends import Playback
+from robot_ident.planning.validation_motion import validation_motion
+from robot_ident.provenance import provenance
+from robot_ident.recording.process import process
+from robot_ident.report.sections import write_report
+from robot_ident.robot import Robot, load_robot
+from robot_ident.signals.motion import Array
+from robot_ident.testbed.phenomena import plant_physics
+from robot_ident.testbed.simulation import Play
+from robot_ident.trajectories.excitation import Excitation
+from robot_ident.workflow.findings import Findings, gather
+from robot_ident.workflow.inputs import read_excitations, read_inputs, read_sources
+from robot_ident.workflow.steps import Additions, add_until_adequate, find_missing
 
 ROBOT = "kuka_ir361_spring"
 # What the paper's robot of section V has here and its 25 parameters (spring and torque offsets included) lack: a ripple
@@ -51,24 +64,8 @@ HIDDEN = (
 _QUIET = 1e-6  # of the noise's variance: as good as none, and the weights keep their ratios
 
 
-def add_arguments(parser: argparse.ArgumentParser) -> None:
-    """Add the verb's options."""
-    count(parser, "--periods", None, (2, 1000), "steady periods of each trajectory (default %(default)s)", 10)
-    parser.add_argument(
-        "--design-time", type=within(1.0, 3600.0), default=16.0, metavar="S", help="to optimise the excitations"
-    )
-    text = "what the robot has and the paper's model lacks"
-    parser.add_argument("--hidden", nargs="*", default=HIDDEN, metavar="NAME@JOINT:VALUE", help=text)
-    count(parser, "--seed", None, (0, 2**31), "of design and noise (default %(default)s)", 0)
-    option(parser, "--folder", None, "where everything is kept (default ./%(default)s)", "robot_ident_demo")
-    flag(parser, "--force", "replace the folder of an earlier demo")
-    add_json(parser)
-
-
 def run(args: argparse.Namespace) -> int:
     """Design, excite, record, identify, diagnose, add, validate."""
-    from robot_ident.robot import load_robot
-
     started = time.monotonic()
     if importlib.util.find_spec("rclpy") is None:
         raise InputError("the demo needs ROS 2; install it with pip install '.[ros]' in the checkout")
@@ -109,16 +106,6 @@ def _folder(folder: Path, force: bool) -> Path:
 
 def _identify(robot: Robot, runs: list[Run], folder: Path) -> Additions:
     """Identify the model of section V, add what `diagnose --add-until-adequate` names, write every model of the way."""
-    from robot_ident.bags import read_recording
-    from robot_ident.cli.steps import bar
-    from robot_ident.estimation.identify import estimate
-    from robot_ident.model.model_file import write_model
-    from robot_ident.model.structure import Structure
-    from robot_ident.provenance import provenance
-    from robot_ident.recording.process import process
-    from robot_ident.workflow.inputs import read_inputs
-    from robot_ident.workflow.steps import add_until_adequate, find_missing
-
     tell("[3/5] Identifying the paper's 25 parameters (weighted least squares)")
     *fitted, validation = [str(motion.bag) for motion in runs]
     model = estimate([process(read_recording(bag), robot) for bag in fitted], Structure.build(robot))
@@ -137,11 +124,6 @@ def _identify(robot: Robot, runs: list[Run], folder: Path) -> Additions:
 
 def _report(runs: list[Run], count: int, folder: Path, page: Path) -> Findings:
     """Compare the models with the recordings, from what is on disk, and write the report."""
-    from robot_ident.model.model_file import read_model
-    from robot_ident.report.sections import write_report
-    from robot_ident.workflow.findings import gather
-    from robot_ident.workflow.inputs import read_excitations, read_sources
-
     tell("[5/5] Validating on 20 points with full stops, a motion that enters no fit; writing the report")
     paths = [str(folder / f"model_{number}.yaml") for number in range(1, count + 1)]
     models = [(path, read_model(path)) for path in paths]
@@ -166,12 +148,6 @@ def _without_noise(model: Model, runs: list[Run], hidden: Sequence[str]) -> Arra
     The true values themselves, but where the model's formula is not the simulated one (Stribeck friction) and where an
     effect merges with another parameter (the spring's sine with gravity).
     """
-    from robot_ident.estimation.identify import estimate
-    from robot_ident.recording.process import process
-    from robot_ident.testbed.phenomena import plant_physics
-    from robot_ident.testbed.simulation import Play
-    from robot_ident.trajectories.excitation import Excitation
-
     physics = plant_physics(model.robot, list(hidden))
     plays = [Play.of(model.robot, physics, Excitation.read(motion.file).series) for motion in runs[:-1]]
     quiet = [process(play.record(2, noise=_QUIET), model.robot) for play in plays]
@@ -217,8 +193,6 @@ def _pair(step: Step, joint: str, figure: str) -> str:
 
 
 def _to_dict(found: Findings, added: Additions, truth: Array, runs: list[Run], seconds: float) -> dict[str, Any]:
-    from robot_ident.estimation.validation import validate
-
     models = [step.model for step in found.steps]
     return {
         "schema": "robot_ident/demo/1",
@@ -256,11 +230,6 @@ class Run:
 
 def design_motions(robot: Robot, folder: Path, *, periods: int, seconds: float, seed: int) -> list[Run]:
     """Design two excitations and draw a validation motion."""
-    from robot_ident.design.design import design
-    from robot_ident.paper.printed import SPRING_CONDITION, SPRING_LOG10_DET
-    from robot_ident.planning.blends import Playback
-    from robot_ident.planning.validation_motion import validation_motion
-
     runs = []
     for k in range(1, TRAJECTORIES + 1):
         limit = seconds / TRAJECTORIES
@@ -295,8 +264,6 @@ def record(runs: list[Run], folder: Path, *, seed: int, hidden: Sequence[str]) -
 
     A loaded machine only makes it longer: a failure is a node that ends or a motion that stands still.
     """
-    from robot_ident.bags import BagGrowth
-
     longest = max(run.duration for run in runs)
     tell(
         f"[2/5] Playing {len(runs)} motions of up to {longest:.0f} s on {len(runs)} simulated robots side by side,"

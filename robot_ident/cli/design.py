@@ -9,10 +9,11 @@ import time
 from collections.abc import Sequence
 from dataclasses import asdict, dataclass, replace
 from pathlib import Path
-from typing import TYPE_CHECKING, Any
+from typing import Any
+
+import numpy as np
 
 from robot_ident.cli.design_kinds import (
-    add_waypoints,
     check_iterate,
     criteria_line,
     design_json,
@@ -24,33 +25,26 @@ from robot_ident.cli.design_kinds import (
     share_done,
     write_motions,
 )
-from robot_ident.cli.options import (
-    DEFAULT_ROBOT,
-    Options,
-    add_accept_unchecked,
-    add_cluster,
-    add_joints,
-    add_json,
-    add_output,
-    count,
-    each,
-    flag,
-    given_angles,
-    number,
-    option,
-    several,
-)
+from robot_ident.cli.options import DEFAULT_ROBOT
 from robot_ident.cli.output import Progress, table
+from robot_ident.cli.values import given_angles
+from robot_ident.design.bound import TIME_LIMIT, Bound, Proof, determinant_bound
+from robot_ident.design.design import DesignResult, design
+from robot_ident.design.design import Progress as State
+from robot_ident.design.family import family_of
+from robot_ident.design.target import Needed, Target, all_but_payload, periods_needed
 from robot_ident.errors import InputError, did_you_mean
-
-if TYPE_CHECKING:
-    from robot_ident.design.bound import Bound
-    from robot_ident.design.design import DesignResult
-    from robot_ident.design.target import Needed, Target
-    from robot_ident.model.model import Model
-    from robot_ident.robot import Robot
-    from robot_ident.signals.motion import Array
-    from robot_ident.trajectories.excitation import Excitation
+from robot_ident.files import refuse_existing
+from robot_ident.model.model import Model
+from robot_ident.model.model_file import is_model, read_model
+from robot_ident.planning.validation_motion import whole_motion
+from robot_ident.report.design_sections import design_sections
+from robot_ident.report.page import write_page
+from robot_ident.robot import Robot, load_robot
+from robot_ident.signals.motion import Array
+from robot_ident.trajectories.excitation import Excitation
+from robot_ident.workflow.fitting import held_for_design, held_note, within_runs
+from robot_ident.workflow.inputs import prior_information
 
 
 @dataclass(frozen=True)
@@ -69,14 +63,6 @@ class Precision:
         """Periods that all of them take, None where one can't be said."""
         counts = [one.periods for one in self.needed]
         return max((count for count in counts if count is not None), default=None) if None not in counts else None
-
-
-def add_precision(parser: Options) -> None:
-    """Add the options."""
-    text = "also print how many periods bring sigma down to this ratio of the value, e.g. 5%%"
-    option(parser, "--precision", "P", text)
-    text = "with --precision: only this parameter (default: all); its value comes from --model or the robot's files"
-    each(parser, "--parameter", "NAME", text)
 
 
 def check_precision(args: argparse.Namespace, target: Target) -> None:
@@ -98,10 +84,6 @@ def precision(
     check_precision(args, target)
     if args.precision is None:
         return None
-    import numpy as np
-
-    from robot_ident.design.target import periods_needed
-
     share = share_of(args.precision)
     names = target.structure.names
     rows = [target.rows(one) / np.sqrt(target.periods) for one in excitations]
@@ -163,67 +145,8 @@ _EXIT = 0.8  # s that writing, and ending the worker processes, take
 _WHOLE = 2.0  # s for the certificate of the whole robot where some joints are held
 
 
-def add_arguments(parser: argparse.ArgumentParser) -> None:
-    """Add the command's options."""
-    _add_purpose(parser.add_argument_group("what to optimise"))
-    motion = parser.add_argument_group("motion")
-    count(motion, "--harmonics", "L", (1, 60), "harmonics of the Fourier series (default: 5)")
-    number(motion, "--base-frequency", "F", (1e-4, 100.0), "base frequency of the Fourier series, Hz", 0.1)
-    option(motion, "--bandwidth", "LO:HI", "use L harmonics within this band only, Hz")
-    number(motion, "--sample-rate", "HZ", (1.0, 1e5), "sample rate of the trajectory, Hz", 150.0)
-    flag(motion, "--symmetric", "make q(-t) = q(t), which separates friction from conservative torque errors")
-    text = "optimise K trajectories jointly; -o NAME.yaml writes NAME_1.yaml..."
-    count(motion, "--trajectories", "K", (1, 20), text, 1)
-    add_waypoints(motion)
-    text = "instead of an excitation, draw 20 random points with maximum acceleration and a full stop at each"
-    flag(motion, "--validation-motion", text)
-    limits = parser.add_argument_group("limits")
-    text = "stay inside the envelope of these recordings: positions, speeds, accelerations, tool positions"
-    several(limits, "--from", "BAG", text, dest="run_before")
-    add_joints(limits, "move", angle="0")
-    add_accept_unchecked(limits)
-    search = parser.add_argument_group("search")
-    count(search, "--starts", "N", (1, 100_000), "random starts of the optimiser (default: 12)")
-    text = "stop after S seconds of wall time and keep the best result"
-    option(search, "--time-limit", "S", text, type=float)
-    count(search, "--seed", None, (0, 2**31), "seed of the random starts", 0)
-    add_cluster(search)
-    output = parser.add_argument_group("output")
-    add_output(output, "EXCITATION", "excitation.yaml to write")
-    flag(output, "--bound", "also bound the best criterion within the limits (up to 60 s) and print the D-efficiency")
-    option(output, "--page", "PAGE", "page.html to write: the motion, its limits, its information")
-    add_precision(output)
-    add_json(output)
-
-
-def _add_purpose(group: Options) -> None:
-    text = "kuka_ir361, kuka_ir361_spring, a robot YAML, URDF or model.yaml (default: --model's, else kuka_ir361)"
-    option(group, "--robot", "R", text)
-    text = (
-        "d-optimal (log det of the covariance), condition (condition number) or crlb (d-optimal with position noise,"
-        " needs --model or --iterate); default: %(default)s"
-    )
-    option(group, "--criterion", None, text, "d-optimal")
-    several(group, "--effect", "NAME@JOINT", "additional effects to identify", action="extend")
-    flag(
-        group,
-        "--iterate",
-        "with --criterion crlb: measure the simulated robot, estimate, design again until sigma no longer falls;"
-        " --starts and --time-limit are those of each design",
-    )
-    option(group, "--model", "MODEL", "model.yaml whose parameters to optimise for")
-    several(group, "--prior", "BAG", "recordings or models whose information is already available")
-    text = "optimise for the payload's parameters alone, with friction re-estimated"
-    group.add_argument("--only", choices=("payload",), help=text)
-    option(group, "--tell", ("A@j", "B@k"), "optimise the motion to discriminate between two effects", nargs=2)
-
-
 def run(args: argparse.Namespace) -> int:
     """Design excitations."""
-    from robot_ident.files import refuse_existing
-    from robot_ident.workflow.fitting import held_for_design, held_note, within_runs
-    from robot_ident.workflow.inputs import prior_information
-
     files = output_files(args.output, args.trajectories)
     for file in files:
         refuse_existing(file, force=args.force)
@@ -247,8 +170,6 @@ def run(args: argparse.Namespace) -> int:
     check_precision(args, target)
     prior = prior_information(args.prior, target, model, bound=args.criterion == "crlb")
     if args.only:
-        from robot_ident.design.target import all_but_payload
-
         prior = all_but_payload(target) + (0.0 if prior is None else prior)
     limit = args.time_limit
     deadline = None if limit is None else process_start() + limit - min(_EXIT + _WHOLE * bool(held), 0.1 * limit)
@@ -285,19 +206,13 @@ def run(args: argparse.Namespace) -> int:
 
 def check_bound_arguments(args: argparse.Namespace) -> None:
     """Raise InputError where the options don't go together, or the page can't be written."""
-    from robot_ident.files import refuse_existing
-
     for name, given in (("--bound", args.bound), ("--page", args.page)):
         if given and args.tell:
             raise InputError(f"{name} goes with a criterion, not with --tell")
-    if args.page:
-        refuse_existing(args.page, force=args.force)
 
 
 def until_bound(args: argparse.Namespace, deadline: float | None) -> float | None:
     """Return when the search has to end so that the bound fits into the time limit."""
-    from robot_ident.design.bound import TIME_LIMIT
-
     if deadline is None or not args.bound:
         return deadline
     return deadline - min(TIME_LIMIT, _SHARE * max(0.0, deadline - time.monotonic()))
@@ -309,9 +224,6 @@ def bounded(
     """Return the design with the bound in what its files say was achieved."""
     if not args.bound:
         return found, None
-    from robot_ident.design.bound import TIME_LIMIT, Proof, determinant_bound
-    from robot_ident.design.family import family_of
-
     time_limit = TIME_LIMIT if deadline is None else min(TIME_LIMIT, max(1.0, deadline - time.monotonic()))
     started = time.monotonic()
     band = found.excitation.reproduce.get("bandwidth")
@@ -348,9 +260,6 @@ def bound_lines(bound: Bound | None, found: DesignResult) -> list[str]:
 
 def write_design_page(args: argparse.Namespace, found: DesignResult, target: Target, bound: Bound | None) -> None:
     """Write the page of `--page`."""
-    from robot_ident.report.design_sections import design_sections
-    from robot_ident.report.page import write_page
-
     units = tuple(parameter.unit for parameter in target.structure.parameters)
     first = found.excitation
     series = f"{first.harmonics} harmonics of {first.base_frequency:g} Hz, sampled at {first.sample_rate:g} Hz"
@@ -384,9 +293,6 @@ def bandwidth_of(text: str | None) -> tuple[float, float] | None:
 
 def _model_and_robot(args: argparse.Namespace) -> tuple[Model | None, Robot]:
     """Return the model, if any, and the robot: that of --robot (where a model may stand for both), else the model's."""
-    from robot_ident.model.model_file import is_model, read_model
-    from robot_ident.robot import load_robot
-
     model = read_model(args.model) if args.model else None
     if args.robot is None:
         return model, model.robot if model else load_robot(DEFAULT_ROBOT)
@@ -411,8 +317,6 @@ def _check_model(args: argparse.Namespace, model: Model | None, robot: Robot) ->
 
 
 def _target(args: argparse.Namespace, model: Model | None, robot: Robot) -> Target:
-    from robot_ident.design.target import Target
-
     return Target.of_robot(robot, args.effect) if model is None else Target.of_model(model, args.effect, robot=robot)
 
 
@@ -424,9 +328,6 @@ def _design(
     band: tuple[float, float] | None,
     deadline: float | None,
 ) -> DesignResult:
-    from robot_ident.design.design import Progress as State
-    from robot_ident.design.design import design
-
     with Progress("design", 1.0) as bar:
 
         def show(state: State) -> None:
@@ -457,8 +358,6 @@ def _moved_alone(excitation: Excitation, robot: Robot, held: dict[str, float]) -
     """Return an excitation of some joints as one of the whole robot, the others held."""
     if not held:
         return excitation
-    from robot_ident.planning.validation_motion import whole_motion
-
     return whole_motion(excitation, robot, held)
 
 

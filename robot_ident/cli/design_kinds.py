@@ -8,9 +8,10 @@ from __future__ import annotations
 import argparse
 import time
 from collections.abc import Callable, Iterable, Sequence
-from typing import TYPE_CHECKING, Any, Protocol
+from typing import Any, Protocol
 
-from robot_ident.cli.options import Options, count, option
+import numpy as np
+
 from robot_ident.cli.output import (
     Progress,
     margin_table,
@@ -22,18 +23,19 @@ from robot_ident.cli.output import (
     table,
     tell,
 )
+from robot_ident.design.criteria import Evaluation, evaluate_rows
+from robot_ident.design.design import DesignResult
+from robot_ident.design.design import Progress as State
+from robot_ident.design.discrimination import NEEDED, tell_apart
+from robot_ident.design.target import Target
+from robot_ident.design.tours import Waypoints, plan_tour
 from robot_ident.errors import InputError
-
-if TYPE_CHECKING:
-    from robot_ident.design.criteria import Evaluation
-    from robot_ident.design.design import DesignResult
-    from robot_ident.design.design import Progress as State
-    from robot_ident.design.target import Target
-    from robot_ident.limits.certifier import Margins
-    from robot_ident.robot import Robot
-    from robot_ident.signals.motion import Array
-    from robot_ident.trajectories.excitation import Excitation
-
+from robot_ident.limits.certifier import Margins, certify
+from robot_ident.planning.validation_motion import validation_motion
+from robot_ident.robot import Robot
+from robot_ident.signals.motion import Array
+from robot_ident.testbed.redesign import redesign
+from robot_ident.trajectories.excitation import Excitation
 
 _NOT_WITH = {
     "--validation-motion": "--waypoints --tell --only --iterate --prior --symmetric --bandwidth --harmonics --starts"
@@ -135,12 +137,6 @@ def share_done(args: argparse.Namespace, state: State) -> float:
 
 def run_validation(args: argparse.Namespace, target: Target, files: Sequence[str]) -> int:
     """Draw a certified motion through random points with full stops, and write it (Swevers et al. 1997, section V)."""
-    import numpy as np
-
-    from robot_ident.design.criteria import evaluate_rows
-    from robot_ident.limits.certifier import certify
-    from robot_ident.planning.validation_motion import validation_motion
-
     refuse_others(args, "--validation-motion")
     started = time.monotonic()
     motion = validation_motion(target.robot, seed=args.seed)
@@ -158,18 +154,8 @@ def run_validation(args: argparse.Namespace, target: Target, files: Sequence[str
     return finish(args, files, margins, data, [line])
 
 
-def add_waypoints(parser: Options) -> None:
-    """Add the options."""
-    text = "instead of a Fourier series, plan a repeated tour of moves between the approved poses of a YAML"
-    option(parser, "--waypoints", "FILE", text)
-    count(parser, "--moves", "K", (2, 200), "maximum number of moves of the tour", 12)
-    count(parser, "--repeats", "M", (1, 1000), "repetitions of the tour", 8)
-
-
 def run_waypoints(args: argparse.Namespace, target: Target, files: Sequence[str]) -> int:
     """Plan a tour, and write it as a point-to-point motion."""
-    from robot_ident.design.tours import Waypoints, plan_tour
-
     refuse_others(args, "--waypoints")
     started = time.monotonic()
     waypoints = Waypoints.read(args.waypoints, target.robot)
@@ -222,8 +208,6 @@ def run_tell(
     finished: Callable[[Excitation], Excitation],
 ) -> int:
     """Design the motion that tells two effects apart; finished: what makes of it what is written."""
-    from robot_ident.design.discrimination import NEEDED, tell_apart
-
     if args.trajectories > 1 or args.symmetric or args.bandwidth or args.harmonics:
         raise InputError(
             "--tell chooses its motion's form itself: leave out --trajectories, --symmetric, --bandwidth and"
@@ -279,8 +263,6 @@ def check_iterate(args: argparse.Namespace) -> None:
 
 def run_iterate(args: argparse.Namespace, robot: Robot, files: Sequence[str]) -> int:
     """Iterate, print the bound from round to round, write the last motion."""
-    from robot_ident.testbed.redesign import redesign
-
     with Progress("design", 1.0) as bar:
 
         def show(number: int, state: State) -> None:

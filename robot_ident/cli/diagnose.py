@@ -4,48 +4,27 @@ from __future__ import annotations
 
 import argparse
 from dataclasses import replace
-from typing import TYPE_CHECKING
 
-from robot_ident.cli.options import add_json, add_output, add_recordings, flag
-from robot_ident.cli.output import print_json, refuse_output, say, say_written, table, tell
+import numpy as np
+
+from robot_ident.cli.output import print_json, say, say_written, table, tell
+from robot_ident.cli.steps import bar, print_additions, to_dict
+from robot_ident.diagnosis.diagnosis import Diagnosis, Finding
 from robot_ident.errors import InputError
-
-if TYPE_CHECKING:
-    from robot_ident.diagnosis.diagnosis import Diagnosis, Finding
-    from robot_ident.robot.robot import Robot
-    from robot_ident.workflow.inputs import Inputs
-    from robot_ident.workflow.steps import Step
+from robot_ident.estimation.validation import residual_on, unusable_on
+from robot_ident.model.model_file import write_model
+from robot_ident.regression.more_than_noise import chance
+from robot_ident.robot.robot import Robot
+from robot_ident.workflow.inputs import Inputs, read_inputs
+from robot_ident.workflow.steps import Additions, Step, add_until_adequate, find_missing
 
 _TIED_LISTED = 3  # of the candidates that one is tied with: the table stays readable, --json has them all
 
 
-def add_arguments(parser: argparse.ArgumentParser) -> None:
-    """Add the command's options."""
-    parser.add_argument(
-        "inputs",
-        nargs="+",
-        metavar="model.yaml BAG",
-        help="one model and its recordings, two or more for a conclusive verdict",
-    )
-    add_recordings(parser.add_argument_group("recordings"))
-    extension = parser.add_argument_group("model extension")
-    text = "add the missing effects and repeat until the model is adequate; print the error after each step"
-    flag(extension, "--add-until-adequate", text)
-    output = parser.add_argument_group("output")
-    add_output(output, "MODEL", "with --add-until-adequate: extended model to write")
-    add_json(output)
-
-
 def run(args: argparse.Namespace) -> int:
     """Say which physical effect is missing."""
-    from robot_ident.cli.steps import bar, print_additions, to_dict
-    from robot_ident.model.model_file import write_model
-    from robot_ident.workflow.inputs import read_inputs
-    from robot_ident.workflow.steps import Additions, add_until_adequate, find_missing
-
     if args.output and not args.add_until_adequate:
         raise InputError(f"-o {args.output}: a model is written only with --add-until-adequate")
-    refuse_output(args)
     inputs = read_inputs(args.inputs, args.validation, args.topic)
     if len(inputs.models) != 1 or not inputs.measurements:
         raise InputError("diagnose takes one model and at least one recording")
@@ -69,8 +48,6 @@ def run(args: argparse.Namespace) -> int:
 
 def _troubles(found: Diagnosis, inputs: Inputs, steps: list[Step]) -> tuple[str, ...]:
     """Return on which recordings kept aside the model is worse than none, with what was added if something was."""
-    from robot_ident.estimation.validation import residual_on, unusable_on
-
     if steps:
         return steps[-1].troubles
     lines = unusable_on(inputs.models[0], inputs.validation)
@@ -144,8 +121,6 @@ def _print_named(finding: Finding, inputs: Inputs) -> None:
 
 
 def _row(rank: int, s: Finding, named: bool, robot: Robot) -> tuple[object, ...]:
-    from robot_ident.regression.more_than_noise import chance
-
     joint = s.place
     share = f"{100 * s.explained:.0f} %"
     before, after = s.mse_before[joint] ** 0.5, s.mse_after[joint] ** 0.5
@@ -159,8 +134,6 @@ def _row(rank: int, s: Finding, named: bool, robot: Robot) -> tuple[object, ...]
 
 def _floors(inputs: Inputs) -> dict[str, float | None]:
     """Return the rms noise of the averaged data by joint, None where it is unknown."""
-    import numpy as np
-
     variance = np.mean([measured.averaged_variance for measured in inputs.measurements], axis=0)
     joints = inputs.models[0].robot.joints
     return {joint: float(np.sqrt(v)) if np.isfinite(v) else None for joint, v in zip(joints, variance, strict=True)}

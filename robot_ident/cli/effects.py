@@ -3,26 +3,16 @@
 from __future__ import annotations
 
 import argparse
-from typing import TYPE_CHECKING, Any
+from typing import Any
 
-from robot_ident.cli.options import add_json
 from robot_ident.cli.output import print_json, say, table
-
-if TYPE_CHECKING:
-    from robot_ident.effects import Effect, Inner
-
-
-def add_arguments(parser: argparse.ArgumentParser) -> None:
-    """Add the command's options."""
-    parser.add_argument("name", nargs="?", metavar="NAME", help="effect to explain (default: list all)")
-    add_json(parser)
+from robot_ident.effects import CATALOGUE, Effect, Inner
+from robot_ident.errors import InputError, did_you_mean
+from robot_ident.testbed.phenomena import PHYSICS, formula
 
 
 def run(args: argparse.Namespace) -> int:
     """Print the catalogue, or all about one effect."""
-    from robot_ident.effects import CATALOGUE
-    from robot_ident.errors import InputError, did_you_mean
-
     if args.name is not None and args.name not in CATALOGUE:
         raise InputError(f"unknown effect {args.name!r}{did_you_mean(args.name, CATALOGUE)}")
     chosen = [CATALOGUE[args.name]] if args.name else list(CATALOGUE.values())
@@ -92,8 +82,6 @@ def page(effect: type[Effect]) -> str:
 
 def _simulated(name: str) -> list[tuple[str, str]]:
     """Return how the simulated robot makes an effect and what `simulate --effect` may say of it."""
-    from robot_ident.testbed.phenomena import PHYSICS, formula
-
     if name not in PHYSICS:
         return []
     kind = PHYSICS[name]

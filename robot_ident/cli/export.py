@@ -6,48 +6,27 @@ import argparse
 from collections.abc import Callable, Mapping
 from dataclasses import asdict, dataclass, replace
 from pathlib import Path
-from typing import TYPE_CHECKING
 
-from robot_ident.cli.options import add_json, flag, number, option
+from robot_ident.bags import read_for
+from robot_ident.cli.identify import fit_table
 from robot_ident.cli.output import print_json, say, say_written, table, tell
-
-if TYPE_CHECKING:
-    from robot_ident.export.exported import Exported
-    from robot_ident.model.model import Fit, Model
-
+from robot_ident.errors import InputError
+from robot_ident.estimation.prediction import measured_for
+from robot_ident.estimation.validation import residual_on, unusable
+from robot_ident.export.exported import Dynamics, Exported, torque_of
+from robot_ident.export.inertias import impossible
+from robot_ident.export.to_c import to_c
+from robot_ident.export.to_mjcf import to_mjcf
+from robot_ident.export.to_urdf import to_urdf
+from robot_ident.files import refuse_existing, whole, write_text
+from robot_ident.model.model import Fit, Model
+from robot_ident.model.model_file import read_model
 
 _UNCERTAIN = 5.0  # standard deviations by which parameters may be impossible and do no harm to a torque
 
 
-def add_arguments(parser: argparse.ArgumentParser) -> None:
-    """Add the command's options."""
-    parser.add_argument("model", metavar="model.yaml", help="identified model")
-    form = parser.add_mutually_exclusive_group(required=True)
-    option(form, "--urdf", "F", "write the robot's URDF with the identified inertias and joint friction")
-    option(form, "--mjcf", "F", "write a MuJoCo model, including rotor inertias")
-    option(form, "--c", "DIR", "write C code of torque, gravity and friction to this folder")
-    text = "with --c: speed below which Coulomb friction is smoothed, rad/s or m/s"
-    number(parser, "--smoothing", "V", (1e-9, 1e3), text, 0.01)
-    text = "recording on which to print the model's error and the torque of the effects not exported"
-    option(parser, "--validation", "BAG", text)
-    option(parser, "--topic", "T", "topic of the joint states")
-    flag(
-        parser,
-        "--anyway",
-        "export even if the model misses half of its own torque, fails on --validation or is not physically"
-        " consistent (C code)",
-    )
-    flag(parser, "--force", "overwrite existing files")
-    add_json(parser)
-
-
 def run(args: argparse.Namespace) -> int:
     """Write a model in another format and say what the format can't carry."""
-    from robot_ident.cli.identify import fit_table
-    from robot_ident.errors import InputError
-    from robot_ident.files import refuse_existing, write_text
-    from robot_ident.model.model_file import read_model
-
     form = next(name for name in FORMATS if getattr(args, name))
     target = Path(getattr(args, form))
     if form == "c" and target.is_file():
@@ -96,18 +75,10 @@ def run(args: argparse.Namespace) -> int:
 
 
 def _of_dynamics(model: Model, args: argparse.Namespace) -> Exported:
-    from robot_ident.export.exported import Dynamics
-    from robot_ident.export.to_mjcf import to_mjcf
-    from robot_ident.export.to_urdf import to_urdf
-
     return (to_urdf if args.urdf else to_mjcf)(Dynamics.of(model))
 
 
 def _c(model: Model, args: argparse.Namespace) -> Exported:
-    from robot_ident.errors import InputError
-    from robot_ident.export.inertias import impossible
-    from robot_ident.export.to_c import to_c
-
     made = to_c(model, args.smoothing)
     found = None if model.physical_inertias is not None else impossible(model)
     if found is None:
@@ -139,11 +110,6 @@ class _Held:
 def _held_against(model: Model, made: Exported, args: argparse.Namespace) -> _Held:
     if not args.validation:
         return _Held({}, {}, None)
-    from robot_ident.bags import read_for
-    from robot_ident.estimation.prediction import measured_for
-    from robot_ident.estimation.validation import residual_on, unusable
-    from robot_ident.export.exported import torque_of
-
     measured = measured_for(model, read_for(args.validation, model.robot, topic=args.topic))
     residual = residual_on(model, measured)
     left = torque_of(model, made.left, measured.motion)
@@ -153,8 +119,6 @@ def _held_against(model: Model, made: Exported, args: argparse.Namespace) -> _He
 
 def _write_folder(target: Path, files: Mapping[str, str], *, force: bool) -> None:
     """Write the files of an export into a folder: a new one whole, into one that is there each of them whole."""
-    from robot_ident.files import refuse_existing, whole, write_text
-
     if target.is_dir():
         for name in files:
             refuse_existing(target / name, force=force)

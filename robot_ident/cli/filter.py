@@ -4,37 +4,18 @@ from __future__ import annotations
 
 import argparse
 from dataclasses import replace
-from typing import TYPE_CHECKING
 
-from robot_ident.cli.options import add_json, add_robot, count, option
+from robot_ident.bags import read_for
+from robot_ident.cli.identify import to_the_digit
 from robot_ident.cli.output import print_json, say, table
 from robot_ident.errors import InputError
-
-if TYPE_CHECKING:
-    from robot_ident.recording.filter_response import FrequencyResponse, IdentifiedFilter
-
-
-def add_arguments(parser: argparse.ArgumentParser) -> None:
-    """Add the command's options."""
-    parser.add_argument(
-        "response",
-        metavar="RESPONSE.csv",
-        nargs="?",
-        help="measured response: columns frequency [Hz], gain (ratio), phase [deg] and, where known, deviation",
-    )
-    option(parser, "--with", "BAG", "instead: recording of a motion with the filter", dest="behind")
-    option(parser, "--without", "BAG", "recording of the same motion without the filter")
-    add_robot(parser)
-    option(parser, "--joint", "J", "with two recordings: this joint only (default: all together)")
-    count(parser, "--order", "N", (1, 12), "order of the filter (default: that of the least BIC)")
-    add_json(parser)
+from robot_ident.recording.filter_response import FrequencyResponse, IdentifiedFilter, between, identify_filter
+from robot_ident.recording.process import process
+from robot_ident.robot import load_robot
 
 
 def run(args: argparse.Namespace) -> int:
     """Identify the filter and print the section for the robot YAML."""
-    from robot_ident.cli.identify import to_the_digit
-    from robot_ident.recording.filter_response import FrequencyResponse, identify_filter
-
     if (args.response is None) == (args.behind is None and args.without is None) or (
         (args.behind is None) != (args.without is None)
     ):
@@ -65,11 +46,6 @@ def run(args: argparse.Namespace) -> int:
 
 def _between(args: argparse.Namespace) -> FrequencyResponse:
     """Return the response between the two recordings, of one joint or all."""
-    from robot_ident.bags import read_for
-    from robot_ident.recording.filter_response import between
-    from robot_ident.recording.process import process
-    from robot_ident.robot import load_robot
-
     whole = load_robot(args.robot)
     robot = replace(whole, anti_alias=())
     behind, without = (process(read_for(bag, robot), robot) for bag in (args.behind, args.without))

@@ -6,33 +6,29 @@ import argparse
 import math
 from collections.abc import Mapping
 from dataclasses import replace
-from typing import TYPE_CHECKING, Any
+from typing import Any
 
-from robot_ident.cli.options import (
-    AS_DECLARED,
-    add_bags_and_effects,
-    add_joints,
-    add_json,
-    add_output,
-    add_processing,
-    add_reading,
-    add_robot,
-    bags_of,
-    flag,
-    given_angles,
-    option,
-    processing_of,
-    refuse_default_robot,
-)
-from robot_ident.cli.output import print_json, refuse_output, say, say_written, table, tell
+from robot_ident.bags import read_for
+from robot_ident.cli.output import print_json, say, say_written, table, tell
+from robot_ident.cli.values import bags_of, given_angles, processing_of, refuse_default_robot
+from robot_ident.effects import refuse_unseen
 from robot_ident.errors import InputError
+from robot_ident.estimation.effort_checks import contradictions
+from robot_ident.estimation.identify import with_base
+from robot_ident.estimation.payload import NOTHING, PayloadFit, bare, identify_payload, part_of
+from robot_ident.files import refuse_twice, write_text
+from robot_ident.model.model import Fit, Model
+from robot_ident.model.model_file import read_model, write_model
+from robot_ident.model.structure import Structure
+from robot_ident.provenance import provenance
+from robot_ident.recording.checks import refuse_copies, refuse_same_rows
+from robot_ident.recording.conditions import Conditions, KnownPayload
+from robot_ident.recording.measurement import Processing
+from robot_ident.recording.process import process
+from robot_ident.robot import Robot, load_robot
+from robot_ident.workflow.fitting import at_its_speed, held_in_recordings, held_note
 
-if TYPE_CHECKING:
-    from robot_ident.estimation.payload import PayloadFit
-    from robot_ident.model.model import Fit, Model
-    from robot_ident.robot import Robot
-
-
+_OTHERWISE = ", or continue with --as-declared"
 _MOMENTS = "Ixx", "Ixy", "Iyy", "Ixz", "Iyz", "Izz"
 
 _OF_THE_MODEL = (
@@ -44,21 +40,11 @@ _OF_THE_MODEL = (
 
 def run_only(args: argparse.Namespace) -> int:
     """Identify a payload and print it with its uncertainty."""
-    from robot_ident.bags import read_for
-    from robot_ident.estimation.effort_checks import contradictions
-    from robot_ident.estimation.payload import bare, identify_payload, part_of
-    from robot_ident.files import refuse_twice, write_text
-    from robot_ident.model.model_file import read_model
-    from robot_ident.recording.checks import refuse_copies
-    from robot_ident.recording.measurement import Processing
-    from robot_ident.recording.process import process
-
     if not args.model:
         raise InputError("--only payload: --model model.yaml is needed, the arm without the payload")
     given = [option for option in _OF_THE_MODEL if getattr(args, option[2:].replace("-", "_"))]
     if given:
         raise InputError(f"--only payload does not go with {', '.join(given)}: the model says so")
-    refuse_output(args)
     refuse_twice(args.bags)
     model = read_model(args.model)
     used = Processing(**dict(model.processing)) if model.processing else Processing()
@@ -70,7 +56,7 @@ def run_only(args: argparse.Namespace) -> int:
     bared = [replace(recording, conditions=bare(recording.conditions)) for recording in recordings]
     measurements = [process(recording, model.robot, processing) for recording in bared]
     refuse_copies(measurements)
-    doubts = contradictions(measurements, model.robot, as_declared=args.as_declared, otherwise=AS_DECLARED, loaded=True)
+    doubts = contradictions(measurements, model.robot, as_declared=args.as_declared, otherwise=_OTHERWISE, loaded=True)
     part = part_of([(recording.source, recording.conditions) for recording in recordings])
     found = identify_payload(measurements, model, next(iter(stated)), part)
     found = replace(found, notes=(*doubts, *(n for m in measurements for n in m.notes), *found.notes))
@@ -87,8 +73,6 @@ def run_only(args: argparse.Namespace) -> int:
 
 def _conditions(found: PayloadFit) -> str:
     """Return the payload as the conditions of a recording, none where the data tell of nothing in the hand."""
-    from robot_ident.recording.conditions import Conditions, KnownPayload
-
     empty = _empty(found)
     if empty:
         return Conditions(note=empty).text()
@@ -106,7 +90,6 @@ def _empty(found: PayloadFit) -> str:
 
 def body_table(body: Mapping[str, Any]) -> str:
     """Return mass, centre and inertia of a payload with their standard deviations."""
-    from robot_ident.estimation.payload import NOTHING
 
     def row(name: str, value: float, std: float, unit: str, what: str) -> tuple[str, str, str, str]:
         if what in body["given"]:
@@ -134,55 +117,13 @@ def _print(found: PayloadFit, output: str | None) -> None:
     say_written(output)
 
 
-def add_arguments(parser: argparse.ArgumentParser) -> None:
-    """Add the command's options."""
-    model = parser.add_argument_group("model")
-    add_bags_and_effects(parser, model)
-    add_robot(model)
-    add_joints(model, "identify", angle="as recorded")
-    text = "estimate the payload and friction alone, on an arm with a known --model"
-    model.add_argument("--only", choices=("payload",), help=text)
-    option(model, "--model", "MODEL", "with --only: model.yaml of the arm without payload")
-    text = (
-        "prediction: choose offsets, rotor inertias and filters by cross-validation; declared: use those of the robot"
-        " YAML and the options (default: the robot YAML's, else prediction)"
-    )
-    model.add_argument("--base", choices=("prediction", "declared"), help=text)
-    estimation = parser.add_argument_group("estimation")
-    text = (
-        "ls (least squares), wls (weighted), ml (maximum likelihood), iv (instrumental variables); default: %(default)s"
-    )
-    option(estimation, "--estimator", None, text, "wls")
-    flag(estimation, "--physical", "project the estimate onto physically consistent parameters (needs clarabel)")
-    flag(estimation, "--as-declared", "continue even if the data contradict the robot YAML's effort metadata")
-    add_reading(parser.add_argument_group("reading the recordings"))
-    add_processing(parser.add_argument_group("signal processing"))
-    output = parser.add_argument_group("output")
-    add_output(output, "MODEL", "model.yaml to write")
-    add_json(output)
-
-
 def run(args: argparse.Namespace) -> int:
     """Identify and print the parameters with their uncertainty."""
-    from robot_ident.bags import read_for
-    from robot_ident.effects import refuse_unseen
-    from robot_ident.estimation.effort_checks import contradictions
-    from robot_ident.estimation.identify import with_base
-    from robot_ident.files import refuse_twice
-    from robot_ident.model.model_file import write_model
-    from robot_ident.model.structure import Structure
-    from robot_ident.provenance import provenance
-    from robot_ident.recording.checks import refuse_copies, refuse_same_rows
-    from robot_ident.recording.process import process
-    from robot_ident.robot import load_robot
-    from robot_ident.workflow.fitting import at_its_speed, held_in_recordings, held_note
-
     args.bags = bags_of(args)
     if args.only:
         return run_only(args)
     if args.model:
         raise InputError("--model: goes with --only payload; identify estimates the whole arm anew")
-    refuse_output(args)
     whole = load_robot(args.robot)
     refuse_twice(args.bags)
     refuse_unseen(args.effect, whole)
@@ -195,7 +136,7 @@ def run(args: argparse.Namespace) -> int:
     structure = Structure.build(robot, args.effect)
     measurements = [process(recording, robot, processing) for recording in recordings]
     refuse_copies(measurements)
-    doubts = contradictions(measurements, robot, as_declared=args.as_declared, otherwise=AS_DECLARED)
+    doubts = contradictions(measurements, robot, as_declared=args.as_declared, otherwise=_OTHERWISE)
     chosen = with_base(recordings, measurements, structure, processing)
     model = chosen.model(estimator=args.estimator, physical=args.physical, notes=(*held_note(whole, held), *doubts))
     options = {

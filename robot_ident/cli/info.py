@@ -3,36 +3,25 @@
 from __future__ import annotations
 
 import argparse
-from typing import TYPE_CHECKING
 
-from robot_ident.cli.options import add_json, add_robot, option
+from robot_ident.bags import describe, read_for, read_recording
 from robot_ident.cli.output import print_json, say, table, tell
 from robot_ident.errors import InputError
-
-if TYPE_CHECKING:
-    from robot_ident.estimation.declaration import Declared
-    from robot_ident.recording.recording import Recording
-    from robot_ident.recording.summary import Summary
-    from robot_ident.robot import Robot
-
-
-def add_arguments(parser: argparse.ArgumentParser) -> None:
-    """Add the command's options."""
-    parser.add_argument("bag", metavar="BAG", help="bag, .npz or .csv")
-    add_robot(parser, default=None)
-    option(parser, "--topic", "T", "topic of the joint states")
-    add_json(parser)
+from robot_ident.estimation.contradiction import coupling_contradiction
+from robot_ident.estimation.declaration import Declared, judge_measured
+from robot_ident.estimation.effort_checks import EffortChecks, undecided_directions
+from robot_ident.recording.checks import check_plausible, check_samples, silent_efforts
+from robot_ident.recording.effort import at_the_joints
+from robot_ident.recording.measurement import Processing
+from robot_ident.recording.process import process
+from robot_ident.recording.recording import Recording
+from robot_ident.recording.resolution import coarse_notes
+from robot_ident.recording.summary import Summary, summarise
+from robot_ident.robot import Robot, load_robot
 
 
 def run(args: argparse.Namespace) -> int:
     """Describe a bag: its topics, and the joint states in it."""
-    from robot_ident.bags import describe, read_for, read_recording
-    from robot_ident.recording.checks import check_plausible, check_samples
-    from robot_ident.recording.effort import at_the_joints
-    from robot_ident.recording.resolution import coarse_notes
-    from robot_ident.recording.summary import summarise
-    from robot_ident.robot import load_robot
-
     bag = describe(args.bag)
     robot = load_robot(args.robot) if args.robot else None
     summary, trouble = None, None
@@ -79,13 +68,6 @@ def run(args: argparse.Namespace) -> int:
 
 def _judged(recording: Recording, robot: Robot) -> tuple[list[Declared], list[str]]:
     """Return by joint how effort and rigid model go together, and what else there is to say of it."""
-    from robot_ident.estimation.contradiction import coupling_contradiction
-    from robot_ident.estimation.declaration import judge_measured
-    from robot_ident.estimation.effort_checks import EffortChecks, undecided_directions
-    from robot_ident.recording.checks import silent_efforts
-    from robot_ident.recording.measurement import Processing
-    from robot_ident.recording.process import process
-
     if silent_efforts(recording):
         return [], ["effort is not held against the URDF: some of it was never measured"]
     if recording.conditions.estimated:

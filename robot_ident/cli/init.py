@@ -7,45 +7,32 @@ import os
 from dataclasses import replace
 from functools import partial
 from pathlib import Path
-from typing import TYPE_CHECKING
 
-from robot_ident.cli.options import add_json, add_output, each, numbers_of, option
+import numpy as np
+
+from robot_ident.bags import read_recording, read_robot_description, topic_of_joints
 from robot_ident.cli.output import print_json, say, say_written, tell
+from robot_ident.cli.values import angles_of, numbers_of
+from robot_ident.configuration import load_yaml
 from robot_ident.errors import InputError, did_you_mean
-from robot_ident.files import read_text
+from robot_ident.estimation.contradiction import contradiction
+from robot_ident.estimation.declaration import judge_declaration
+from robot_ident.files import read_text, refuse_existing, write_text
+from robot_ident.limits.certifier import Certifier
+from robot_ident.recording.resolution import position_step
+from robot_ident.recording.summary import summarise
+from robot_ident.robot import load_robot
+from robot_ident.robot.draft import Draft, Evidence, draft_robot
+from robot_ident.robot.robot import Definition, Robot
+from robot_ident.robot.robot_file import robot_of
+from robot_ident.robot.urdf import Inventory, read_inventory
 
 _NO_INERTIA = 1e-9  # of the moments about the joint: what rounding leaves of zero
-
-if TYPE_CHECKING:
-    from robot_ident.robot.draft import Draft, Evidence
-    from robot_ident.robot.robot import Robot
-    from robot_ident.robot.urdf import Inventory
-
-
-def add_arguments(parser: argparse.ArgumentParser) -> None:
-    """Add the command's options."""
-    option(parser, "--urdf", "X", "URDF, or the output of xacro (default: /robot_description in BAG)")
-    option(parser, "--bag", "BAG", "recording of the robot, for its joint names and noise")
-    option(parser, "--topic", "T", "topic of the joint states in BAG")
-    parser.add_argument("--name", help="name of the robot (default: the URDF's)")
-    placed = parser.add_mutually_exclusive_group()
-    placed.add_argument("--mount", choices=("floor", "wall", "ceiling"), help="surface to which the base is mounted")
-    option(placed, "--gravity", "X,Y,Z", "gravity in the base frame, m/s^2")
-    text = "acceleration limits, rad/s^2: one for all moving joints, or one per joint"
-    option(parser, "--acceleration", "A[,A...]", text)
-    each(parser, "--hold", "JOINT=ANGLE", "joint that does not move, and its position in rad or m")
-    add_output(parser, "ROBOT", "robot.yaml to write", required=True)
-    add_json(parser)
 
 
 def run(args: argparse.Namespace) -> int:
     """Write a robot YAML with what was found, guessed and is missing."""
-    from robot_ident.files import refuse_existing, write_text
-    from robot_ident.robot.draft import draft_robot
-    from robot_ident.robot.urdf import read_inventory
-
     output = Path(args.output)
-    refuse_existing(output, force=args.force)
     text, source = _urdf(args)
     topic = _topic(args, [joint.name for joint in read_inventory(text, source).joints if joint.moves])
     evidence = _evidence(args.bag, topic) if args.bag else None
@@ -93,8 +80,6 @@ def _urdf(args: argparse.Namespace) -> tuple[str, str]:
         return read_text(args.urdf), args.urdf
     if not args.bag:
         raise InputError("--urdf or --bag is needed: a URDF, or a recording with /robot_description in it")
-    from robot_ident.bags import read_robot_description
-
     return read_robot_description(args.bag), args.bag
 
 
@@ -102,8 +87,6 @@ def _topic(args: argparse.Namespace, joints: list[str]) -> str | None:
     """Return the topic of the robot's states, where it was asked for or there are several; None where a bag says."""
     if not args.bag:
         return None
-    from robot_ident.bags import topic_of_joints
-
     topic, line = topic_of_joints(args.bag, joints, args.topic)
     if line:
         tell(line)
@@ -112,13 +95,6 @@ def _topic(args: argparse.Namespace, joints: list[str]) -> str | None:
 
 def _evidence(bag: str, topic: str | None) -> Evidence:
     """Return what a recording says of the robot's joints."""
-    import numpy as np
-
-    from robot_ident.bags import read_recording
-    from robot_ident.recording.resolution import position_step
-    from robot_ident.recording.summary import summarise
-    from robot_ident.robot.draft import Evidence
-
     recording = read_recording(bag, topic=topic)
     summary = summarise(recording)
     unknown = np.full(len(recording.names), np.nan)
@@ -135,23 +111,16 @@ def _evidence(bag: str, topic: str | None) -> Evidence:
 
 def _held(words: list[str], inventory: Inventory) -> dict[str, float]:
     known = [joint.name for joint in inventory.joints if joint.moves]
-    out = {}
-    for word in words:
-        name, sign, angle = word.partition("=")
+    out = angles_of(words)
+    for name in out:
         if name not in known:
-            raise InputError(f"--hold {word}: no joint {name!r} moves in the URDF{did_you_mean(name, known)}")
-        try:
-            out[name] = float(angle)
-        except ValueError as error:
-            raise InputError(f"--hold {word}: JOINT=ANGLE was expected") from error
+            raise InputError(f"--hold {name}: no joint {name!r} moves in the URDF{did_you_mean(name, known)}")
     return out
 
 
 def _numbers(text: str, option: str, lengths: tuple[int, ...]) -> list[float]:
-    values = numbers_of(text, f"{option} {text}: numbers separated by commas were expected")
-    if len(values) not in lengths or any(value - value != 0.0 for value in values):
-        raise InputError(f"{option} {text}: {' or '.join(map(str, lengths))} finite numbers were expected")
-    return values
+    expected = f"{option} {text}: {' or '.join(map(str, lengths))} finite numbers were expected, separated by commas"
+    return numbers_of(text, expected, lengths)
 
 
 def _by_joint(text: str | None, moving: list[str]) -> dict[str, float]:
@@ -165,8 +134,6 @@ def _by_joint(text: str | None, moving: list[str]) -> dict[str, float]:
 
 def _check(output: Path) -> Robot | None:
     """Load what was written, so that what is still wrong with the robot is told now; return it if it can be used."""
-    from robot_ident.robot import load_robot
-
     try:
         return load_robot(output)
     except InputError as error:
@@ -178,12 +145,6 @@ def _height(draft: str, urdf: str, output: Path) -> float | None:
     """Return where the end effector of a draft is along the base's z axis [m] with every joint in the middle of its
     range, None where the draft can't be used yet.
     """
-    import numpy as np
-
-    from robot_ident.configuration import load_yaml
-    from robot_ident.robot.robot import Definition
-    from robot_ident.robot.robot_file import robot_of
-
     try:
         robot = robot_of(Definition(load_yaml(draft), urdf), str(output))
     except InputError:
@@ -196,8 +157,6 @@ def _height(draft: str, urdf: str, output: Path) -> float | None:
 
 def _unchecked(robot: Robot | None) -> list[str]:
     """Return what no motion of a robot is certified for: what `design` and `check` say, and what they never see."""
-    from robot_ident.limits.certifier import Certifier
-
     if robot is None:
         return ["anything: the file can't be used yet"]
     out = list(Certifier(robot).unknown)
@@ -213,8 +172,6 @@ def _unchecked(robot: Robot | None) -> list[str]:
 
 def _weightless(robot: Robot) -> list[str]:
     """Return what the URDF lacks of the links that move: mass, or moments of inertia about the centre of mass."""
-    import numpy as np
-
     out = []
     for joint, ten in zip(robot.joints, robot.rigid.parameters.reshape(-1, 10), strict=True):
         mass, first, moments = ten[0], ten[1:4], ten[[4, 6, 9]]
@@ -228,11 +185,6 @@ def _weightless(robot: Robot) -> list[str]:
 
 def _test_effort(output: Path, bag: str, topic: str | None) -> None:
     """Say where the recording contradicts what the draft guesses of effort, and what to write instead."""
-    from robot_ident.bags import read_recording
-    from robot_ident.estimation.contradiction import contradiction
-    from robot_ident.estimation.declaration import judge_declaration
-    from robot_ident.robot import load_robot
-
     robot = load_robot(output)
     try:
         found = contradiction(judge_declaration(read_recording(bag, topic=topic), robot), robot)

@@ -3,17 +3,14 @@
 from __future__ import annotations
 
 import json
+from collections.abc import Callable, Mapping
 from pathlib import Path
-from typing import TYPE_CHECKING, Any, Generic, Protocol, TypeVar
+from typing import Any, Generic, Protocol, TypeVar
 
 from pydantic import ValidationError
 
 from robot_ident.errors import InputError, one_line
-
-if TYPE_CHECKING:
-    from collections.abc import Callable, Mapping
-
-    from robot_ident.testbed.trial import Case
+from robot_ident.testbed.trial import Case
 
 
 class Outcome(Protocol):
@@ -95,8 +92,6 @@ def _parsed(line: str, path: str | None, number: int) -> Any:
 
 def _case(data: Any, of_dict: Callable[[Mapping[str, Any]], Kept], path: str | None, number: int) -> tuple[Case, Kept]:
     """Return a case and its outcome; InputError on a line that holds another thing."""
-    from robot_ident.testbed.trial import Case
-
     try:
         asked = data.pop("asked")
         outcome = of_dict(data)

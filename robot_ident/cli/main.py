@@ -15,8 +15,8 @@ from contextlib import contextmanager, nullcontext
 from types import FrameType
 
 from robot_ident import __version__
-from robot_ident.cli.options import add_effects_from, register_effects
-from robot_ident.cli.output import Parser, flush, refuse_own_input, tell
+from robot_ident.cli.options import EFFECTS_FROM, TAKES
+from robot_ident.cli.output import Parser, flush, refuse_outputs, tell
 from robot_ident.errors import InputError, RobotIdentError, did_you_mean, one_line
 from robot_ident.memory import OUT_OF_MEMORY, bounded
 from robot_ident.parallel import came, end_by, on_cluster
@@ -103,9 +103,8 @@ def build_parser(only: str | None = None) -> argparse.ArgumentParser:
     for name, text in VERBS.items():
         verb = verbs.add_parser(name, description=text[0].upper() + text[1:] + ".")
         if only in (None, name):
-            importlib.import_module(f"robot_ident.cli.{name}").add_arguments(verb)
-            if name not in EFFECTLESS:
-                add_effects_from(verb)
+            for one in (*TAKES[name], *(() if name in EFFECTLESS else (EFFECTS_FROM,))):
+                one.add_to(verb)
     return parser
 
 
@@ -131,8 +130,11 @@ def _run(words: list[str], verb: str | None) -> int:
         if verb == words[0] and verb not in VERBS:
             parser.error(f"unknown command {one_line(verb, 100)!r}{did_you_mean(verb, VERBS)}")
         args = parser.parse_args(words)
-        refuse_own_input(args)
-        register_effects(getattr(args, "effects_from", []))
+        refuse_outputs(args)
+        if getattr(args, "effects_from", []):
+            from robot_ident.cli.values import register_effects
+
+            register_effects(args.effects_from)
         own = nullcontext() if args.verb in _SERVERS else bounded()
         with own, on_cluster(getattr(args, "cluster", None)):
             code = int(importlib.import_module(f"robot_ident.cli.{args.verb}").run(args) or 0)

@@ -4,30 +4,16 @@ from __future__ import annotations
 
 import argparse
 
-from robot_ident.cli.options import add_cluster, add_json, add_robot, count, each
+from robot_ident.cli.identify import to_the_digit
 from robot_ident.cli.output import print_json, say, table
-
-
-def add_arguments(parser: argparse.ArgumentParser) -> None:
-    """Add the command's options."""
-    parser.add_argument("excitation", metavar="excitation.yaml", help="excitation to repeat")
-    add_robot(parser)
-    count(parser, "--runs", None, (2, 1_000_000), "number of identifications", 200)
-    count(parser, "--periods", None, (1, 100_000), "periods averaged in each run", 16)
-    each(parser, "--effect", "NAME@JOINT", "additional effects in the model")
-    count(parser, "--seed", None, (0, 2**31), "seed of the noise", 0)
-    add_cluster(parser)
-    add_json(parser)
+from robot_ident.model.structure import Structure
+from robot_ident.robot import load_robot
+from robot_ident.testbed.monte_carlo import montecarlo
+from robot_ident.trajectories.excitation import Excitation
 
 
 def run(args: argparse.Namespace) -> int:
     """Repeat the identification and print Table II of the paper."""
-    from robot_ident.cli.identify import to_the_digit
-    from robot_ident.model.structure import Structure
-    from robot_ident.robot import load_robot
-    from robot_ident.testbed.monte_carlo import montecarlo
-    from robot_ident.trajectories.excitation import Excitation
-
     robot = load_robot(args.robot)
     excitation = Excitation.read(args.excitation)
     excitation.check_robot(robot)

@@ -16,7 +16,7 @@ from contextlib import contextmanager
 from typing import TYPE_CHECKING, Any, NoReturn, TextIO
 
 from robot_ident.errors import CheckFailed, InputError
-from robot_ident.files import is_special
+from robot_ident.files import is_special, refuse_existing
 
 if TYPE_CHECKING:
     from robot_ident.limits.certifier import Margins
@@ -58,9 +58,10 @@ def _words(value: Any) -> Iterator[str]:
             yield word
 
 
-def refuse_own_input(args: argparse.Namespace) -> None:
-    """Raise InputError where two outputs have one name, or an output that of what is read: --force replaces what was
-    computed, and no measurement, robot or trajectory. A longer model may take the place of the one that it came from.
+def refuse_outputs(args: argparse.Namespace) -> None:
+    """Raise InputError where two outputs have one name, an output that of what is read, or is there already: --force
+    replaces what was computed, and no measurement, robot or trajectory. A longer model may take the place of the one
+    that it came from.
     """
     given = {name: value for name, value in vars(args).items() if value}
     outputs = {name: os.path.realpath(given[name]) for name in _OUTPUTS if isinstance(given.get(name), str)}
@@ -77,14 +78,9 @@ def refuse_own_input(args: argparse.Namespace) -> None:
                 raise InputError(f"{word}: is read as a recording and can't be the output too; give another name")
             if os.path.isfile(word) and os.path.splitext(word)[1] and args.verb not in _LENGTHEN:
                 raise InputError(f"{word}: is read by this command and can't be its output too; give another name")
-
-
-def refuse_output(args: argparse.Namespace) -> None:
-    """Raise InputError where the file of -o is there already and --force isn't given."""
-    from robot_ident.files import refuse_existing
-
-    if args.output:
-        refuse_existing(args.output, force=args.force)
+    for name in outputs:
+        if name != "output" or getattr(args, "trajectories", 1) == 1:  # else the files have names of their own
+            refuse_existing(given[name], force=args.force)
 
 
 def say(text: str = "") -> None:

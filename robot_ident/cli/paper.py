@@ -6,35 +6,17 @@ import argparse
 import time
 from pathlib import Path
 
-from robot_ident.cli.options import add_json, count, flag, several, within
-from robot_ident.cli.output import print_json, refuse_output, say, tell
+from robot_ident.cli.output import print_json, say, tell
 from robot_ident.errors import InputError
-
-
-def add_arguments(parser: argparse.ArgumentParser) -> None:
-    """Add the command's options."""
-    text = "page to write, .html, or .md for text and tables alone (default: %(default)s)"
-    parser.add_argument("-o", "--output", metavar="PAGE", default="paper.html", help=text)
-    flag(parser, "--force", "overwrite existing files")
-    text, sections = "only these sections of the page, 1 to 6", [1, 2, 3, 4, 5, 6]
-    several(parser, "--section", "N", text, type=within(1, 6, int), default=sections)
-    flag(parser, "--quick", "shorter searches: minutes instead of a quarter of an hour")
-    flag(parser, "--redesign", "design all trajectories anew instead of those that ship with the package")
-    text = "simulate Table I exactly as printed, although no mass distribution has these moments"
-    flag(parser, "--printed-table", text)
-    count(parser, "--seed", None, (0, 2**31), "of noise, draws and searches", 0)
-    add_json(parser)
+from robot_ident.files import write_text
+from robot_ident.paper.study import Study
+from robot_ident.report.page import write_page
+from robot_ident.report.paper_experiment import paper_sections
+from robot_ident.report.paper_section import as_markdown
 
 
 def run(args: argparse.Namespace) -> int:
     """Compute the sections and write the page."""
-    from robot_ident.files import write_text
-    from robot_ident.paper.study import Study
-    from robot_ident.report.page import write_page
-    from robot_ident.report.paper_experiment import paper_sections
-    from robot_ident.report.paper_section import as_markdown
-
-    refuse_output(args)
     if len(set(args.section)) < len(args.section):
         raise InputError(f"--section {' '.join(map(str, args.section))}: each once")
     started = time.monotonic()

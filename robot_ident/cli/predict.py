@@ -4,36 +4,25 @@ from __future__ import annotations
 
 import argparse
 from pathlib import Path
-from typing import TYPE_CHECKING
 
-from robot_ident.cli.options import add_json, add_output, option
-from robot_ident.cli.output import print_json, refuse_output, say, say_written, table, tell
+import numpy as np
+
+from robot_ident.bags import read_for, write_prediction
+from robot_ident.cli.output import print_json, say, say_written, table, tell
 from robot_ident.errors import InputError
-
-if TYPE_CHECKING:
-    from robot_ident.estimation.prediction import Prediction
-    from robot_ident.model.model import Model
+from robot_ident.estimation.prediction import Prediction, predict, predict_motion, refuse_elsewhere
+from robot_ident.model.model import Model
+from robot_ident.model.model_file import read_model
+from robot_ident.signals.motion import Motion
+from robot_ident.trajectories.excitation import Excitation
+from robot_ident.trajectories.point_to_point import load_motion
 
 _SAMPLE_RATE = 150.0  # Hz at which moves from point to point are looked at
 _MOST_SAMPLES = 1_000_000  # of a planned motion: the columns of every one are held
 
 
-def add_arguments(parser: argparse.ArgumentParser) -> None:
-    """Add the command's options."""
-    parser.add_argument("model", metavar="model.yaml", help="identified model")
-    parser.add_argument("bag", metavar="BAG", help="recording, or planned motion (excitation.yaml or moves.yaml)")
-    option(parser, "--topic", "T", "topic of the joint states")
-    add_output(parser, "OUT", "prediction to write: .npz, .csv, .mcap or rosbag2 folder", required=True)
-    add_json(parser)
-
-
 def run(args: argparse.Namespace) -> int:
     """Write the model's torque along a recording."""
-    from robot_ident.bags import read_for, write_prediction
-    from robot_ident.estimation.prediction import predict
-    from robot_ident.model.model_file import read_model
-
-    refuse_output(args)
     model = read_model(args.model)
     planned = _planned(args.bag, model)
     found = planned or predict(model, read_for(args.bag, model.robot, topic=args.topic))
@@ -61,13 +50,6 @@ def _planned(path: str, model: Model) -> Prediction | None:
     """
     if Path(path).suffix not in (".yaml", ".yml"):
         return None
-    import numpy as np
-
-    from robot_ident.estimation.prediction import predict_motion, refuse_elsewhere
-    from robot_ident.signals.motion import Motion
-    from robot_ident.trajectories.excitation import Excitation
-    from robot_ident.trajectories.point_to_point import load_motion
-
     motion = load_motion(path)
     rate = motion.sample_rate if isinstance(motion, Excitation) else _SAMPLE_RATE
     seconds = motion.period if isinstance(motion, Excitation) else motion.duration
@@ -94,8 +76,6 @@ def _planned(path: str, model: Model) -> Prediction | None:
 
 def _of_joint(found: Prediction, k: int) -> dict[str, float]:
     """Return a joint's figures [Nm]."""
-    import numpy as np
-
     torque, std, band = found.torque[:, k], found.std[:, k], found.band[:, k]
     return {
         "torque_rms": float(np.sqrt(np.mean(torque**2))),

@@ -5,38 +5,19 @@ from __future__ import annotations
 import argparse
 import shlex
 from pathlib import Path
-from typing import TYPE_CHECKING, Any
+from typing import Any
 
-from robot_ident.cli.options import add_json, add_output, add_validation, each, option, several
-from robot_ident.cli.output import Progress, print_json, refuse_output, say, say_written
+from robot_ident.cli.output import Progress, print_json, say, say_written
 from robot_ident.errors import InputError
-
-if TYPE_CHECKING:
-    from robot_ident.workflow.findings import Findings
-
-
-def add_arguments(parser: argparse.ArgumentParser) -> None:
-    """Add the command's options."""
-    parser.add_argument(
-        "models", nargs="+", metavar="model.yaml", help="models, oldest first; the verdict is about the last"
-    )
-    several(parser, "--bag", "BAG", "recordings to compare the models with", required=True)
-    add_validation(parser)
-    text = "excitation.yaml that was played, for its limit margins (default: from the models)"
-    each(parser, "--trajectory", "EXCITATION", text)
-    option(parser, "--topic", "T", "topic of the joint states")
-    add_output(parser, "PAGE", "HTML page to write", required=True)
-    add_json(parser)
+from robot_ident.model.model_file import is_model, read_model
+from robot_ident.report.sections import write_report
+from robot_ident.report.wording import verdict
+from robot_ident.workflow.findings import Findings, gather
+from robot_ident.workflow.inputs import read_excitations, read_sources, refuse_repeated
 
 
 def run(args: argparse.Namespace) -> int:
     """Write one self-contained page on models beside recordings."""
-    from robot_ident.model.model_file import is_model, read_model
-    from robot_ident.report.sections import write_report
-    from robot_ident.workflow.findings import gather
-    from robot_ident.workflow.inputs import read_excitations, read_sources, refuse_repeated
-
-    refuse_output(args)
     for path in args.models:
         if not is_model(path):
             raise InputError(f"{path}: not a model; make one by robot_ident identify ... -o model.yaml")
@@ -59,8 +40,6 @@ def run(args: argparse.Namespace) -> int:
     if args.json:
         print_json(_to_dict(args.output, found))
         return 0
-    from robot_ident.report.wording import verdict
-
     say(verdict(found))
     say_written(args.output)
     return 0
@@ -77,8 +56,6 @@ def _command(args: argparse.Namespace) -> str:
 
 
 def _to_dict(path: str, found: Findings) -> dict[str, Any]:
-    from robot_ident.report.wording import verdict
-
     file = Path(path)
     return {
         "schema": "robot_ident/report/1",

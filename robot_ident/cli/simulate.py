@@ -5,55 +5,28 @@ from __future__ import annotations
 import argparse
 import time
 from collections.abc import Sequence
-from typing import TYPE_CHECKING, Any
+from typing import Any
 
-from robot_ident.cli.options import add_json, add_output, add_robot, count, each, flag, number, numbers_of, option
-from robot_ident.cli.output import print_json, refuse_output, say, say_written, tell
-
-if TYPE_CHECKING:
-    from robot_ident.recording.conditions import KnownPayload
-    from robot_ident.robot import Robot
+from robot_ident.bags import write_recording
+from robot_ident.cli.output import print_json, say, say_written, tell
+from robot_ident.cli.values import numbers_of
+from robot_ident.effects import CATALOGUE
+from robot_ident.errors import InputError
+from robot_ident.files import refuse_existing, write_text
+from robot_ident.planning.blends import Playback
+from robot_ident.recording.conditions import Conditions, KnownPayload, sidecar
+from robot_ident.robot import Robot, load_robot
+from robot_ident.testbed.phenomena import PHYSICS, plant_physics, values_in_words
+from robot_ident.testbed.scenario import draw_scenario, seal, sealed_path
+from robot_ident.testbed.simulation import simulate
+from robot_ident.trajectories.excitation import Excitation
+from robot_ident.trajectories.point_to_point import load_motion
 
 _SAMPLE_RATE = 150.0  # Hz, for motions that name none
 
 
-def add_arguments(parser: argparse.ArgumentParser) -> None:
-    """Add the command's options."""
-    parser.add_argument("excitation", metavar="excitation.yaml", help="excitation or validation motion to play")
-    plant = parser.add_argument_group("simulated robot")
-    add_robot(plant)
-    text = "additional effect of the plant (robot_ident effects NAME lists its values)"
-    each(plant, "--effect", "NAME@JOINT[:k=v,...]", text)
-    text = "add effects drawn at random and write them to BAG.sealed only (robot_ident trial --open shows them)"
-    option(plant, "--hidden", "SEED", text, type=int)
-    text = "point mass at the end effector and its centre in m in that frame; written to BAG.conditions.yaml"
-    option(plant, "--payload", "KG[,X,Y,Z]", text)
-    option(plant, "--servo", None, "feedforward or pd", "feedforward")
-    measured = parser.add_argument_group("recording")
-    count(measured, "--periods", None, (1, 100_000), "steady periods of an excitation, after one transient period", 16)
-    number(measured, "--sample-rate", "HZ", (1.0, 1e5), "sample rate (default: the excitation's, else 150 Hz)")
-    flag(measured, "--anti-alias", "filter the effort as the current sensor's analogue filter does")
-    count(measured, "--seed", None, (0, 2**31), "seed of the noise", 0)
-    output = parser.add_argument_group("output")
-    add_output(output, "BAG", "rosbag2 folder, .mcap, .npz or .csv file to write", required=True)
-    add_json(output)
-
-
 def run(args: argparse.Namespace) -> int:
     """Record the simulated robot."""
-    from robot_ident.bags import write_recording
-    from robot_ident.errors import InputError
-    from robot_ident.files import refuse_existing, write_text
-    from robot_ident.planning.blends import Playback
-    from robot_ident.recording.conditions import Conditions, sidecar
-    from robot_ident.robot import load_robot
-    from robot_ident.testbed.phenomena import plant_physics, values_in_words
-    from robot_ident.testbed.scenario import draw_scenario, seal, sealed_path
-    from robot_ident.testbed.simulation import simulate
-    from robot_ident.trajectories.excitation import Excitation
-    from robot_ident.trajectories.point_to_point import load_motion
-
-    refuse_output(args)
     answer = None if args.hidden is None else sealed_path(args.output)
     if answer is not None:
         refuse_existing(answer, force=args.force)
@@ -106,10 +79,6 @@ def run(args: argparse.Namespace) -> int:
 
 def _none_of_ones_own(effects: Sequence[str]) -> None:
     """Refuse effects of the catalogue that the simulated robot doesn't know: those of --effects-from."""
-    from robot_ident.effects import CATALOGUE
-    from robot_ident.errors import InputError
-    from robot_ident.testbed.phenomena import PHYSICS
-
     for name in (effect.partition(":")[0].partition("@")[0] for effect in effects):
         if name in CATALOGUE and name not in PHYSICS:
             raise InputError(f"--effect {name}: can't be simulated: the simulated robot has physics of its own")
@@ -117,14 +86,12 @@ def _none_of_ones_own(effects: Sequence[str]) -> None:
 
 def _payload(text: str | None) -> KnownPayload | None:
     """Return the point mass of `KG` or `KG,X,Y,Z`; InputError on anything else."""
-    from robot_ident.errors import InputError
-    from robot_ident.recording.conditions import KnownPayload
-
     if text is None:
         return None
-    values = numbers_of(text, f"--payload {text}: KG or KG,X,Y,Z was expected")
-    if len(values) not in (1, 4) or not all(abs(v) < 1e6 for v in values) or not values[0] > 0:
-        raise InputError(f"--payload {text}: KG or KG,X,Y,Z was expected, the mass above 0")
+    expected = f"--payload {text}: KG or KG,X,Y,Z was expected, the mass above 0"
+    values = numbers_of(text, expected, (1, 4))
+    if not all(abs(v) < 1e6 for v in values) or not values[0] > 0:
+        raise InputError(expected)
     x, y, z = values[1:] or (0.0, 0.0, 0.0)
     return KnownPayload(values[0], (x, y, z))
 

@@ -4,14 +4,12 @@ from __future__ import annotations
 
 from collections.abc import Iterator, Sequence
 from contextlib import contextmanager
-from typing import TYPE_CHECKING, Any
+from typing import Any
 
 from robot_ident.cli.output import Progress, say, table, tell
-
-if TYPE_CHECKING:
-    from robot_ident.diagnosis.diagnosis import Diagnosis
-    from robot_ident.diagnosis.progress import Tell
-    from robot_ident.workflow.steps import Additions, Step
+from robot_ident.diagnosis.diagnosis import Diagnosis
+from robot_ident.diagnosis.progress import Tell
+from robot_ident.workflow.steps import Additions, Step
 
 
 @contextmanager

@@ -9,20 +9,25 @@ import hashlib
 import json
 import tempfile
 from collections.abc import Callable, Mapping, Sequence
+from contextlib import closing
 from functools import partial
 from pathlib import Path
-from typing import TYPE_CHECKING, Any
+from typing import Any
 
 from robot_ident.cli.journal import SCHEMA, Journal, Kept
-from robot_ident.cli.options import add_cluster, add_json, add_robot, option, several
 from robot_ident.cli.output import Progress, print_json, say, table, tell
+from robot_ident.design.design import design
 from robot_ident.errors import InputError, did_you_mean
-
-if TYPE_CHECKING:
-    from robot_ident.robot.robot import Robot
-    from robot_ident.testbed.trial import Case, Outcome
-    from robot_ident.trajectories.excitation import Excitation
-
+from robot_ident.parallel import completed
+from robot_ident.robot import load_robot
+from robot_ident.robot.robot import Robot
+from robot_ident.testbed.base_trial import CLOSE, FILTERS, BaseOutcome, base_summary, run_base_case
+from robot_ident.testbed.causes_trial import CausesOutcome, causes_summary, run_causes_case
+from robot_ident.testbed.phenomena import values_in_words
+from robot_ident.testbed.scenario import KINDS, Scenario, open_sealed, usual_sizes
+from robot_ident.testbed.trial import MEASUREMENT, Case, Outcome, Setting, run_case
+from robot_ident.testbed.trial_table import summary
+from robot_ident.trajectories.excitation import Excitation
 
 _TRAINING = 3  # motions that are identified and diagnosed; one more is kept unseen
 PERIODS = 16
@@ -48,43 +53,10 @@ _ROWS = {
 }
 
 
-def add_arguments(parser: argparse.ArgumentParser) -> None:
-    """Add the command's options."""
-    hidden = parser.add_argument_group("what to hide")
-    add_robot(hidden)
-    text = "effects: of the arm; measurement: faults of the recording; real: recordings with the faults of real ones"
-    option(hidden, "--family", None, text, "effects", choices=("effects", "measurement", "real"))
-    hidden.add_argument(
-        "--kind",
-        action="append",
-        default=[],
-        help="single, pair_other_joints, same_joint (two effects), triple, null, unknown or single_with_background,"
-        " each with all seeds (default: drawn); of --family real: base, fixed filters compete with the base model, or"
-        " effects, several on every joint but one (default: base)",
-    )
-    option(hidden, "--seeds", "A:B", "seeds A to B - 1, one case each", "0:20")
-    motion = parser.add_argument_group("recordings")
-    several(motion, "--excitation", "FILE", "motions to play, the last one for validation (default: design four)")
-    option(motion, "--folder", "DIR", "folder that caches the designed motions")
-    option(motion, "--periods", None, "steady periods of each motion", PERIODS, type=int)
-    option(motion, "--noise", None, "factor on the robot's noise variances", 1.0, type=float)
-    work = parser.add_argument_group("execution")
-    option(work, "--cases-file", "F", "file of the finished cases, from which an interrupted trial resumes")
-    option(work, "--workers", "N", "number of processes (default: one per processor)", type=int)
-    add_cluster(work)
-    output = parser.add_argument_group("output")
-    option(output, "--open", "BAG.sealed", "show what simulate --hidden hid, and exit")
-    add_json(output)
-
-
 def run(args: argparse.Namespace) -> int:
     """Hide effects, diagnose them, and print how often they were named."""
     if args.open:
         return _open(args)
-    from robot_ident.robot import load_robot
-    from robot_ident.testbed.scenario import usual_sizes
-    from robot_ident.testbed.trial import Outcome, Setting, run_case
-
     cases = _cases(args)
     if args.periods < 4:
         raise InputError(f"--periods {args.periods}: at least 4 are needed to estimate the noise")
@@ -107,9 +79,6 @@ def run(args: argparse.Namespace) -> int:
 
 
 def _open(args: argparse.Namespace) -> int:
-    from robot_ident.testbed.phenomena import values_in_words
-    from robot_ident.testbed.scenario import Scenario, open_sealed
-
     scenario = Scenario.of_answer(open_sealed(args.open))
     if args.json:
         print_json({"schema": "robot_ident/answer/1", **scenario.answer()})
@@ -128,9 +97,6 @@ def _open(args: argparse.Namespace) -> int:
 
 def _cases(args: argparse.Namespace) -> list[Case]:
     """Return the cases of `--seeds` and `--kind`."""
-    from robot_ident.testbed.scenario import KINDS
-    from robot_ident.testbed.trial import MEASUREMENT, Case
-
     if args.family == "measurement" and args.kind:
         raise InputError(f"--kind {args.kind[0]}: is for --family effects or real")
     known = _REAL if args.family == "real" else tuple(KINDS)
@@ -148,8 +114,6 @@ def _cases(args: argparse.Namespace) -> list[Case]:
 
 def _motions(args: argparse.Namespace, robot: Robot) -> list[Excitation]:
     """Return the motions: those of `--excitation`, those kept in `--folder`, or new ones."""
-    from robot_ident.trajectories.excitation import Excitation
-
     if args.excitation:
         if len(args.excitation) < 2:
             raise InputError("--excitation: two files or more, the last one for validation")
@@ -167,8 +131,6 @@ def _motions(args: argparse.Namespace, robot: Robot) -> list[Excitation]:
 
 def _design_missing(files: Sequence[Path], robot: Robot) -> None:
     """Design the motions that are not there yet; their number is their seed."""
-    from robot_ident.design.design import design
-
     if all(file.exists() for file in files):
         return
     tell(f"designing {len(files)} motions in {files[0].parent}")
@@ -197,10 +159,6 @@ def run_cases(
 
     settings: what has to agree with the file of finished cases, whose outcomes `of_dict` reads.
     """
-    from contextlib import closing
-
-    from robot_ident.parallel import completed
-
     done = Journal.open(args.cases_file, {"schema": SCHEMA, **settings}, of_dict)
     left = [case for case in cases if case not in done.outcomes]
     try:
@@ -216,8 +174,6 @@ def run_cases(
 
 
 def _report(args: argparse.Namespace, outcomes: Sequence[Outcome], least: float) -> None:
-    from robot_ident.testbed.trial_table import summary
-
     result = summary(outcomes, least)
     if args.json:
         more = {"robot": args.robot, "noise": args.noise, "periods": args.periods, "least_visible_rms": least}
@@ -258,8 +214,6 @@ def _percent(share: float) -> str:
 
 def run_base(args: argparse.Namespace, cases: Sequence[Case], robot: Robot) -> int:
     """Run the cases, print how the chosen base models do beside fixed filters."""
-    from robot_ident.testbed.base_trial import CLOSE, FILTERS, BaseOutcome, base_summary, run_base_case
-
     settings = {"robot": robot.name, "family": "real"}
     outcomes = run_cases(args, cases, partial(run_base_case, robot=robot), settings, BaseOutcome.of_dict)
     if outcomes is None:
@@ -309,8 +263,6 @@ def _refuse_settings(args: argparse.Namespace) -> None:
 
 def run_causes(args: argparse.Namespace, cases: Sequence[Case], robot: Robot) -> int:
     """Run the cases, print how many names were right and how many causes were found, joint by joint."""
-    from robot_ident.testbed.causes_trial import CausesOutcome, causes_summary, run_causes_case
-
     settings = {"robot": robot.name, "family": "real", "kind": "effects"}
     outcomes = run_cases(args, cases, partial(run_causes_case, robot=robot), settings, CausesOutcome.of_dict)
     if outcomes is None:

@@ -5,29 +5,17 @@ from __future__ import annotations
 import argparse
 from dataclasses import replace
 
-from robot_ident.cli.options import add_json, number, option
+from robot_ident.bags import read_for
+from robot_ident.cli.identify import fit_table
 from robot_ident.cli.output import print_json, say, tell
 from robot_ident.errors import CheckFailed
-
-
-def add_arguments(parser: argparse.ArgumentParser) -> None:
-    """Add the command's options."""
-    parser.add_argument("model", metavar="model.yaml", help="identified model")
-    parser.add_argument("bag", metavar="BAG", help="validation recording, not used in the fit")
-    option(parser, "--topic", "T", "topic of the joint states")
-    number(parser, "--low-pass", "HZ", (0.01, 1e5), "cut-off of the zero-phase low-pass filter", 10.0)
-    number(parser, "--max-rms", "NM", (0.0, 1e9), "exit with 3 if a joint's residual rms exceeds this value")
-    add_json(parser)
+from robot_ident.estimation.validation import validate
+from robot_ident.model.model_file import read_model
+from robot_ident.workflow.inputs import fitted_to
 
 
 def run(args: argparse.Namespace) -> int:
     """Validate and print the residual of every joint."""
-    from robot_ident.bags import read_for
-    from robot_ident.cli.identify import fit_table
-    from robot_ident.estimation.validation import validate
-    from robot_ident.model.model_file import read_model
-    from robot_ident.workflow.inputs import fitted_to
-
     model = read_model(args.model)
     recording = read_for(args.bag, model.robot, topic=args.topic)
     result = validate(model, recording, low_pass=args.low_pass)

@@ -8,29 +8,15 @@ import sys
 from contextlib import ExitStack
 from pathlib import Path
 
-from robot_ident.cli.options import add_validation, count, flag, option, several
 from robot_ident.cli.output import say
-
-
-def add_arguments(parser: argparse.ArgumentParser) -> None:
-    """Add the command's options."""
-    parser.add_argument("model", nargs="?", metavar="model.yaml", help="model to start from (default: identify one)")
-    several(parser, "--bag", "BAG", "recordings to fit (default: choose them in the browser)")
-    add_validation(parser)
-    option(parser, "--robot", "R", "robot of the model to identify (default: kuka_ir361)")
-    option(parser, "--topic", "T", "topic of the joint states")
-    count(parser, "--port", "P", (0, 65535), "TCP port (default: the first free one from 8050)")
-    text = "folder of the session, which a later start resumes"
-    option(parser, "--folder", "DIR", text, "robot_ident_workbench")
-    flag(parser, "--no-browser", "print the address with its token and open no browser")
+from robot_ident.errors import InputError
+from robot_ident.model.model_file import is_model
+from robot_ident.workbench.allowed_paths import Allowed
+from robot_ident.workbench.controller import Desk
 
 
 def run(args: argparse.Namespace) -> int:
     """Serve the loop of compare, see, learn, add and watch to a browser on this machine."""
-    from robot_ident.errors import InputError
-    from robot_ident.model.model_file import is_model
-    from robot_ident.workbench.allowed_paths import Allowed
-    from robot_ident.workbench.controller import Desk
     from robot_ident.workbench.server import browsed, serve
 
     if args.model and not is_model(args.model):

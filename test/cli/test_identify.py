@@ -12,7 +12,7 @@ import pytest
 from robot_ident.bags import write_recording
 from robot_ident.cli.identify import to_the_digit
 from robot_ident.cli.main import build_parser
-from robot_ident.cli.options import bags_of
+from robot_ident.cli.values import bags_of
 from robot_ident.errors import InputError
 from robot_ident.estimation.physical_consistency import violations
 from robot_ident.model.model import Model
