@@ -14,7 +14,7 @@ from robot_ident.workflow.inputs import read_inputs
 from robot_ident.workflow.steps import Step, steps_of
 
 
-def run(args: argparse.Namespace) -> int:
+def run(args: argparse.Namespace) -> None:
     """Add effects to a model, refit, and print the error before and after."""
     if not is_model(args.model):
         raise InputError(f"{args.model}: not a model; make one by robot_ident identify ... -o model.yaml")
@@ -28,9 +28,8 @@ def run(args: argparse.Namespace) -> int:
         write_model(last, args.output, force=args.force)
     if args.json:
         print_json(_to_dict(steps))
-        return 0
-    say(staircase(steps))
-    say()
+        return
+    say(staircase(steps), "")
     names = {e.label for e in effects}
     for p, value, std, at_bound in zip(last.parameters, last.values, last.std, last.at_bound, strict=True):
         if f"{p.effect}@{p.joint}" in names or (p.joint is None and p.effect in names):
@@ -40,7 +39,6 @@ def run(args: argparse.Namespace) -> int:
         say(f"gain of {one['joint']} = {one['value']:.4g} ± {one['std']:.2g} {one['unit']}")
     tell(*steps[-1].troubles)
     say_written(args.output)
-    return 0
 
 
 def _to_dict(steps: Sequence[Step]) -> dict[str, Any]:

@@ -7,8 +7,8 @@ from dataclasses import replace
 
 import numpy as np
 
-from robot_ident.cli.design import Precision, precision, precision_json, precision_lines
 from robot_ident.cli.output import margin_table, print_json, refuse_unchecked, say, say_unchecked
+from robot_ident.cli.precision import Precision, precision
 from robot_ident.cli.values import numbers_of
 from robot_ident.design.target import Target
 from robot_ident.errors import CheckFailed, InputError
@@ -22,7 +22,7 @@ from robot_ident.trajectories.excitation import Excitation
 from robot_ident.trajectories.point_to_point import PointToPoint, load_motion
 
 
-def run(args: argparse.Namespace) -> int:
+def run(args: argparse.Namespace) -> None:
     """Certify a motion and its way in and out; exit with 3 when a limit is not kept or not known."""
     robot = load_robot(args.robot)
     start = None
@@ -38,22 +38,21 @@ def run(args: argparse.Namespace) -> int:
     if args.json:
         data = {"schema": "robot_ident/check/1", "kept": not violations, "margins": margins.to_json()}
         names = ("blend_in", "blend_out", "approach")
-        data |= {"not_checked": list(margins.unknown)}
-        data |= {"played": played.to_json() if played else None, "precision": precision_json(needed)}
-        print_json(data | {name: parts[name].to_json() if name in parts else None for name in names})
+        data |= {"not_checked": list(margins.unknown), "played": played and played.to_json()}
+        data |= {name: parts[name].to_json() if name in parts else None for name in names}
+        print_json(data | {"precision": needed and needed.to_dict()})
     else:
         say_unchecked(margins)
         say(margin_table(margins))
         for name, part in parts.items():
             say(f"\n{name.replace('_', '-')}\n{margin_table(replace(part, notes=()))}")
-        for line in precision_lines(needed):
-            say(line)
+        if needed:
+            say(*needed.lines())
     if violations:
         raise CheckFailed(f"{args.excitation}: {violations[0]}")
     if not args.json:
         say("\nevery limit that was checked is kept" if margins.unknown else "\nevery limit is kept")
     refuse_unchecked(args, margins)
-    return 0
 
 
 def _precision(args: argparse.Namespace, motion: Excitation | PointToPoint, robot: Robot) -> Precision | None:

@@ -12,6 +12,7 @@ from typing import Any
 import numpy as np
 
 from robot_ident.bags import Series, read_for, write_series
+from robot_ident.cli.options import given
 from robot_ident.cli.output import print_json, say, table, tell
 from robot_ident.errors import CheckFailed, InputError, did_you_mean
 from robot_ident.estimation.prediction import at_pose
@@ -37,7 +38,7 @@ _LEAST = 0.005  # of a share that is worth a bar
 _SENTENCES = 4
 
 
-def run(args: argparse.Namespace) -> int:
+def run(args: argparse.Namespace) -> None:
     """Show models beside measurements, and what has changed between two models."""
     if args.over is not None and args.over not in ALONG:
         raise InputError(f"--over {args.over!r}{did_you_mean(args.over, ALONG)}")
@@ -68,14 +69,13 @@ def run(args: argparse.Namespace) -> int:
         _check(found[0], inputs.models[0].robot)
     if args.fail_on_change:
         check_unchanged(change)
-    return 0
 
 
 def _without_recording(args: argparse.Namespace, inputs: Inputs) -> None:
     """Raise InputError where models alone don't do."""
-    for name, given in (("--mcap", args.mcap), ("--fail-on-misfit", args.fail_on_misfit)):
-        if given:
-            raise InputError(f"{name}: needs at least one recording in addition to {', '.join(inputs.paths)}")
+    told = given(args, "--mcap --fail-on-misfit")
+    if told:
+        raise InputError(f"{told}: needs at least one recording in addition to {', '.join(inputs.paths)}")
     if len(inputs.models) != 2:
         raise InputError(
             f"{', '.join(inputs.paths)}: no recording; compare takes at least one recording, or two models, old and"
@@ -249,8 +249,7 @@ def change_between(inputs: Inputs, *, asked: bool) -> Change | None:
 def say_change(inputs: Inputs, change: Change, *, after: bool) -> None:
     """Print what has changed, joint by joint, then the parameters that did."""
     found, old, new = change.found, *inputs.paths
-    for note in found.notes:
-        tell(f"note: {note}")
+    tell(*(f"note: {note}" for note in found.notes))
     if found.unmatched:
         tell(f"note: not compared, because {old} does not determine them: {', '.join(found.unmatched)}")
     blank = "\n" if after else ""
@@ -267,13 +266,12 @@ def say_change(inputs: Inputs, change: Change, *, after: bool) -> None:
         rows.append((joint.joint or "(all)", joint.parameters, joint.statistic, chance(joint.p_value), *torque, told))
     say(table(header, rows))
     if found.changed:
-        say()
         titles = ("parameter", "old", "sigma", "new", "sigma", "change", "sigma", "p", "unit")
         figures = []
         for p in found.changed:
             told = "-" if p.p_value is None else chance(p.p_value)
             figures.append((p.name, p.old, p.old_std, p.new, p.new_std, p.change, p.std, told, p.unit))
-        say(table(titles, figures))
+        say("", table(titles, figures))
 
 
 def _torque(inputs: Inputs, torque: Mapping[str, float], joint: str | None) -> str | None:

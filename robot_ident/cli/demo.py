@@ -64,28 +64,28 @@ HIDDEN = (
 _QUIET = 1e-6  # of the noise's variance: as good as none, and the weights keep their ratios
 
 
-def run(args: argparse.Namespace) -> int:
+def run(args: argparse.Namespace) -> None:
     """Design, excite, record, identify, diagnose, add, validate."""
     started = time.monotonic()
+    hidden = HIDDEN if args.hidden is None else args.hidden
     if importlib.util.find_spec("rclpy") is None:
         raise InputError("the demo needs ROS 2; install it with pip install '.[ros]' in the checkout")
     folder = _folder(Path(args.folder), args.force)
     robot = load_robot(ROBOT)
     tell(f"Simulated {robot.name}: designed, recorded, identified and diagnosed; all files are in {folder}/")
     runs = design_motions(robot, folder, periods=args.periods, seconds=args.design_time, seed=args.seed)
-    record(runs, folder, seed=args.seed, hidden=args.hidden)
+    record(runs, folder, seed=args.seed, hidden=hidden)
     added = _identify(robot, runs, folder)
     page = folder / "report.html"
     found = _report(runs, len(added.steps), folder, page)
-    truth = _without_noise(found.last.model, runs, args.hidden)
+    truth = _without_noise(found.last.model, runs, hidden)
     seconds = time.monotonic() - started
     if args.json:
         print_json({**_to_dict(found, added, truth, runs, seconds), "report": str(page)})
-        return 0
+        return
     say(_summary(found, added, truth))
     say(f"\nOpen {page} in a browser. Excitations, recordings (rosbag2 MCAP), models and logs are beside it.")
     say(f"{seconds:.0f} s in all.")
-    return 0
 
 
 def _folder(folder: Path, force: bool) -> Path:

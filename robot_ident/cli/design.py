@@ -6,12 +6,8 @@ from __future__ import annotations
 
 import argparse
 import time
-from collections.abc import Sequence
-from dataclasses import asdict, dataclass, replace
+from dataclasses import replace
 from pathlib import Path
-from typing import Any
-
-import numpy as np
 
 from robot_ident.cli.design_kinds import (
     check_iterate,
@@ -25,15 +21,16 @@ from robot_ident.cli.design_kinds import (
     share_done,
     write_motions,
 )
-from robot_ident.cli.options import DEFAULT_ROBOT
-from robot_ident.cli.output import Progress, table
+from robot_ident.cli.options import DEFAULT_ROBOT, given
+from robot_ident.cli.output import Progress
+from robot_ident.cli.precision import check_precision, precision
 from robot_ident.cli.values import given_angles
 from robot_ident.design.bound import TIME_LIMIT, Bound, Proof, determinant_bound
 from robot_ident.design.design import DesignResult, design
 from robot_ident.design.design import Progress as State
 from robot_ident.design.family import family_of
-from robot_ident.design.target import Needed, Target, all_but_payload, periods_needed
-from robot_ident.errors import InputError, did_you_mean
+from robot_ident.design.target import Target, all_but_payload
+from robot_ident.errors import InputError
 from robot_ident.files import refuse_existing
 from robot_ident.model.model import Model
 from robot_ident.model.model_file import is_model, read_model
@@ -46,113 +43,18 @@ from robot_ident.trajectories.excitation import Excitation
 from robot_ident.workflow.fitting import held_for_design, held_note, within_runs
 from robot_ident.workflow.inputs import prior_information
 
-
-@dataclass(frozen=True)
-class Precision:
-    """The share that was asked for, what each parameter takes, the length [s] of a period (of all motions), and whether
-    the values are estimates or what the robot's files say.
-    """
-
-    share: float
-    needed: tuple[Needed, ...]
-    period: float
-    estimated: bool
-
-    @property
-    def periods(self) -> int | None:
-        """Periods that all of them take, None where one can't be said."""
-        counts = [one.periods for one in self.needed]
-        return max((count for count in counts if count is not None), default=None) if None not in counts else None
-
-
-def check_precision(args: argparse.Namespace, target: Target) -> None:
-    """Raise InputError where the options can't be used."""
-    if args.precision is not None:
-        share_of(args.precision)
-    elif args.parameter:
-        raise InputError("--parameter goes with --precision, like --precision 5%")
-    names = target.structure.names
-    for name in args.parameter:
-        if name not in names:
-            raise InputError(f"--parameter {name!r}{did_you_mean(name, names)}")
-
-
-def precision(
-    args: argparse.Namespace, target: Target, excitations: Sequence[Excitation], prior: Array | None = None
-) -> Precision | None:
-    """Return how many periods the parameters take, None where --precision isn't given."""
-    check_precision(args, target)
-    if args.precision is None:
-        return None
-    share = share_of(args.precision)
-    names = target.structure.names
-    rows = [target.rows(one) / np.sqrt(target.periods) for one in excitations]
-    information = np.sum([part.T @ part for part in rows], axis=0)
-    values = target.values if target.estimated and target.values is not None else target.structure.true_values()
-    units = [parameter.unit for parameter in target.structure.parameters]
-    needed = periods_needed(information, values, names, units, share, prior)
-    asked = tuple(one for one in needed if one.name in (args.parameter or names))
-    return Precision(share, asked, sum(one.period for one in excitations), target.estimated)
-
-
-def share_of(text: str) -> float:
-    """Return the share that `5%`, `5 %` or `0.05` means; InputError unless it is between 0 and 1."""
-    word = text.strip()
-    try:
-        share = float(word[:-1]) / 100.0 if word.endswith("%") else float(word)
-    except ValueError:
-        share = 0.0
-    if not 0.0 < share < 1.0:
-        raise InputError(f"--precision {text!r}: a ratio of the value was expected, like 5% or 0.05")
-    return share
-
-
-def precision_json(found: Precision | None) -> dict[str, Any] | None:
-    """Return plain values."""
-    if found is None:
-        return None
-    return {
-        "share": found.share,
-        "periods": found.periods,
-        "seconds": None if found.periods is None else found.periods * found.period,
-        "estimated": found.estimated,
-        "parameters": [asdict(one) for one in found.needed],
-    }
-
-
-def precision_lines(found: Precision | None) -> list[str]:
-    """Return what each parameter takes, the most demanding first."""
-    if found is None:
-        return []
-    most = float("inf")
-    order = sorted(found.needed, key=lambda one: -(most if one.periods is None else one.periods))
-    rows = [(one.name, one.value, one.sigma, one.unit, _periods(one)) for one in order]
-    whose = "the model's" if found.estimated else "of the robot's files"
-    out = [table(("parameter", "value", "sigma of one period", "unit", f"periods for {100 * found.share:g} %"), rows)]
-    if found.periods is not None:
-        out.append(f"{found.periods} periods ({found.periods * found.period:.4g} s) for all of these")
-    return [*out, f"values are {whose}; sigma from noise alone: model errors do not average out"]
-
-
-def _periods(one: Needed) -> str:
-    if one.value == 0.0:
-        return "value not known: give --model"
-    return "never" if one.periods is None else str(one.periods)
-
-
 _SHARE = 0.4  # of a time limit that is left for the bound
 _EXIT = 0.8  # s that writing, and ending the worker processes, take
 _WHOLE = 2.0  # s for the certificate of the whole robot where some joints are held
 
 
-def run(args: argparse.Namespace) -> int:
+def run(args: argparse.Namespace) -> None:
     """Design excitations."""
     files = output_files(args.output, args.trajectories)
     for file in files:
         refuse_existing(file, force=args.force)
-    if args.time_limit is not None and not args.time_limit > 0:
-        raise InputError(f"--time-limit {args.time_limit}: must be above 0")
-    check_bound_arguments(args)
+    if args.tell and (told := given(args, "--bound --page")):
+        raise InputError(f"{told} goes with a criterion, not with --tell")
     if args.iterate:
         check_iterate(args)
     band = bandwidth_of(args.bandwidth)
@@ -160,13 +62,13 @@ def run(args: argparse.Namespace) -> int:
     robot, held = held_for_design(whole, args.joints, given_angles(args, whole))
     _check_model(args, model, robot)
     robot = within_runs(args.run_before, robot, whole)
-    if args.validation_motion:
-        return run_validation(args, _target(args, model, robot), files)
-    if args.waypoints:
-        return run_waypoints(args, _target(args, model, robot), files)
-    if args.iterate:
-        return run_iterate(args, robot, files)
+    if args.iterate and not args.validation_motion and not args.waypoints:
+        run_iterate(args, robot, files)
+        return
     target = _target(args, model, robot)
+    if args.validation_motion or args.waypoints:
+        (run_validation if args.validation_motion else run_waypoints)(args, target, files)
+        return
     check_precision(args, target)
     prior = prior_information(args.prior, target, model, bound=args.criterion == "crlb")
     if args.only:
@@ -178,7 +80,8 @@ def run(args: argparse.Namespace) -> int:
         def finished(excitation: Excitation) -> Excitation:
             return _moved_alone(_with_sources(excitation, args), whole, held)
 
-        return run_tell(args, target, prior, deadline, files, finished)
+        run_tell(args, target, prior, deadline, files, finished)
+        return
     found = _design(args, robot, target, prior, band, until_bound(args, deadline))
     try:
         found, bound = bounded(args, found, target, prior, deadline)
@@ -190,25 +93,18 @@ def run(args: argparse.Namespace) -> int:
     if args.page:
         write_design_page(args, found, target, bound)
     kept = None if bound is None else bound.to_json(found.log10_det_covariance)
-    more = {"bound": kept, "page": args.page, "held": held, "precision": precision_json(needed)}
+    more = {"bound": kept, "page": args.page, "held": held, "precision": needed and needed.to_dict()}
     data = design_json(files, found, found.parameters, found.margins, found.seconds, found.notes, **more)
     together = f" of {len(found.excitations)} motions together" if len(found.excitations) > 1 else ""
     beside = ", the earlier recordings included" if args.prior else ""
     lines = [
         criteria_line(found, found.seconds, together + beside),
         *bound_lines(bound, found),
-        *precision_lines(needed),
+        *(needed.lines() if needed else ()),
     ]
     stopped = ("stopped early: this is the best excitation so far",) if found.interrupted else ()
     notes = (*held_note(whole, held), *found.notes, *stopped)
-    return finish(args, files, found.margins, data, lines, notes=notes, checked=True)
-
-
-def check_bound_arguments(args: argparse.Namespace) -> None:
-    """Raise InputError where the options don't go together, or the page can't be written."""
-    for name, given in (("--bound", args.bound), ("--page", args.page)):
-        if given and args.tell:
-            raise InputError(f"{name} goes with a criterion, not with --tell")
+    finish(args, files, found.margins, data, lines, notes=notes, checked=True)
 
 
 def until_bound(args: argparse.Namespace, deadline: float | None) -> float | None:

@@ -12,6 +12,7 @@ from typing import Any, Protocol
 
 import numpy as np
 
+from robot_ident.cli.options import given
 from robot_ident.cli.output import (
     Progress,
     margin_table,
@@ -57,16 +58,9 @@ class Writable(Protocol):
 
 def refuse_others(args: argparse.Namespace, kind: str) -> None:
     """Raise InputError where options are given that a kind of design would not heed."""
-    given = [name for name in _NOT_WITH[kind].split() if _is_given(args, name)]
-    if given:
-        raise InputError(f"{kind} does not go with {', '.join(given)}")
-
-
-def _is_given(args: argparse.Namespace, option: str) -> bool:
-    if option == "--trajectories":
-        return bool(args.trajectories > 1)
-    name = "run_before" if option == "--from" else option.lstrip("-").replace("-", "_")
-    return bool(getattr(args, name))
+    told = given(args, _NOT_WITH[kind])
+    if told:
+        raise InputError(f"{kind} does not go with {told}")
 
 
 def design_json(
@@ -112,7 +106,7 @@ def finish(
     *,
     notes: Iterable[str] = (),
     checked: bool = False,
-) -> int:
+) -> None:
     """Print a design: as JSON, or as notes, what was not checked, its lines, margins and files.
 
     checked: whether the files can be accepted by `robot_ident check` where something was not checked.
@@ -125,7 +119,6 @@ def finish(
         say("\n".join([*lines, margin_table(margins)]))
         say_written(*files, args.page)
     refuse_unchecked(args, margins, files if checked else ())
-    return 0
 
 
 def share_done(args: argparse.Namespace, state: State) -> float:
@@ -135,7 +128,7 @@ def share_done(args: argparse.Namespace, state: State) -> float:
     return min(1.0, state.done / state.planned) if state.planned else 0.0
 
 
-def run_validation(args: argparse.Namespace, target: Target, files: Sequence[str]) -> int:
+def run_validation(args: argparse.Namespace, target: Target, files: Sequence[str]) -> None:
     """Draw a certified motion through random points with full stops, and write it (Swevers et al. 1997, section V)."""
     refuse_others(args, "--validation-motion")
     started = time.monotonic()
@@ -151,10 +144,10 @@ def run_validation(args: argparse.Namespace, target: Target, files: Sequence[str
         f"{points} random points, {motion.duration:.4g} s: maximum acceleration, then velocity, full stop at each;"
         " it enters no fit (validate, --validation)"
     )
-    return finish(args, files, margins, data, [line])
+    finish(args, files, margins, data, [line])
 
 
-def run_waypoints(args: argparse.Namespace, target: Target, files: Sequence[str]) -> int:
+def run_waypoints(args: argparse.Namespace, target: Target, files: Sequence[str]) -> None:
     """Plan a tour, and write it as a point-to-point motion."""
     refuse_others(args, "--waypoints")
     started = time.monotonic()
@@ -188,7 +181,7 @@ def run_waypoints(args: argparse.Namespace, target: Target, files: Sequence[str]
         "at " + ", ".join(f"{100 * pace:g} %" for pace in tour.paces) + " of the speed",
         criteria_line(values, seconds),
     ]
-    return finish(args, files, tour.margins, data, lines, notes=notes)
+    finish(args, files, tour.margins, data, lines, notes=notes)
 
 
 def criteria_line(values: Evaluation | DesignResult, seconds: float, whose: str = "") -> str:
@@ -206,13 +199,11 @@ def run_tell(
     deadline: float | None,
     files: Sequence[str],
     finished: Callable[[Excitation], Excitation],
-) -> int:
+) -> None:
     """Design the motion that tells two effects apart; finished: what makes of it what is written."""
-    if args.trajectories > 1 or args.symmetric or args.bandwidth or args.harmonics:
-        raise InputError(
-            "--tell chooses its motion's form itself: leave out --trajectories, --symmetric, --bandwidth and"
-            " --harmonics"
-        )
+    told = given(args, "--trajectories --symmetric --bandwidth --harmonics")
+    if told:
+        raise InputError(f"--tell chooses its motion's form itself: leave out {told}")
     if args.precision:
         raise InputError("--precision counts periods for a parameter's sigma; leave it out with --tell")
     first, second = args.tell
@@ -233,7 +224,7 @@ def run_tell(
             progress=show,
         )
     write_motions(args, files, finished(found.excitation))
-    told = {
+    found_apart = {
         "effects": list(args.tell),
         "noncentrality": found.noncentrality,
         "of_each": list(found.of_each),
@@ -243,13 +234,13 @@ def run_tell(
         "otherwise": found.otherwise,
     }
     values, names = found.evaluation, found.parameters
-    data = design_json(files, values, names, found.margins, found.seconds, target.notes, tell=told)
+    data = design_json(files, values, names, found.margins, found.seconds, target.notes, tell=found_apart)
     state = "sufficient" if found.separable else f"not separable by motion: {NEEDED:g} is needed"
     lines = [
         f"{first} vs. {second}: noncentrality {found.noncentrality:.1f}, {state} (a motion of kind: {found.kind})",
         *(f"  {label}: {text}" for label, text in found.otherwise.items()),
     ]
-    return finish(args, files, found.margins, data, lines, notes=target.notes)
+    finish(args, files, found.margins, data, lines, notes=target.notes)
 
 
 def check_iterate(args: argparse.Namespace) -> None:
@@ -261,7 +252,7 @@ def check_iterate(args: argparse.Namespace) -> None:
     refuse_others(args, "--iterate")
 
 
-def run_iterate(args: argparse.Namespace, robot: Robot, files: Sequence[str]) -> int:
+def run_iterate(args: argparse.Namespace, robot: Robot, files: Sequence[str]) -> None:
     """Iterate, print the bound from round to round, write the last motion."""
     with Progress("design", 1.0) as bar:
 
@@ -295,4 +286,4 @@ def run_iterate(args: argparse.Namespace, robot: Robot, files: Sequence[str]) ->
     ]
     header = ("motion", "log10 det of the bound", "log10 det of c2", "condition number", "sigma, mean")
     lines = [table(header, rows), found.in_words]
-    return finish(args, files, last.margins, data, lines, checked=True)
+    finish(args, files, last.margins, data, lines, checked=True)

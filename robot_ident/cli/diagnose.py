@@ -8,7 +8,7 @@ from dataclasses import replace
 import numpy as np
 
 from robot_ident.cli.output import print_json, say, say_written, table, tell
-from robot_ident.cli.steps import bar, print_additions, to_dict
+from robot_ident.cli.steps import bar, print_additions
 from robot_ident.diagnosis.diagnosis import Diagnosis, Finding
 from robot_ident.errors import InputError
 from robot_ident.estimation.validation import residual_on, unusable_on
@@ -21,7 +21,7 @@ from robot_ident.workflow.steps import Additions, Step, add_until_adequate, find
 _TIED_LISTED = 3  # of the candidates that one is tied with: the table stays readable, --json has them all
 
 
-def run(args: argparse.Namespace) -> int:
+def run(args: argparse.Namespace) -> None:
     """Say which physical effect is missing."""
     if args.output and not args.add_until_adequate:
         raise InputError(f"-o {args.output}: a model is written only with --add-until-adequate")
@@ -37,13 +37,12 @@ def run(args: argparse.Namespace) -> int:
         write_model(steps[-1].model if added.foreseen else model, args.output, force=args.force)
     found = replace(found, notes=(*found.notes, *_troubles(found, inputs, steps if added.foreseen else [])))
     if args.json:
-        print_json(found.to_dict() | (to_dict(added) if steps else {}))
-        return 0
+        print_json(found.to_dict() | (added.to_dict() if steps else {}))
+        return
     _print(found, inputs)
     if steps:
         print_additions(found, added)
     say_written(args.output)
-    return 0
 
 
 def _troubles(found: Diagnosis, inputs: Inputs, steps: list[Step]) -> tuple[str, ...]:
@@ -80,20 +79,13 @@ def _print(found: Diagnosis, inputs: Inputs) -> None:
     remains = "unexplained excess rms" if known else "unexplained rms, noise included"
     if found.verdict == "adequate" and not found.hidden_in_path:
         remains += " (not significant)"
-    say()
-    say(table(("joint", remains, "noise rms", "unit"), rows))
+    say("", table(("joint", remains, "noise rms", "unit"), rows))
     if found.missing or found.others:
-        say()
         listed = [*found.missing, *found.others]
         header = ("rank", "candidate", "named", "explains", "p", "rms before", "rms after", "unit")
-        say(
-            table(
-                (*header, "indistinguishable from"),
-                [_row(rank, s, s in found.missing, robot) for rank, s in enumerate(listed, 1)],
-            )
-        )
-    for note in found.notes:
-        tell(f"note: {note}")
+        listed_rows = [_row(rank, s, s in found.missing, robot) for rank, s in enumerate(listed, 1)]
+        say("", table((*header, "indistinguishable from"), listed_rows))
+    tell(*(f"note: {note}" for note in found.notes))
 
 
 def _print_named(finding: Finding, inputs: Inputs) -> None:

@@ -11,7 +11,7 @@ from robot_ident.errors import InputError, did_you_mean
 from robot_ident.testbed.phenomena import PHYSICS, formula
 
 
-def run(args: argparse.Namespace) -> int:
+def run(args: argparse.Namespace) -> None:
     """Print the catalogue, or all about one effect."""
     if args.name is not None and args.name not in CATALOGUE:
         raise InputError(f"unknown effect {args.name!r}{did_you_mean(args.name, CATALOGUE)}")
@@ -27,7 +27,6 @@ def run(args: argparse.Namespace) -> int:
                 [(one.name, one.equation, one.symmetry, one.meaning) for one in chosen],
             )
         )
-    return 0
 
 
 def describe(effect: type[Effect]) -> dict[str, Any]:

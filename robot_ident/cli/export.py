@@ -25,7 +25,7 @@ from robot_ident.model.model_file import read_model
 _UNCERTAIN = 5.0  # standard deviations by which parameters may be impossible and do no harm to a torque
 
 
-def run(args: argparse.Namespace) -> int:
+def run(args: argparse.Namespace) -> None:
     """Write a model in another format and say what the format can't carry."""
     form = next(name for name in FORMATS if getattr(args, name))
     target = Path(getattr(args, form))
@@ -58,7 +58,7 @@ def run(args: argparse.Namespace) -> int:
         residual = {joint: asdict(one) for joint, one in held.residual.items()} if args.validation else None
         more = {"carried": list(made.carried), "left_out": left, "residual": residual, "notes": list(notes)}
         print_json({**data, **more})
-        return 0
+        return
     tell(*notes)
     say(f"exported: the links{''.join(f', {label}' for label in made.carried)}")
     if made.left:
@@ -71,7 +71,6 @@ def run(args: argparse.Namespace) -> int:
         say(fit_table(model.robot, held.residual))
         say("error of the complete model along the recording")
     say_written(target)
-    return 0
 
 
 def _of_dynamics(model: Model, args: argparse.Namespace) -> Exported:

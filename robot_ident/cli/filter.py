@@ -9,12 +9,12 @@ from robot_ident.bags import read_for
 from robot_ident.cli.identify import to_the_digit
 from robot_ident.cli.output import print_json, say, table
 from robot_ident.errors import InputError
-from robot_ident.recording.filter_response import FrequencyResponse, IdentifiedFilter, between, identify_filter
+from robot_ident.recording.filter_response import FrequencyResponse, between, identify_filter
 from robot_ident.recording.process import process
 from robot_ident.robot import load_robot
 
 
-def run(args: argparse.Namespace) -> int:
+def run(args: argparse.Namespace) -> None:
     """Identify the filter and print the section for the robot YAML."""
     if (args.response is None) == (args.behind is None and args.without is None) or (
         (args.behind is None) != (args.without is None)
@@ -23,8 +23,8 @@ def run(args: argparse.Namespace) -> int:
     measured = FrequencyResponse.read(args.response) if args.response else _between(args)
     found = identify_filter(measured, args.order)
     if args.json:
-        print_json(_json(found, measured))
-        return 0
+        print_json({"schema": "robot_ident/filter/1", "points": len(measured.frequency), **found.to_dict()})
+        return
     kind = found.filter
     say(
         f"{len(measured.frequency)} points, {measured.frequency[0]:.4g} to {measured.frequency[-1]:.4g} Hz:"
@@ -38,10 +38,14 @@ def run(args: argparse.Namespace) -> int:
             tuple(word for value, std in pairs for word in to_the_digit(value, std)) + ("", "") * (2 - len(section))
         )
     say(table(("frequency [Hz]", "sigma", "quality", "sigma"), rows))
-    say(f"residual {100 * found.misfit:.2g} % of the response{_test_in_words(found)}")
+    test = ""
+    if found.chi_square is not None:
+        ratio = found.chi_square / found.dof
+        said = "as the deviations say" if ratio < 1.5 else "more than the deviations say: not this kind of filter alone"
+        test = f"; chi-square / dof = {ratio:.2f}, {said}"
+    say(f"residual {100 * found.misfit:.2g} % of the response{test}")
     say(f"gain at rest {found.gain:.4f} +- {found.gain_deviation:.4f}: part of torque_constant, not undone here")
-    say(f"robot YAML: {_yaml(found)}")
-    return 0
+    say(f"robot YAML: {found.yaml}")
 
 
 def _between(args: argparse.Namespace) -> FrequencyResponse:
@@ -51,44 +55,3 @@ def _between(args: argparse.Namespace) -> FrequencyResponse:
     behind, without = (process(read_for(bag, robot), robot) for bag in (args.behind, args.without))
     joint = None if args.joint is None else robot.joint_index(args.joint)
     return between(behind, without, joint)
-
-
-def _test_in_words(found: IdentifiedFilter) -> str:
-    if found.chi_square is None:
-        return ""
-    ratio = found.chi_square / found.dof
-    verdict = "as the deviations say" if ratio < 1.5 else "more than the deviations say: not this kind of filter alone"
-    return f"; chi-square / dof = {ratio:.2f}, {verdict}"
-
-
-def _yaml(found: IdentifiedFilter) -> str:
-    sections = ", ".join("[" + ", ".join(f"{value:.5g}" for value in one) + "]" for one in found.filter.sections)
-    return f"anti_alias: {{sections: [{sections}]}}"
-
-
-def _json(found: IdentifiedFilter, measured: FrequencyResponse) -> dict[str, object]:
-    sections = [
-        {
-            "frequency": section[0],
-            "frequency_std": spread[0],
-            "quality": section[1] if len(section) == 2 else None,
-            "quality_std": spread[1] if len(section) == 2 else None,
-        }
-        for section, spread in zip(found.filter.sections, found.deviations, strict=True)
-    ]
-    return {
-        "schema": "robot_ident/filter/1",
-        "points": len(measured.frequency),
-        "order": found.filter.order,
-        "cutoff": found.filter.cutoff,
-        "delay": found.filter.delay,
-        "undone_to": found.filter.passes(0.5),
-        "sections": sections,
-        "gain": found.gain,
-        "gain_std": found.gain_deviation,
-        "misfit": found.misfit,
-        "chi_square": found.chi_square,
-        "dof": found.dof,
-        "tried": [{"order": order, "bic": float(value)} for order, value in found.bic.items()],
-        "yaml": _yaml(found),
-    }

@@ -9,6 +9,7 @@ from dataclasses import replace
 from typing import Any
 
 from robot_ident.bags import read_for
+from robot_ident.cli.options import given
 from robot_ident.cli.output import print_json, say, say_written, table, tell
 from robot_ident.cli.values import bags_of, given_angles, processing_of, refuse_default_robot
 from robot_ident.effects import refuse_unseen
@@ -32,19 +33,18 @@ _OTHERWISE = ", or continue with --as-declared"
 _MOMENTS = "Ixx", "Ixy", "Iyy", "Ixz", "Iyz", "Izz"
 
 _OF_THE_MODEL = (
-    *("--effect", "--physical", "--joints", "--hold", "--trajectory", "--low-pass", "--derivative-bandwidth"),
-    *("--minimum-speed", "--anti-alias"),
+    "--effect --physical --joints --hold --trajectory --low-pass --derivative-bandwidth --minimum-speed --anti-alias"
 )
 """Options of `identify` that would have no effect with `--only payload`."""
 
 
-def run_only(args: argparse.Namespace) -> int:
+def run_only(args: argparse.Namespace) -> None:
     """Identify a payload and print it with its uncertainty."""
     if not args.model:
         raise InputError("--only payload: --model model.yaml is needed, the arm without the payload")
-    given = [option for option in _OF_THE_MODEL if getattr(args, option[2:].replace("-", "_"))]
-    if given:
-        raise InputError(f"--only payload does not go with {', '.join(given)}: the model says so")
+    told = given(args, _OF_THE_MODEL)
+    if told:
+        raise InputError(f"--only payload does not go with {told}: the model says so")
     refuse_twice(args.bags)
     model = read_model(args.model)
     used = Processing(**dict(model.processing)) if model.processing else Processing()
@@ -66,9 +66,8 @@ def run_only(args: argparse.Namespace) -> int:
         write_text(args.output, _conditions(found), force=args.force)
     if args.json:
         print_json(found.to_dict())
-        return 0
+        return
     _print(found, args.output)
-    return 0
 
 
 def _conditions(found: PayloadFit) -> str:
@@ -111,17 +110,17 @@ def _print(found: PayloadFit, output: str | None) -> None:
     if found.stated is not None:
         centre = ", ".join(f"{c:g}" for c in found.stated.centre)
         say(f"the conditions state {found.stated.mass:g} kg at [{centre}] m")
-    say()
     joints = [(joint, rms, found.noise_rms[joint]) for joint, rms in found.residual_rms.items()]
-    say(table(("joint", "residual rms", "noise rms"), joints))
+    say("", table(("joint", "residual rms", "noise rms"), joints))
     say_written(output)
 
 
-def run(args: argparse.Namespace) -> int:
+def run(args: argparse.Namespace) -> None:
     """Identify and print the parameters with their uncertainty."""
     args.bags = bags_of(args)
     if args.only:
-        return run_only(args)
+        run_only(args)
+        return
     if args.model:
         raise InputError("--model: goes with --only payload; identify estimates the whole arm anew")
     whole = load_robot(args.robot)
@@ -152,18 +151,15 @@ def run(args: argparse.Namespace) -> int:
         write_model(model, args.output, force=args.force)
     if args.json:
         print_json(model.to_dict())
-        return 0
+        return
     tell(*model.notes)
-    say(parameter_table(model))
-    say()
-    say(fit_table(model.robot, model.residual))
-    say()
-    say(f"condition number {model.condition_number:.4g}, log10 det of the covariance {model.log10_det_covariance:.2f}")
+    quality = f"condition number {model.condition_number:.4g}, log10 det of the covariance"
+    quality += f" {model.log10_det_covariance:.2f}"
+    say(parameter_table(model), "", fit_table(model.robot, model.residual), "", quality)
     if model.chi_square is not None and model.dof:
         say(f"chi-square per degree of freedom {model.chi_square / model.dof:.4f} ({model.dof:.0f} degrees of freedom)")
     for text in payload_tables(model):
-        say()
-        say(text)
+        say("", text)
     for one in model.per_period:
         say(
             f"{one['source']}: scatter / predicted sigma = {one['scatter_over_sigma']:.2f} over"
@@ -172,7 +168,6 @@ def run(args: argparse.Namespace) -> int:
     if model.days is not None:
         say(_days(model.days))
     say_written(args.output)
-    return 0
 
 
 def payload_tables(model: Model) -> list[str]:

@@ -20,7 +20,7 @@ from robot_ident.recording.summary import Summary, summarise
 from robot_ident.robot import Robot, load_robot
 
 
-def run(args: argparse.Namespace) -> int:
+def run(args: argparse.Namespace) -> None:
     """Describe a bag: its topics, and the joint states in it."""
     bag = describe(args.bag)
     robot = load_robot(args.robot) if args.robot else None
@@ -47,7 +47,7 @@ def run(args: argparse.Namespace) -> int:
         data |= {"topics": topics, "recording": summary.to_dict() if summary else None}
         data |= {"declaration": [one.to_dict() for one in declared]}
         print_json({**data, "notes": [*bag.notes, *([trouble] if trouble else []), *coupled]})
-        return 0
+        return
     say(f"{bag.path}: {bag.form}{', truncated' if bag.truncated else ''}")
     listed = [(t.name or "-", t.type, t.messages, ", ".join(t.joints)) for t in bag.topics]
     say(table(("topic", "type", "messages", "joints"), listed))
@@ -63,7 +63,6 @@ def run(args: argparse.Namespace) -> int:
             rows.append((one.joint, *share, one.verdict, one.hint))
         say(table(("joint", "ratio", "sigma", "verdict", "look at"), rows))
     tell(*coupled)
-    return 0
 
 
 def _judged(recording: Recording, robot: Robot) -> tuple[list[Declared], list[str]]:

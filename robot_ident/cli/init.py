@@ -13,7 +13,6 @@ import numpy as np
 from robot_ident.bags import read_recording, read_robot_description, topic_of_joints
 from robot_ident.cli.output import print_json, say, say_written, tell
 from robot_ident.cli.values import angles_of, numbers_of
-from robot_ident.configuration import load_yaml
 from robot_ident.errors import InputError, did_you_mean
 from robot_ident.estimation.contradiction import contradiction
 from robot_ident.estimation.declaration import judge_declaration
@@ -22,15 +21,12 @@ from robot_ident.limits.certifier import Certifier
 from robot_ident.recording.resolution import position_step
 from robot_ident.recording.summary import summarise
 from robot_ident.robot import load_robot
-from robot_ident.robot.draft import Draft, Evidence, draft_robot
-from robot_ident.robot.robot import Definition, Robot
-from robot_ident.robot.robot_file import robot_of
+from robot_ident.robot.draft import Draft, Evidence, draft_robot, height_of, weightless
+from robot_ident.robot.robot import Robot
 from robot_ident.robot.urdf import Inventory, read_inventory
 
-_NO_INERTIA = 1e-9  # of the moments about the joint: what rounding leaves of zero
 
-
-def run(args: argparse.Namespace) -> int:
+def run(args: argparse.Namespace) -> None:
     """Write a robot YAML with what was found, guessed and is missing."""
     output = Path(args.output)
     text, source = _urdf(args)
@@ -57,21 +53,22 @@ def run(args: argparse.Namespace) -> int:
         evidence=evidence,
         topic=topic,
     )
-    draft = drafted(height=_height(drafted().text, text, output))
+    draft = drafted(height=height_of(drafted().text, text, str(output)))
     if not args.urdf:
         write_text(urdf, text, force=args.force)
     write_text(output, draft.text, force=args.force)
     robot = _check(output)
     if robot is not None:
-        draft = replace(draft, missing=(*draft.missing, *_weightless(robot)))
+        draft = replace(draft, missing=(*draft.missing, *weightless(robot)))
     unchecked = _unchecked(robot)
     if robot is not None and args.bag:
         _test_effort(output, args.bag, topic)
     if args.json:
-        print_json(_to_dict(draft, inventory, name, output) | {"not_checked": unchecked})
-        return 0
+        data = {"schema": "robot_ident/init/1", "path": str(output), "name": name, **draft.to_dict()}
+        data |= {"fixed": list(inventory.of_kind("fixed")), "mimic": dict(inventory.mimics)}
+        print_json({**data, "not_checked": unchecked})
+        return
     _print(draft, inventory, unchecked, output)
-    return 0
 
 
 def _urdf(args: argparse.Namespace) -> tuple[str, str]:
@@ -141,20 +138,6 @@ def _check(output: Path) -> Robot | None:
         return None
 
 
-def _height(draft: str, urdf: str, output: Path) -> float | None:
-    """Return where the end effector of a draft is along the base's z axis [m] with every joint in the middle of its
-    range, None where the draft can't be used yet.
-    """
-    try:
-        robot = robot_of(Definition(load_yaml(draft), urdf), str(output))
-    except InputError:
-        return None
-    known = np.isfinite(robot.limits.lower) & np.isfinite(robot.limits.upper)
-    middle = np.zeros(robot.n)
-    middle[known] = 0.5 * (robot.limits.lower[known] + robot.limits.upper[known])
-    return float(robot.rigid.frame_position(middle[None, :], robot.end_effector)[0, 2])
-
-
 def _unchecked(robot: Robot | None) -> list[str]:
     """Return what no motion of a robot is certified for: what `design` and `check` say, and what they never see."""
     if robot is None:
@@ -170,19 +153,6 @@ def _unchecked(robot: Robot | None) -> list[str]:
     )
 
 
-def _weightless(robot: Robot) -> list[str]:
-    """Return what the URDF lacks of the links that move: mass, or moments of inertia about the centre of mass."""
-    out = []
-    for joint, ten in zip(robot.joints, robot.rigid.parameters.reshape(-1, 10), strict=True):
-        mass, first, moments = ten[0], ten[1:4], ten[[4, 6, 9]]
-        about_centre = moments.sum() - 2.0 * first @ first / mass if mass > 0 else moments.sum()
-        lacks = [] if mass > 0 else ["mass"]
-        lacks += [] if about_centre > _NO_INERTIA * np.abs(moments).sum() else ["moments of inertia"]
-        if lacks:
-            out.append(f"{' and '.join(lacks)} of what {joint} moves: zero in the URDF")
-    return out
-
-
 def _test_effort(output: Path, bag: str, topic: str | None) -> None:
     """Say where the recording contradicts what the draft guesses of effort, and what to write instead."""
     robot = load_robot(output)
@@ -194,20 +164,6 @@ def _test_effort(output: Path, bag: str, topic: str | None) -> None:
     if found is not None:
         kept = f" (its topic stays: {topic})" if topic and found.entry.startswith("effort") else ""
         tell(f"{found.told(robot)}{kept}")
-
-
-def _to_dict(draft: Draft, inventory: Inventory, name: str, output: Path) -> dict[str, object]:
-    return {
-        "schema": "robot_ident/init/1",
-        "path": str(output),
-        "name": name,
-        "moving": list(draft.moving),
-        "held": dict(draft.held),
-        "fixed": list(inventory.of_kind("fixed")),
-        "mimic": dict(inventory.mimics),
-        "guesses": list(draft.guesses),
-        "missing": list(draft.missing),
-    }
 
 
 def _print(draft: Draft, inventory: Inventory, unchecked: list[str], output: Path) -> None:

@@ -12,7 +12,7 @@ from robot_ident.testbed.monte_carlo import montecarlo
 from robot_ident.trajectories.excitation import Excitation
 
 
-def run(args: argparse.Namespace) -> int:
+def run(args: argparse.Namespace) -> None:
     """Repeat the identification and print Table II of the paper."""
     robot = load_robot(args.robot)
     excitation = Excitation.read(args.excitation)
@@ -22,7 +22,7 @@ def run(args: argparse.Namespace) -> int:
     result = montecarlo(excitation.samples(), structure, variance, runs=args.runs, seed=args.seed)
     if args.json:
         print_json(result.to_dict())
-        return 0
+        return
     rows = [
         (n, *(to_the_digit(value, s)[0] for value in (t, m, s, o)), f"{o / s:.3f}", u)
         for n, u, t, m, s, o in zip(
@@ -41,4 +41,3 @@ def run(args: argparse.Namespace) -> int:
         f" expected {result.error_interval[0]:.3f} to {result.error_interval[1]:.3f}"
     )
     say("unbiased and efficient" if result.holds else "NOT as theory says")
-    return 0

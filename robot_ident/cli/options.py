@@ -6,21 +6,11 @@ from __future__ import annotations
 
 import argparse
 import os
-from collections.abc import Callable, Mapping, Sequence
+from collections.abc import Callable, Iterator, Mapping, Sequence
 from dataclasses import dataclass, replace
 from typing import Any
 
 DEFAULT_ROBOT = "kuka_ir361"
-TRIAL_PERIODS = 16
-"""Steady periods of each motion of a trial, unless told."""
-# What the paper's robot of section V has here and its 25 parameters (spring and torque offsets included) lack: a ripple
-# of the motor, losses that grow with the load of the gear, friction that rises at low speed. Sizes by which every
-# joint's residual begins at two to three times its noise (in the paper's figure 4: 1.5 to 1.9 times).
-HIDDEN = (
-    "torque_ripple@joint_1:torque_ripple=18",
-    "load_friction@joint_2:load_friction=0.24",
-    "stribeck@joint_3:stribeck=44,speed=0.1",
-)
 
 
 def within(lower: float, upper: float, kind: type[float] | type[int] = float) -> Callable[[str], float]:
@@ -78,6 +68,20 @@ def option(usage: str, text: str = "", default: Any = None, **how: Any) -> Optio
     elif len(values) > 1:
         form = {"metavar": tuple(values), "nargs": len(values)}
     return Option((name,), {"help": text, "default": [] if how.get("action") == "append" else default, **form, **how})
+
+
+def given(args: argparse.Namespace, names: str) -> str:
+    """Return which of some options have another value than their default, in words; empty where none has."""
+
+    def declared(options: Sequence[Option | Group | OneOf]) -> Iterator[Option]:
+        for one in options:
+            yield from [one] if isinstance(one, Option) else declared(one.options)
+
+    by_name = {one.names[-1]: one.how for one in declared(TAKES[args.verb])}
+    dests = {name: by_name[name].get("dest", name.lstrip("-").replace("-", "_")) for name in names.split()}
+    return ", ".join(
+        n for n, dest in dests.items() if getattr(args, dest) not in (by_name[n].get("default"), None, False)
+    )
 
 
 class Group:
@@ -259,7 +263,9 @@ TAKES: dict[str, tuple[Option | Group | OneOf, ...]] = {
         Group(
             "search",
             option("--starts N", "random starts of the optimiser (default: 12)", type=within(1, 100_000, int)),
-            option("--time-limit S", "stop after S seconds of wall time and keep the best result", type=float),
+            option(
+                "--time-limit S", "stop after S seconds of wall time and keep the best result", type=within(1e-3, 1e9)
+            ),
             SEED.but("seed of the random starts"),
             CLUSTER,
         ),
@@ -520,7 +526,7 @@ TAKES: dict[str, tuple[Option | Group | OneOf, ...]] = {
             "--hidden NAME@JOINT:VALUE ...",
             "what the robot has and the paper's model lacks",
             nargs="*",
-            default=HIDDEN,
+            default=None,
         ),
         SEED.but("of design and noise (default %(default)s)"),
         FOLDER.but("where everything is kept (default ./%(default)s)", metavar="FOLDER", default="robot_ident_demo"),
@@ -573,7 +579,7 @@ TAKES: dict[str, tuple[Option | Group | OneOf, ...]] = {
             "recordings",
             option("--excitation FILE ...", "motions to play, the last one for validation (default: design four)"),
             FOLDER.but("folder that caches the designed motions"),
-            PERIODS.but("steady periods of each motion", default=TRIAL_PERIODS, type=int),
+            PERIODS.but("steady periods of each motion", type=int),
             option("--noise NOISE", "factor on the robot's noise variances", 1.0, type=float),
         ),
         Group(

@@ -83,8 +83,9 @@ def refuse_outputs(args: argparse.Namespace) -> None:
             refuse_existing(given[name], force=args.force)
 
 
-def say(text: str = "") -> None:
+def say(*texts: str) -> None:
     """Print a result; in a terminal with the headers of its tables in bold, unless NO_COLOR is set."""
+    text = "\n".join(texts)
     _out(_dressed(text) if _coloured() else text)
 
 

@@ -15,7 +15,7 @@ from robot_ident.report.paper_experiment import paper_sections
 from robot_ident.report.paper_section import as_markdown
 
 
-def run(args: argparse.Namespace) -> int:
+def run(args: argparse.Namespace) -> None:
     """Compute the sections and write the page."""
     if len(set(args.section)) < len(args.section):
         raise InputError(f"--section {' '.join(map(str, args.section))}: each once")
@@ -41,6 +41,5 @@ def run(args: argparse.Namespace) -> int:
     if args.json:
         data = {"schema": "robot_ident/paper/1", "path": str(args.output), "seconds": seconds, "seed": args.seed}
         print_json({**data, **study.to_dict(sorted(args.section))})
-        return 0
+        return
     say(f"written: {args.output} ({seconds:.0f} s); open it in a browser")
-    return 0

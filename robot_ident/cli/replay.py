@@ -9,7 +9,7 @@ from robot_ident.cli.output import Progress, print_json, say
 from robot_ident.errors import InputError
 
 
-def run(args: argparse.Namespace) -> int:
+def run(args: argparse.Namespace) -> None:
     """Publish a recording with its own timing."""
     recording = read_recording(args.bag)
     try:
@@ -24,4 +24,3 @@ def run(args: argparse.Namespace) -> int:
         print_json({"schema": "robot_ident/replay/1", "messages": sent})
     else:
         say(f"{sent} messages published")
-    return 0

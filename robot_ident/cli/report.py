@@ -16,7 +16,7 @@ from robot_ident.workflow.findings import Findings, gather
 from robot_ident.workflow.inputs import read_excitations, read_sources, refuse_repeated
 
 
-def run(args: argparse.Namespace) -> int:
+def run(args: argparse.Namespace) -> None:
     """Write one self-contained page on models beside recordings."""
     for path in args.models:
         if not is_model(path):
@@ -39,10 +39,9 @@ def run(args: argparse.Namespace) -> int:
         write_report(args.output, found, force=args.force)
     if args.json:
         print_json(_to_dict(args.output, found))
-        return 0
+        return
     say(verdict(found))
     say_written(args.output)
-    return 0
 
 
 def _command(args: argparse.Namespace) -> str:

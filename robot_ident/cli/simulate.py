@@ -25,7 +25,7 @@ from robot_ident.trajectories.point_to_point import load_motion
 _SAMPLE_RATE = 150.0  # Hz, for motions that name none
 
 
-def run(args: argparse.Namespace) -> int:
+def run(args: argparse.Namespace) -> None:
     """Record the simulated robot."""
     answer = None if args.hidden is None else sealed_path(args.output)
     if answer is not None:
@@ -66,7 +66,7 @@ def run(args: argparse.Namespace) -> int:
         shown = result.effects if scenario is None else [physics.label for physics in plant_physics(robot)]
         more = {"duration": result.recording.duration, "seconds": seconds, "effects": list(shown)}
         print_json({**data, **more, "sealed": None if answer is None else str(answer), "notes": notes})
-        return 0
+        return
     tell(*notes)
     for effect in plant_physics(robot, effects)[-len(effects) :] if scenario is None and effects else ():
         say(f"with {values_in_words(effect.text, robot)}")
@@ -74,7 +74,6 @@ def run(args: argparse.Namespace) -> int:
     say_written(args.output)
     if answer is not None:
         say(f"hidden effects written: {answer} (robot_ident trial --open {answer} shows them)")
-    return 0
 
 
 def _none_of_ones_own(effects: Sequence[str]) -> None:

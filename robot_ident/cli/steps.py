@@ -4,7 +4,6 @@ from __future__ import annotations
 
 from collections.abc import Iterator, Sequence
 from contextlib import contextmanager
-from typing import Any
 
 from robot_ident.cli.output import Progress, say, table, tell
 from robot_ident.diagnosis.diagnosis import Diagnosis
@@ -36,20 +35,6 @@ def staircase(steps: Sequence[Step]) -> str:
     return table(("joint", "model", "rms", *validation, "noise rms", "unit"), rows)
 
 
-def to_dict(added: Additions) -> dict[str, Any]:
-    """Return the staircase, and what is said of the model with all that was added, as `--json` prints them."""
-    stairs = [
-        {
-            "added": None if number == 0 else step.model.structure.labels[-1],
-            "residual_mse": {joint: fit.mse for joint, fit in step.model.residual.items()},
-            "validation_mse": step.unseen,
-        }
-        for number, step in enumerate(added.steps)
-    ]
-    after = {key: value for key, value in added.last.to_dict().items() if key != "schema"}
-    return {"staircase": stairs, "after_adding": {**after, "stopped": added.stopped}}
-
-
 def print_additions(found: Diagnosis, added: Additions) -> None:
     """Print the falling error, what had been predicted of it beside what came, and what is said of the model now."""
     say()
@@ -61,10 +46,8 @@ def print_additions(found: Diagnosis, added: Additions) -> None:
     last = next((s for s in reversed(found.missing) if s.validation_after is not None), None)
     if told is not None and last is not None and last.validation_after is not None:
         rows = [(joint, last.validation_after[joint] ** 0.5, told[joint] ** 0.5) for joint in told]
-        say()
-        say(table(("validation", "rms predicted", "rms of the extended model"), rows))
-    say()
-    say(f"diagnosis of the extended model: {_again(added.last)}")
+        say("", table(("validation", "rms predicted", "rms of the extended model"), rows))
+    say("", f"diagnosis of the extended model: {_again(added.last)}")
     rest = added.last.unexplained
     if rest is not None:
         robot = added.steps[-1].model.robot
@@ -73,9 +56,7 @@ def print_additions(found: Diagnosis, added: Additions) -> None:
         say(f"unexplained at {rest.joint}: {added.last.remaining_rms[rest.joint]:.3g} {unit} rms{where}")
     if added.stopped:
         say(added.stopped)
-    for line in added.last.notes:
-        if line not in found.notes:
-            tell(f"note: {line}")
+    tell(*(f"note: {line}" for line in added.last.notes if line not in found.notes))
 
 
 def _again(found: Diagnosis) -> str:

@@ -15,9 +15,10 @@ from pathlib import Path
 from typing import Any
 
 from robot_ident.cli.journal import SCHEMA, Journal, Kept
+from robot_ident.cli.options import given
 from robot_ident.cli.output import Progress, print_json, say, table, tell
 from robot_ident.design.design import design
-from robot_ident.errors import InputError, did_you_mean
+from robot_ident.errors import InputError, RobotIdentError, did_you_mean
 from robot_ident.parallel import completed
 from robot_ident.robot import load_robot
 from robot_ident.robot.robot import Robot
@@ -30,11 +31,7 @@ from robot_ident.testbed.trial_table import summary
 from robot_ident.trajectories.excitation import Excitation
 
 _TRAINING = 3  # motions that are identified and diagnosed; one more is kept unseen
-PERIODS = 16
-"""Steady periods of each motion, unless told."""
 _REAL = ("base", "effects")  # kinds of `--family real`
-STOPPED = 130
-"""The exit code of a trial that Ctrl-C ended."""
 _ROWS = {
     "named_right": "named right, effect and joint",
     "truth_in_tie_group": "truth among indistinguishable alternatives",
@@ -53,10 +50,17 @@ _ROWS = {
 }
 
 
-def run(args: argparse.Namespace) -> int:
+class Stopped(RobotIdentError):
+    """A trial that Ctrl-C ended."""
+
+    exit_code = 130
+
+
+def run(args: argparse.Namespace) -> None:
     """Hide effects, diagnose them, and print how often they were named."""
     if args.open:
-        return _open(args)
+        _open(args)
+        return
     cases = _cases(args)
     if args.periods < 4:
         raise InputError(f"--periods {args.periods}: at least 4 are needed to estimate the noise")
@@ -66,23 +70,23 @@ def run(args: argparse.Namespace) -> int:
         raise InputError(f"--workers {args.workers}: at least 1")
     robot = load_robot(args.robot)
     if args.family == "real":
-        _refuse_settings(args)
-        return (run_causes if cases[0].kind == "effects" else run_base)(args, cases, robot)
+        told = given(args, "--excitation --folder --noise --periods")
+        if told:
+            raise InputError(f"{told}: has no effect with --family real, which draws motions and noise itself")
+        (run_causes if cases[0].kind == "effects" else run_base)(args, cases, robot)
+        return
     motions = _motions(args, robot)
     series = tuple(motion.series for motion in motions)
     setting = Setting(robot, series[:-1], series[-1], args.periods, args.noise)
     outcomes = run_cases(args, cases, partial(run_case, setting=setting), _settings(args, motions), Outcome.of_dict)
-    if outcomes is None:
-        return STOPPED
     _report(args, outcomes, usual_sizes(robot)[0])
-    return 0
 
 
-def _open(args: argparse.Namespace) -> int:
+def _open(args: argparse.Namespace) -> None:
     scenario = Scenario.of_answer(open_sealed(args.open))
     if args.json:
         print_json({"schema": "robot_ident/answer/1", **scenario.answer()})
-        return 0
+        return
     say(f"{scenario.kind} in {scenario.robot} (seed {scenario.seed})")
     for effect in scenario.effects:
         say(f"  {values_in_words(effect)}")
@@ -92,7 +96,6 @@ def _open(args: argparse.Namespace) -> int:
         say("values are those of the simulated robot's own formulas (robot_ident effects NAME shows them)")
     else:
         say("  nothing is hidden")
-    return 0
 
 
 def _cases(args: argparse.Namespace) -> list[Case]:
@@ -154,8 +157,8 @@ def run_cases(
     work: Callable[[Case], Kept],
     settings: dict[str, Any],
     of_dict: Callable[[Mapping[str, Any]], Kept],
-) -> list[Kept] | None:
-    """Run what isn't done yet, keep each outcome and return all; say so and return None where Ctrl-C ends it.
+) -> list[Kept]:
+    """Run what isn't done yet, keep each outcome and return all; Stopped where Ctrl-C ends it.
 
     settings: what has to agree with the file of finished cases, whose outcomes `of_dict` reads.
     """
@@ -168,8 +171,7 @@ def run_cases(
                 bar.reach(len(cases) - len(left) + sum(case in done.outcomes for case in left))
     except KeyboardInterrupt:
         kept = f"are kept in {args.cases_file}; the same command resumes" if args.cases_file else "are lost"
-        tell(f"robot_ident trial: stopped; {len(done.outcomes)} finished cases {kept}")
-        return None
+        raise Stopped(f"stopped; {len(done.outcomes)} finished cases {kept}") from None
     return [done.outcomes[case] for case in cases]
 
 
@@ -192,8 +194,7 @@ def _report(args: argparse.Namespace, outcomes: Sequence[Outcome], least: float)
         )
     if result["not_added"]:
         say(f"{result['not_added']} times the named effects could not be added")
-    say(f"one diagnosis: median {result['diagnosis_seconds']['median']:.1f} s of processor time")
-    say()
+    say(f"one diagnosis: median {result['diagnosis_seconds']['median']:.1f} s of processor time", "")
     hidden = [
         (name, sum(row.values()), ", ".join(f"{said} {count}" for said, count in row.items()))
         for name, row in result["confusion"].items()
@@ -212,16 +213,14 @@ def _percent(share: float) -> str:
     return f"{100 * share:.1f} %"
 
 
-def run_base(args: argparse.Namespace, cases: Sequence[Case], robot: Robot) -> int:
+def run_base(args: argparse.Namespace, cases: Sequence[Case], robot: Robot) -> None:
     """Run the cases, print how the chosen base models do beside fixed filters."""
     settings = {"robot": robot.name, "family": "real"}
     outcomes = run_cases(args, cases, partial(run_base_case, robot=robot), settings, BaseOutcome.of_dict)
-    if outcomes is None:
-        return STOPPED
     result = base_summary(outcomes)
     if args.json:
         _print_json(outcomes, "trial_real", {"robot": args.robot, **result})
-        return 0
+        return
     say(f"validation error relative to the best of {len(FILTERS)} fixed filters with the true offsets and scales:")
     rows = [
         (
@@ -235,8 +234,7 @@ def run_base(args: argparse.Namespace, cases: Sequence[Case], robot: Robot) -> i
         )
         for kind in result["kinds"]
     ]
-    say(table(("path", "median", "90 % below", "worst", f"within {CLOSE:g}", "seeds beyond"), rows))
-    say()
+    say(table(("path", "median", "90 % below", "worst", f"within {CLOSE:g}", "seeds beyond"), rows), "")
     for rate in result["rates"]:
         say(
             f"{rate['name']}: {rate['successes']} of {rate['cases']}"
@@ -246,37 +244,21 @@ def run_base(args: argparse.Namespace, cases: Sequence[Case], robot: Robot) -> i
         say(f"one identification: median {result['seconds']:.1f} s of processor time")
     for seed, why in result["refused"].items():
         say(f"seed {seed}: no model ({why})")
-    return 0
 
 
-def _refuse_settings(args: argparse.Namespace) -> None:
-    """Refuse what `--family real` draws itself."""
-    for name, changed in (
-        ("--excitation", args.excitation),
-        ("--folder", args.folder),
-        ("--noise", args.noise != 1.0),
-        ("--periods", args.periods != PERIODS),
-    ):
-        if changed:
-            raise InputError(f"{name}: has no effect with --family real, which draws motions and noise itself")
-
-
-def run_causes(args: argparse.Namespace, cases: Sequence[Case], robot: Robot) -> int:
+def run_causes(args: argparse.Namespace, cases: Sequence[Case], robot: Robot) -> None:
     """Run the cases, print how many names were right and how many causes were found, joint by joint."""
     settings = {"robot": robot.name, "family": "real", "kind": "effects"}
     outcomes = run_cases(args, cases, partial(run_causes_case, robot=robot), settings, CausesOutcome.of_dict)
-    if outcomes is None:
-        return STOPPED
     result = causes_summary(outcomes)
     if args.json:
         _print_json(outcomes, "trial_real_effects", {"robot": args.robot, **result})
-        return 0
+        return
     rows = []
     for rate in result["rates"]:
         interval = f"{100 * rate['lower']:.0f} - {100 * rate['upper']:.0f} %"
         rows.append((rate["kind"], rate["name"], f"{rate['successes']} of {rate['cases']}", interval))
-    say(table(("path", "", "counted", "95 % interval"), rows))
-    say()
+    say(table(("path", "", "counted", "95 % interval"), rows), "")
     for one in result["reliability"]:
         say(
             f"names with a probability of {one['probability']:.3f} on average: {one['right']} of {one['names']} right"
@@ -291,4 +273,3 @@ def run_causes(args: argparse.Namespace, cases: Sequence[Case], robot: Robot) ->
     say(f"one diagnosis: median {result['seconds']:.1f} s of processor time")
     for seed, why in result["troubles"].items():
         say(f"seed {seed}: can't be added ({why})")
-    return 0

@@ -14,7 +14,7 @@ from robot_ident.model.model_file import read_model
 from robot_ident.workflow.inputs import fitted_to
 
 
-def run(args: argparse.Namespace) -> int:
+def run(args: argparse.Namespace) -> None:
     """Validate and print the residual of every joint."""
     model = read_model(args.model)
     recording = read_for(args.bag, model.robot, topic=args.topic)
@@ -39,4 +39,3 @@ def run(args: argparse.Namespace) -> int:
         raise CheckFailed(
             f"{worst}: residual of {result.residual[worst].rms:.4g} {unit} rms exceeds --max-rms {args.max_rms:g}"
         )
-    return 0

@@ -15,7 +15,7 @@ from robot_ident.workbench.allowed_paths import Allowed
 from robot_ident.workbench.controller import Desk
 
 
-def run(args: argparse.Namespace) -> int:
+def run(args: argparse.Namespace) -> None:
     """Serve the loop of compare, see, learn, add and watch to a browser on this machine."""
     from robot_ident.workbench.server import browsed, serve
 
@@ -51,4 +51,3 @@ def run(args: argparse.Namespace) -> int:
         except KeyboardInterrupt:
             own = [word for path in args.effects_from for word in ("--effects-from", path)]
             say(f"stopped; resume with: {shlex.join(['robot_ident', 'workbench', *own, '--folder', args.folder])}")
-    return 0

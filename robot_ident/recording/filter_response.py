@@ -6,6 +6,7 @@ import csv
 import io
 from collections.abc import Sequence
 from dataclasses import dataclass
+from itertools import zip_longest
 from pathlib import Path
 from typing import Any
 
@@ -154,6 +155,32 @@ class IdentifiedFilter:
     chi_square: float | None
     dof: int
     bic: dict[int, float]
+
+    @property
+    def yaml(self) -> str:
+        """The entry of a robot YAML."""
+        sections = ", ".join("[" + ", ".join(f"{value:.5g}" for value in one) + "]" for one in self.filter.sections)
+        return f"anti_alias: {{sections: [{sections}]}}"
+
+    def to_dict(self) -> dict[str, Any]:
+        """Return it as plain data."""
+        keys = ("frequency", "frequency_std", "quality", "quality_std")
+        pairs = zip(self.filter.sections, self.deviations, strict=True)
+        flat = ([word for pair in zip(section, spread, strict=True) for word in pair] for section, spread in pairs)
+        return {
+            "order": self.filter.order,
+            "cutoff": self.filter.cutoff,
+            "delay": self.filter.delay,
+            "undone_to": self.filter.passes(0.5),
+            "sections": [dict(zip_longest(keys, words)) for words in flat],
+            "gain": self.gain,
+            "gain_std": self.gain_deviation,
+            "misfit": self.misfit,
+            "chi_square": self.chi_square,
+            "dof": self.dof,
+            "tried": [{"order": order, "bic": float(value)} for order, value in self.bic.items()],
+            "yaml": self.yaml,
+        }
 
 
 def identify_filter(response: FrequencyResponse, order: int | None = None) -> IdentifiedFilter:

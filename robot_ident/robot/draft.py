@@ -5,7 +5,14 @@ from __future__ import annotations
 import json
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field
+from typing import Any
 
+import numpy as np
+
+from robot_ident.configuration import load_yaml
+from robot_ident.errors import InputError
+from robot_ident.robot.robot import Definition, Robot
+from robot_ident.robot.robot_file import robot_of
 from robot_ident.robot.urdf import Inventory, UrdfJoint
 from robot_ident.signals.motion import Array
 
@@ -16,6 +23,8 @@ MOUNTS: dict[str, tuple[float, float, float]] = {  # gravity in the base frame, 
     "wall": (-GRAVITY, 0.0, 0.0),
 }
 _ROOM = 0.1  # m that the end effector has above the guessed plane where every joint is in its middle
+
+_NO_INERTIA = 1e-9  # of the moments about the joint: what rounding leaves of zero
 
 
 @dataclass(frozen=True)
@@ -48,6 +57,11 @@ class Draft:
     held: Mapping[str, str]
     guesses: tuple[str, ...]
     missing: tuple[str, ...]
+
+    def to_dict(self) -> dict[str, Any]:
+        """Return it as plain data, but the text."""
+        found = {"moving": list(self.moving), "held": dict(self.held)}
+        return {**found, "guesses": list(self.guesses), "missing": list(self.missing)}
 
 
 @dataclass
@@ -247,3 +261,30 @@ def _quoted(text: str) -> str:
     if not text.isprintable():
         return json.dumps(text)
     return "'" + text.replace("'", "''") + "'"
+
+
+def height_of(draft: str, urdf: str, source: str) -> float | None:
+    """Return where the end effector of a draft is along the base's z axis [m] with every joint in the middle of its
+    range, None where the draft can't be used yet.
+    """
+    try:
+        robot = robot_of(Definition(load_yaml(draft), urdf), source)
+    except InputError:
+        return None
+    known = np.isfinite(robot.limits.lower) & np.isfinite(robot.limits.upper)
+    middle = np.zeros(robot.n)
+    middle[known] = 0.5 * (robot.limits.lower[known] + robot.limits.upper[known])
+    return float(robot.rigid.frame_position(middle[None, :], robot.end_effector)[0, 2])
+
+
+def weightless(robot: Robot) -> list[str]:
+    """Return what the URDF lacks of the links that move: mass, or moments of inertia about the centre of mass."""
+    out = []
+    for joint, ten in zip(robot.joints, robot.rigid.parameters.reshape(-1, 10), strict=True):
+        mass, first, moments = ten[0], ten[1:4], ten[[4, 6, 9]]
+        about_centre = moments.sum() - 2.0 * first @ first / mass if mass > 0 else moments.sum()
+        lacks = [] if mass > 0 else ["mass"]
+        lacks += [] if about_centre > _NO_INERTIA * np.abs(moments).sum() else ["moments of inertia"]
+        if lacks:
+            out.append(f"{' and '.join(lacks)} of what {joint} moves: zero in the URDF")
+    return out

@@ -15,7 +15,7 @@ import numpy as np
 from robot_ident.bags import read_for
 from robot_ident.errors import InputError
 from robot_ident.estimation.extend import measured_anew
-from robot_ident.estimation.prediction import measured_for
+from robot_ident.estimation.prediction import Prediction, measured_for, predict_motion, refuse_elsewhere
 from robot_ident.estimation.validation import residual_on, unusable
 from robot_ident.files import refuse_twice
 from robot_ident.model.model import Model
@@ -24,11 +24,15 @@ from robot_ident.provenance import fingerprint, was_fitted
 from robot_ident.recording.checks import refuse_copies, refuse_same_rows
 from robot_ident.recording.measurement import Measurement, Source
 from robot_ident.recording.recording import Recording
-from robot_ident.signals.motion import Array
+from robot_ident.signals.motion import Array, Motion
 from robot_ident.trajectories.excitation import Excitation
+from robot_ident.trajectories.point_to_point import load_motion
 
 if TYPE_CHECKING:
     from robot_ident.design.target import Target
+
+_SAMPLE_RATE = 150.0  # Hz at which moves from point to point are looked at
+_MOST_SAMPLES = 1_000_000  # of a planned motion: the columns of every one are held
 
 
 @dataclass(frozen=True)
@@ -202,3 +206,34 @@ def _of_model(path: str, target: Target) -> Array:
     out = np.zeros((len(target.structure.names),) * 2)
     out[np.ix_(mine, mine)] = np.linalg.inv(covariance / np.outer(scale, scale)) / np.outer(scale, scale)
     return out
+
+
+def predict_planned(path: str, model: Model) -> Prediction | None:
+    """Return the torque along a motion in a YAML, None where the file is none.
+
+    A motion of more joints than the model has must leave the others where the model holds them.
+    """
+    if Path(path).suffix not in (".yaml", ".yml"):
+        return None
+    motion = load_motion(path)
+    rate = motion.sample_rate if isinstance(motion, Excitation) else _SAMPLE_RATE
+    seconds = motion.period if isinstance(motion, Excitation) else motion.duration
+    if not seconds * rate <= _MOST_SAMPLES:
+        raise InputError(
+            f"{path}: a motion of {seconds:.4g} s at {rate:g} Hz is too long: at most {_MOST_SAMPLES / rate:.4g} s"
+        )
+    if isinstance(motion, Excitation):
+        t, state = motion.times(), motion.samples()
+    else:
+        t = np.arange(0.0, motion.duration, 1.0 / _SAMPLE_RATE)
+        state = motion.reference(t)
+    missing = [name for name in model.robot.joints if name not in motion.joints]
+    if missing:
+        raise InputError(f"{path}: joint {missing[0]!r} is missing; the motion has {', '.join(motion.joints)}")
+    others = [k for k, name in enumerate(motion.joints) if name not in model.robot.joints]
+    if np.any(state.dq[:, others]):
+        raise InputError(f"{path}: {motion.joints[others[0]]} moves, which the model holds")
+    refuse_elsewhere(model, path, {motion.joints[k]: float(state.q[0, k]) for k in others})
+    pick = [motion.joints.index(name) for name in model.robot.joints]
+    chosen = Motion(state.q[:, pick], state.dq[:, pick], state.ddq[:, pick], state.dt, state.periodic)
+    return predict_motion(model, t, chosen)

@@ -5,6 +5,7 @@ from __future__ import annotations
 from collections.abc import Callable, Sequence
 from contextlib import AbstractContextManager, nullcontext
 from dataclasses import dataclass, field, replace
+from typing import Any
 
 import numpy as np
 
@@ -85,6 +86,19 @@ class Additions:
     def last(self) -> Diagnosis:
         """What is said of the model with all that was added."""
         return self.said[-1]
+
+    def to_dict(self) -> dict[str, Any]:
+        """Return the error after each addition, and what is said of the model with all of them, as plain data."""
+        stairs = [
+            {
+                "added": None if number == 0 else step.model.structure.labels[-1],
+                "residual_mse": {joint: fit.mse for joint, fit in step.model.residual.items()},
+                "validation_mse": step.unseen,
+            }
+            for number, step in enumerate(self.steps)
+        ]
+        after = {key: value for key, value in self.last.to_dict().items() if key != "schema"}
+        return {"staircase": stairs, "after_adding": {**after, "stopped": self.stopped}}
 
 
 def _unheard(what: str) -> AbstractContextManager[Tell]:

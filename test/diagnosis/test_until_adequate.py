@@ -7,7 +7,7 @@ from typing import Any
 
 import pytest
 
-from robot_ident.cli.steps import print_additions, to_dict
+from robot_ident.cli.steps import print_additions
 from robot_ident.diagnosis.diagnosis import Diagnosis
 from robot_ident.workflow.inputs import Inputs
 from robot_ident.workflow.steps import add_until_adequate
@@ -40,7 +40,7 @@ def test_what_the_longer_model_lacks_is_added_too(
         "torque_offset@joint_3",
     ]
     assert added.foreseen == 1
-    data = to_dict(added)
+    data = added.to_dict()
     assert [step["added"] for step in data["staircase"]] == [None, "stribeck@joint_2", "torque_offset@joint_3"]
     falling = [sum(step["validation_mse"].values()) for step in data["staircase"]]
     assert falling == sorted(falling, reverse=True)
@@ -78,7 +78,7 @@ def test_where_nothing_is_named_the_staircase_is_the_model_as_it_is(
     measured = bench.measure(())
     plain = Inputs((bench.model(measured),), ("model.yaml",), (), tuple(measured), tuple(bench.measure((), [3])))
     added = add_until_adequate(bench.diagnose(()), plain)
-    data = to_dict(added)
+    data = added.to_dict()
     assert [step["added"] for step in data["staircase"]] == [None]
     assert data["after_adding"]["verdict"] == "adequate"
     assert set(data["staircase"][0]["validation_mse"]) == {"joint_1", "joint_2", "joint_3"}
