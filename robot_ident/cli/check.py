@@ -39,8 +39,8 @@ def run(args: argparse.Namespace) -> None:
         data = {"schema": "robot_ident/check/1", "kept": not violations, "margins": margins.to_json()}
         names = ("blend_in", "blend_out", "approach")
         data |= {"not_checked": list(margins.unknown), "played": played and played.to_json()}
-        data |= {name: parts[name].to_json() if name in parts else None for name in names}
-        print_json(data | {"precision": needed and needed.to_dict()})
+        data |= {"precision": needed and needed.to_dict()}
+        print_json(data | {name: parts[name].to_json() if name in parts else None for name in names})
     else:
         say_unchecked(margins)
         say(margin_table(margins))

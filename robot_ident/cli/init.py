@@ -64,9 +64,11 @@ def run(args: argparse.Namespace) -> None:
     if robot is not None and args.bag:
         _test_effort(output, args.bag, topic)
     if args.json:
-        data = {"schema": "robot_ident/init/1", "path": str(output), "name": name, **draft.to_dict()}
+        data = {"schema": "robot_ident/init/1", "path": str(output), "name": name}
+        told = draft.to_dict()
+        data |= {key: told.pop(key) for key in ("moving", "held")}
         data |= {"fixed": list(inventory.of_kind("fixed")), "mimic": dict(inventory.mimics)}
-        print_json({**data, "not_checked": unchecked})
+        print_json({**data, **told, "not_checked": unchecked})
         return
     _print(draft, inventory, unchecked, output)
 
