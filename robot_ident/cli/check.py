@@ -4,13 +4,12 @@ from __future__ import annotations
 
 import argparse
 from dataclasses import replace
+from typing import TYPE_CHECKING
 
 import numpy as np
 
 from robot_ident.cli.output import margin_table, print_json, refuse_unchecked, say, say_unchecked
-from robot_ident.cli.precision import Precision, precision
 from robot_ident.cli.values import numbers_of
-from robot_ident.design.target import Target
 from robot_ident.errors import CheckFailed, InputError
 from robot_ident.limits.certifier import Certifier, Margins, worst_of
 from robot_ident.model.model_file import read_model
@@ -20,6 +19,9 @@ from robot_ident.robot import Robot, load_robot
 from robot_ident.signals.motion import Array
 from robot_ident.trajectories.excitation import Excitation
 from robot_ident.trajectories.point_to_point import PointToPoint, load_motion
+
+if TYPE_CHECKING:
+    from robot_ident.cli.precision import Precision
 
 
 def run(args: argparse.Namespace) -> None:
@@ -61,6 +63,9 @@ def _precision(args: argparse.Namespace, motion: Excitation | PointToPoint, robo
         return None
     if not isinstance(motion, Excitation):
         raise InputError(f"{args.excitation}: --precision counts the periods of an excitation; this motion has none")
+    from robot_ident.cli.precision import precision
+    from robot_ident.design.target import Target
+
     target = Target.of_model(read_model(args.model)) if args.model else Target.of_robot(robot)
     return precision(args, target, [motion])
 

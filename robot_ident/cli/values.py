@@ -33,7 +33,7 @@ def _register_source(path: str, source: bytes) -> None:
 def numbers_of(text: str, expected: str, lengths: Sequence[int]) -> list[float]:
     """Return the numbers of `X,Y,...`; InputError, with what was expected, unless they are finite and so many."""
     try:
-        values = [float(word) for word in text.replace(",", " ").split()]
+        values = [float(word) for word in text.split(",")]
     except ValueError:
         values = []
     if len(values) not in lengths or any(value - value != 0.0 for value in values):
