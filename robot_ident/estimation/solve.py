@@ -16,6 +16,7 @@ from robot_ident.effects import Effect
 from robot_ident.effects.torque_ripple import TorqueRipple
 from robot_ident.effects.torque_scale import TorqueScale
 from robot_ident.errors import InputError
+from robot_ident.estimation.equations import Equations
 from robot_ident.estimation.instruments import instrumental_variables
 from robot_ident.estimation.least_squares import Factor
 from robot_ident.estimation.maximum_likelihood import maximum_likelihood
@@ -43,12 +44,19 @@ class Projection:
     stays: Factor | None
 
     @classmethod
-    def of(cls, problem: Problem, structure: Structure, searched: Collection[str]) -> Projection:
-        """Take up a search over the inner parameters of the effects whose labels are given."""
+    def of(
+        cls, problem: Problem, structure: Structure, searched: Collection[str], near: Array | None = None
+    ) -> Projection:
+        """Take up a search over the inner parameters of the effects whose labels are given; near [p]: linear parameters
+        whose torque other effects see meanwhile, where they are known.
+        """
         moves = structure.places_of(lambda effect: effect.label in searched or effect.uses_torque)
         order = np.concatenate([np.flatnonzero(~moves), np.flatnonzero(moves)])
         try:
-            near = problem.linear(structure)[0] if structure.uses_torque else None
+            if not structure.uses_torque:
+                near = None
+            elif near is None:
+                near = problem.linear(structure)[0]
             held = order[: int(np.sum(~moves))]
             phi = problem.equations(structure, near).phi[:, held]
             stays = problem.factored(phi, [problem.names[k] for k in held])
@@ -98,7 +106,8 @@ def solve(measurements: Sequence[Measurement], structure: Structure, estimator: 
     """Return all parameters of a structure, searched from its inner parameters' grids."""
     _refuse_hidden(measurements, structure)
     problem: Problem | None = Problem(measurements, structure, weighted=ESTIMATORS[estimator].weighted)
-    others: list[tuple[int, Structure]] = []
+    best: _Solved | None = None
+    others: list[tuple[int, _Solved]] = []
     while problem is not None:
         used = problem
         searched = with_scales(used, structure)
@@ -106,12 +115,12 @@ def solve(measurements: Sequence[Measurement], structure: Structure, estimator: 
             used = used.weighed_anew(searched)
             searched = with_scales(used, searched)
         if len(structure.inner) > len(structure.scaled):
-            searched, others = _best_forms(used, _refine(used, _scan(used, searched)))
-            searched = with_scales(used, searched)
+            best, others = _best_forms(used, _refine(used, _scan(used, searched)))
+            searched = with_scales(used, best.structure)
         values, _, equations = used.linear(searched)
         problem = used.beside(values, equations)
     finish, found = ESTIMATORS[estimator].finish, solution(used, searched, values, equations)
-    forms = tuple(_compared(used, found, index, one) for index, one in others)
+    forms = () if best is None else tuple(_compared(used, best, index, one) for index, one in others)
     return replace(found if finish is None else finish(used, found), other_forms=forms)
 
 
@@ -162,29 +171,40 @@ def _searched(effect: Effect) -> bool:
     return bool(effect.inner) and not isinstance(effect, TorqueScale)
 
 
-def _best_forms(problem: Problem, structure: Structure) -> tuple[Structure, list[tuple[int, Structure]]]:
+@dataclass(frozen=True)
+class _Solved:
+    """A structure at theta(s) [p], its equations, and the whitened squared error of each of their rows [R]."""
+
+    structure: Structure
+    values: Array
+    equations: Equations
+    left: Array
+
+    @classmethod
+    def of(cls, problem: Problem, structure: Structure) -> _Solved:
+        values, _, equations = problem.linear(structure)
+        white = problem.noise.whiten(equations.torque - equations.phi @ values)
+        return cls(structure, values, equations, np.asarray(equations.independent * white**2))
+
+
+def _best_forms(problem: Problem, structure: Structure) -> tuple[_Solved, list[tuple[int, _Solved]]]:
     """Return a structure with every effect in the form that leaves least, its inner parameters refined, and the same in
     each other form of one effect, by the effect's number.
     """
     while True:
-        others = [(k, one) for k in range(len(structure.effects)) for one in _other_forms(problem, structure, k)]
-        left = [_left(problem, one) for _, one in others]
-        if not left or min(left) >= _left(problem, structure):
-            return structure, others
-        structure = _refine(problem, others[int(np.argmin(left))][1])
+        mine, numbers = _Solved.of(problem, structure), range(len(structure.effects))
+        others = [(k, _Solved.of(problem, one)) for k in numbers for one in _other_forms(problem, mine, k)]
+        left = [float(one.left.sum()) for _, one in others]
+        if not left or min(left) >= mine.left.sum():
+            return mine, others
+        structure = _refine(problem, others[int(np.argmin(left))][1].structure)
 
 
-def _left(problem: Problem, structure: Structure) -> float:
-    """Return chi-square at theta(s)."""
-    values, _, equations = problem.linear(structure)
-    return float(equations.independent @ problem.noise.whiten(equations.torque - equations.phi @ values) ** 2)
-
-
-def _other_forms(problem: Problem, structure: Structure, index: int) -> list[Structure]:
+def _other_forms(problem: Problem, mine: _Solved, index: int) -> list[Structure]:
     """Return a structure with one of its effects in each other form, the best of the grid refined; of a ripple, whose
     lines are apart, none.
     """
-    effect = structure.effects[index]
+    structure, effect = mine.structure, mine.structure.effects[index]
     names = [inner.name for inner in effect.inner if not inner.continuous]
     if not names or isinstance(effect, TorqueRipple):
         return []
@@ -194,27 +214,27 @@ def _other_forms(problem: Problem, structure: Structure, index: int) -> list[Str
         effects = (*structure.effects[:index], effect.at(setting), *structure.effects[index + 1 :])
         forms.setdefault(tuple(setting[name] for name in names), []).append(replace(structure, effects=effects))
     forms.pop(tuple(effect.setting[name] for name in names), None)
-    projected = Projection.of(problem, structure, [effect.label])
+    projected = Projection.of(problem, structure, [effect.label], mine.values)
     best = [min(trials, key=projected.cost) for trials in forms.values()]
-    return [_refine(problem, one, [index]) for one in best if np.isfinite(projected.cost(one))]
+    return [_refine(problem, one, [index], mine.values) for one in best if np.isfinite(projected.cost(one))]
 
 
-def _compared(problem: Problem, found: Solution, index: int, other: Structure) -> OtherForm:
-    """Return what a structure with one effect in another form is, beside the solution."""
-    values, _, equations = problem.linear(other)
-    effect, mine = other.effects[index], found.equations
-    rows = slice(None) if effect.whole else mine.joint == effect.joint
-    left = mine.independent * problem.noise.whiten(mine.torque - mine.phi @ found.values[: len(values)]) ** 2
-    unit = max(1.0, float(np.sum(left[rows]) / np.sum(mine.independent[rows])))
-    more = max((_left(problem, other) - float(np.sum(left))) / unit, 0.0)
+def _compared(problem: Problem, mine: _Solved, index: int, other: _Solved) -> OtherForm:
+    """Return what a structure with one effect in another form is, beside the one that leaves least."""
+    effect = other.structure.effects[index]
+    rows = slice(None) if effect.whole else mine.equations.joint == effect.joint
+    unit = max(1.0, float(np.sum(mine.left[rows]) / np.sum(mine.equations.independent[rows])))
+    more = float(np.sum(other.left) - np.sum(mine.left)) / unit
     words = ", ".join(f"{inner.name} {effect.setting[inner.name]:.3g}" for inner in effect.inner)
-    of_other = solution(problem, other, values, equations)
-    return OtherForm(effect, words, more, of_other.values, of_other.covariance)
+    found = solution(problem, other.structure, other.values, other.equations)
+    return OtherForm(effect, words, more, found.values, found.covariance)
 
 
-def _refine(problem: Problem, structure: Structure, some: Collection[int] | None = None) -> Structure:
+def _refine(
+    problem: Problem, structure: Structure, some: Collection[int] | None = None, near: Array | None = None
+) -> Structure:
     """Refine continuous inner parameters of some effects, by number (None: of all), by bounded least squares on the
-    projected residual.
+    projected residual; near: as `Projection.of` takes it.
     """
     from scipy.optimize import least_squares
 
@@ -239,7 +259,7 @@ def _refine(problem: Problem, structure: Structure, some: Collection[int] | None
         return structure.with_settings(moved)
 
     start = np.clip((scaled(settings) - lowest) / range_, 1e-6, 1 - 1e-6)
-    left = Projection.of(problem, structure, [effect.label for effect in effects])
+    left = Projection.of(problem, structure, [effect.label for effect in effects], near)
 
     def rest(x: Array) -> Array:
         """Return the projected residual; where the motion no longer meets a column, as if nothing were explained."""
