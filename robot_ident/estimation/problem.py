@@ -58,9 +58,9 @@ class Solution:
     other_forms: tuple[OtherForm, ...] = ()
 
     def whichever_form(self) -> Solution:
-        """Return the solution with a covariance that holds whichever form an effect has, and notes on those that fit as
-        well: sum_k p_k (C_k + (t_k - t) (t_k - t)'), C_k the covariance and t_k the linear parameters with form k, t
-        those with the one that fits best, p_k ~ exp(-chi-square_k / 2) how probable it is.
+        """Return the solution with a covariance that holds whichever form an effect has, and notes on forms that fit
+        nearly as well: sum_k p_k (C_k + (t_k - t) (t_k - t)'), C_k the covariance and t_k the linear parameters with
+        form k, t those with the one that fits best, p_k ~ exp(-chi-square_k / 2) how probable it is.
         """
         p, notes = len(self.structure.parameters), []
         chances = np.exp(-0.5 * np.array([form.more for form in self.other_forms]))
@@ -78,7 +78,7 @@ class Solution:
                     if far[k] > 1.0
                 )
                 notes.append(
-                    f"{form.effect.label} fits as well with {form.words} (chi-square {form.more:.2g} more)"
+                    f"{form.effect.label} fits nearly as well with {form.words} (chi-square {form.more:.2g} more)"
                     + (f": {told}; the standard deviations take that in" if told else "")
                 )
         return replace(self, covariance=covariance, notes=(*self.notes, *notes))
