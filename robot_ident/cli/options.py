@@ -61,7 +61,7 @@ def option(usage: str, text: str = "", default: Any = None, **how: Any) -> Optio
     if not values:
         return Option((name,), {"action": "store_true", "help": text, **how})
     if values[-1] == "...":
-        return Option((name,), {"metavar": values[0], "nargs": "+", "default": [], "help": text, **how})
+        return Option((name,), {"metavar": values[0], "nargs": "+", "default": default or [], "help": text, **how})
     form: dict[str, Any] = {"metavar": values[0]}
     if values[0].startswith("{"):
         form = {"choices": values[0].strip("{}").split(",")}
@@ -526,8 +526,7 @@ TAKES: dict[str, tuple[Option | Group | OneOf, ...]] = {
             "--hidden NAME@JOINT:VALUE ...",
             "what the robot has and the paper's model lacks",
             nargs="*",
-            default=None,
-        ),
+        ).but(default=None),
         SEED.but("of design and noise (default %(default)s)"),
         FOLDER.but("where everything is kept (default ./%(default)s)", metavar="FOLDER", default="robot_ident_demo"),
         FORCE.but("replace the folder of an earlier demo"),

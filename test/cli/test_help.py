@@ -11,7 +11,7 @@ from typing import Any
 
 import pytest
 
-from robot_ident.cli.main import DESCRIPTION, GROUPS, VERBS, main
+from robot_ident.cli.main import DESCRIPTION, GROUPS, VERBS, build_parser, main
 
 Run = Callable[..., Any]
 _HEADINGS = {
@@ -85,3 +85,11 @@ def test_the_help_is_there_at_once() -> None:
         taken.append(time.perf_counter() - started)
         assert done.returncode == 0 and done.stdout and not done.stderr
     assert min(taken) < 1.0  # 0.1 s on an idle machine
+
+
+def test_options_of_several_values_have_what_their_command_takes_without_them() -> None:
+    parser = build_parser()
+    assert parser.parse_args(["paper"]).section == [1, 2, 3, 4, 5, 6]
+    assert parser.parse_args(["demo"]).hidden is None, "the demo's own effects"
+    assert parser.parse_args(["demo", "--hidden"]).hidden == [], "none at all"
+    assert parser.parse_args(["design"]).effect == []
