@@ -26,6 +26,8 @@ from robot_ident.model.structure import Structure
 from robot_ident.recording.measurement import Measurement
 from robot_ident.signals.motion import Array, joined
 
+_LESS = 1e-6  # of the squared error, by which another form must leave less to be taken
+_FAR = 30.0  # more of chi-square: a form that leaves it is less likely than one in a million
 _MOST_STEPS = 25  # of the search for inner parameters: five of them at once take about 15
 
 
@@ -120,8 +122,9 @@ def solve(measurements: Sequence[Measurement], structure: Structure, estimator: 
         values, _, equations = used.linear(searched)
         problem = used.beside(values, equations)
     finish, found = ESTIMATORS[estimator].finish, solution(used, searched, values, equations)
-    forms = () if best is None else tuple(_compared(used, best, index, one) for index, one in others)
-    return replace(found if finish is None else finish(used, found), other_forms=forms)
+    forms = [] if best is None else [_compared(used, best, index, one) for index, one in others]
+    told = tuple(form for form in forms if form is not None)
+    return replace(found if finish is None else finish(used, found), other_forms=told)
 
 
 def _refuse_hidden(measurements: Sequence[Measurement], structure: Structure) -> None:
@@ -189,20 +192,21 @@ class _Solved:
 
 def _best_forms(problem: Problem, structure: Structure) -> tuple[_Solved, list[tuple[int, _Solved]]]:
     """Return a structure with every effect in the form that leaves least, its inner parameters refined, and the same in
-    each other form of one effect, by the effect's number.
+    each other form of one effect that the motion excites, by the effect's number.
     """
+    mine, numbers = _Solved.of(problem, structure), range(len(structure.effects))
     while True:
-        mine, numbers = _Solved.of(problem, structure), range(len(structure.effects))
-        others = [(k, _Solved.of(problem, one)) for k in numbers for one in _other_forms(problem, mine, k)]
-        left = [float(one.left.sum()) for _, one in others]
-        if not left or min(left) >= mine.left.sum():
+        others = [(k, one) for k in numbers for one in _other_forms(problem, mine, k)]
+        best = min((one for _, one in others), key=lambda one: one.left.sum(), default=mine)
+        if best.left.sum() >= (1.0 - _LESS) * mine.left.sum():
             return mine, others
-        structure = _refine(problem, others[int(np.argmin(left))][1].structure)
+        again = _Solved.of(problem, _refine(problem, best.structure))
+        mine = min(best, again, key=lambda one: one.left.sum())
 
 
-def _other_forms(problem: Problem, mine: _Solved, index: int) -> list[Structure]:
-    """Return a structure with one of its effects in each other form, the best of the grid refined; of a ripple, whose
-    lines are apart, none.
+def _other_forms(problem: Problem, mine: _Solved, index: int) -> list[_Solved]:
+    """Return a structure with one of its effects in each other form that the motion excites, the best of the grid
+    refined; of a ripple, whose lines are apart, none.
     """
     structure, effect = mine.structure, mine.structure.effects[index]
     names = [inner.name for inner in effect.inner if not inner.continuous]
@@ -216,17 +220,30 @@ def _other_forms(problem: Problem, mine: _Solved, index: int) -> list[Structure]
     forms.pop(tuple(effect.setting[name] for name in names), None)
     projected = Projection.of(problem, structure, [effect.label], mine.values)
     best = [min(trials, key=projected.cost) for trials in forms.values()]
-    return [_refine(problem, one, [index], mine.values) for one in best if np.isfinite(projected.cost(one))]
+    out = []
+    for one in best:
+        try:
+            out.append(_Solved.of(problem, _refine(problem, one, [index], mine.values)))
+        except InputError:  # the motion doesn't excite a column
+            continue
+    return out
 
 
-def _compared(problem: Problem, mine: _Solved, index: int, other: _Solved) -> OtherForm:
-    """Return what a structure with one effect in another form is, beside the one that leaves least."""
+def _compared(problem: Problem, mine: _Solved, index: int, other: _Solved) -> OtherForm | None:
+    """Return what a structure with one effect in another form is, beside the one that leaves least; None where it
+    leaves far more, or the motion does not tell its inner parameters.
+    """
     effect = other.structure.effects[index]
     rows = slice(None) if effect.whole else mine.equations.joint == effect.joint
     unit = max(1.0, float(np.sum(mine.left[rows]) / np.sum(mine.equations.independent[rows])))
     more = float(np.sum(other.left) - np.sum(mine.left)) / unit
+    if more > _FAR:
+        return None
+    try:
+        found = solution(problem, other.structure, other.values, other.equations)
+    except InputError:
+        return None
     words = ", ".join(f"{inner.name} {effect.setting[inner.name]:.3g}" for inner in effect.inner)
-    found = solution(problem, other.structure, other.values, other.equations)
     return OtherForm(effect, words, more, found.values, found.covariance)
 
 
