@@ -45,7 +45,7 @@ def _clean(matrix: Any) -> Any:
     return ca.sparsify(ca.DM(np.where(np.abs(array - nearest) < 1e-12, nearest, array)))
 
 
-def _placements(robot: Robot, q: Any) -> list[tuple[Any, Any, Any, Any]]:
+def placements(robot: Robot, q: Any) -> list[tuple[Any, Any, Any, Any]]:
     """Return for each joint (R, p, linear axis, angular axis): the pose of its frame in the previous one."""
     out = []
     for joint in range(robot.n):
@@ -87,7 +87,7 @@ def regressor_expression(robot: Robot, q: Any, dq: Any, ddq: Any, gravity: Array
     down = robot.rigid.model.gravity.linear if gravity is None else gravity
     w, dw = ca.SX(3, 1), ca.SX(3, 1)
     a = -ca.SX(ca.sparsify(ca.DM(np.array(down, dtype=float))))
-    chain = _placements(robot, q)
+    chain = placements(robot, q)
     wrenches = []
     for joint, (r, p, linear, angular) in enumerate(chain):
         a = a + ca.mtimes(_skew(dw), p) + ca.mtimes(_skew(w), ca.mtimes(_skew(w), p))
@@ -145,7 +145,7 @@ def frame_function(robot: Robot, frame: str) -> Any:
     model = robot.rigid.model
     found = model.frames[model.getFrameId(frame)]
     p = ca.SX(ca.DM(np.array(found.placement.translation)))
-    chain = _placements(robot, q)
+    chain = placements(robot, q)
     for r, offset, _, _ in reversed(chain[: found.parentJoint]):
         p = offset + ca.mtimes(r, p)
     return ca.Function("frame", [q], [p])
@@ -156,7 +156,7 @@ def placements_function(robot: Robot) -> Any:
     q = ca.SX.sym("q", robot.n)
     rotation, position = ca.SX.eye(3), ca.SX(3, 1)
     rotations, positions = [], []
-    for r, p, _, _ in _placements(robot, q):
+    for r, p, _, _ in placements(robot, q):
         position = position + ca.mtimes(rotation, p)
         rotation = ca.mtimes(rotation, r)
         rotations.append(rotation)
