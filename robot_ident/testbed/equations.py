@@ -22,7 +22,7 @@ from robot_ident.testbed.links import links_function
 from robot_ident.testbed.phenomena.phenomenon import Instant, Physics
 from robot_ident.testbed.servo import Servo
 from robot_ident.testbed.transmissions import Transmissions
-from robot_ident.testbed.vectorised import Vectorised
+from robot_ident.testbed.vectorised import on_memory, vectorised
 
 
 class Parts(NamedTuple):
@@ -105,9 +105,7 @@ class Equations:
     physics: tuple[Physics, ...]
     servo: Servo
     step: float
-    _folded: dict[tuple[str, int], Callable[[Array, Array, Array], None]] = field(
-        default_factory=dict, repr=False, compare=False
-    )
+    _folded: dict[tuple[str, int], Callable[..., None]] = field(default_factory=dict, repr=False, compare=False)
 
     @cached_property
     def layout(self) -> Layout:
@@ -151,44 +149,35 @@ class Equations:
         v = parts.v + self.step * ca.ldl_solve(problem.force - problem.level * ca.sign(parts.v), d, lt, p)
         return ca.Function("slipping", [state, command], [self._after(parts, v, load)])
 
-    def fold(self, kind: str, size: int) -> Callable[[Array, Array, Array], None]:
-        """Return what runs the step `full` or `slipping` `size` times on numpy's memory, without Python in between.
+    def fold(self, kind: str, size: int) -> Callable[..., None]:
+        """Return what runs the step `full` or `slipping` `size` times.
 
-        It takes a state, commands [size, 5 n] and an array for the states after each step, the latter two contiguous.
+        It takes a state, commands [size, 5 n] and an array for the states after each step, all contiguous.
         """
         if (kind, size) not in self._folded:
-            buffer, evaluate = getattr(self, kind).mapaccum(f"{kind}_{size}", size).buffer()
-
-            def run(state: Array, commands: Array, out: Array) -> None:
-                start = np.array(state)  # CasADi keeps the address alone: this array must live until the call is over
-                buffer.set_arg(0, memoryview(start))
-                buffer.set_arg(1, memoryview(commands))
-                buffer.set_res(0, memoryview(out))
-                evaluate()
-
-            self._folded[kind, size] = run
+            self._folded[kind, size] = on_memory(getattr(self, kind).mapaccum(f"{kind}_{size}", size))
         return self._folded[kind, size]
 
     @cached_property
-    def acceleration(self) -> Vectorised:
+    def acceleration(self) -> Callable[..., tuple[Array, ...]]:
         """The function (state, torque) -> ddq at that instant, zero for joints that stick."""
         state, tau, parts, terms, force = self._at_once()
         nothing = ca.SX.zeros(self.layout.moving)
         problem = StepProblem(terms.inertia, force, parts.v, terms.level, AT_ONCE, nothing, nothing)
         _, w, after = solve(problem)
         sticks = ca.logic_and(parts.v == 0, after == 0)
-        return Vectorised(ca.Function("acceleration", [state, tau], [ca.densify(ca.if_else(sticks, 0, w))]))
+        return vectorised(ca.Function("acceleration", [state, tau], [ca.densify(ca.if_else(sticks, 0, w))]))
 
     @cached_property
-    def moving_acceleration(self) -> Vectorised:
+    def moving_acceleration(self) -> Callable[..., tuple[Array, ...]]:
         """The same function where no joint with dry friction is at rest."""
         state, tau, parts, terms, force = self._at_once()
         d, lt, p = ca.ldl(terms.inertia)
         w = ca.ldl_solve(force - terms.level * ca.sign(parts.v), d, lt, p)
-        return Vectorised(ca.Function("moving_acceleration", [state, tau], [ca.densify(w)]))
+        return vectorised(ca.Function("moving_acceleration", [state, tau], [ca.densify(w)]))
 
     @cached_property
-    def shown(self) -> Vectorised:
+    def shown(self) -> Callable[..., tuple[Array, ...]]:
         """The function (state, ddq) -> position, velocity and acceleration [n] that the encoders show."""
         state, _, parts = self._symbols()
         n = self.robot.n
@@ -201,7 +190,7 @@ class Equations:
         rate = ca.jtimes(seen, q, v)
         curve = ca.jtimes(rate, q, v) + ca.jtimes(seen, q, ddq)
         out = ca.substitute([seen, rate, curve], [q, v], [parts.q[:n], parts.v[:n]])
-        return Vectorised(ca.Function("shown", [state, ddq], [ca.densify(x) for x in out]))
+        return vectorised(ca.Function("shown", [state, ddq], [ca.densify(x) for x in out]))
 
     def _symbols(self) -> tuple[Any, Any, Parts]:
         state = ca.SX.sym("x", self.layout.size)

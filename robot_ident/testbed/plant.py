@@ -19,6 +19,7 @@ from robot_ident.signals.motion import Array, Mask, Motion
 from robot_ident.testbed.equations import Equations, Layout, equations_of
 from robot_ident.testbed.phenomena.phenomenon import Physics
 from robot_ident.testbed.servo import Servo
+from robot_ident.testbed.vectorised import BLOCKS
 from robot_ident.trajectories.excitation import Reference
 
 
@@ -61,10 +62,6 @@ class Commands:
         """Return a torque [N, n] Nm that is applied whatever the motion, for drives without gains (`Servo.none`)."""
         zero = np.zeros(np.shape(torque))
         return cls(zero, zero, np.asarray(torque, dtype=float), zero, zero)
-
-
-BLOCKS = (64, 8, 1)
-"""How many steps one call into compiled code runs; a run of any length is put together from these."""
 
 
 @dataclass(frozen=True)

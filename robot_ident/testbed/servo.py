@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Callable
 from dataclasses import dataclass
 
 import numpy as np
@@ -11,7 +12,7 @@ from robot_ident.robot.robot import Robot
 from robot_ident.signals.motion import Array, Motion
 from robot_ident.testbed.phenomena import nominal_physics
 from robot_ident.testbed.phenomena.phenomenon import Instant, home_inertia
-from robot_ident.testbed.vectorised import Vectorised
+from robot_ident.testbed.vectorised import vectorised
 
 SERVOS = {
     "feedforward": "full feed-forward of the reference, friction included, and a position controller: a tuned drive",
@@ -34,7 +35,7 @@ class Servo:
     kp: Array
     kd: Array
     limit: Array
-    feed_forward: Vectorised | None = None
+    feed_forward: Callable[..., tuple[Array, ...]] | None = None
 
     @classmethod
     def make(cls, robot: Robot, kind: str = "feedforward", bandwidth: float = BANDWIDTH) -> Servo:
@@ -70,7 +71,7 @@ class Servo:
         return np.asarray(np.clip(tau, -self.limit, self.limit))
 
 
-def _feed_forward(robot: Robot) -> Vectorised:
+def _feed_forward(robot: Robot) -> Callable[..., tuple[Array, ...]]:
     """Return the inverse dynamics of the robot's description, its friction, spring and offset included.
 
     Hidden effects aren't known to the drive, nor are states that it doesn't measure.
@@ -88,4 +89,4 @@ def _feed_forward(robot: Robot) -> Vectorised:
     for physics in nominal_physics(robot):
         if not physics.states:
             physics.contribution(x).add_to(tau, level, dq, ddq)
-    return Vectorised(ca.Function("feed_forward", [q, dq, ddq], [ca.densify(tau), ca.densify(level)]))
+    return vectorised(ca.Function("feed_forward", [q, dq, ddq], [ca.densify(tau), ca.densify(level)]))
