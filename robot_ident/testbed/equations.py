@@ -181,16 +181,9 @@ class Equations:
         """The function (state, ddq) -> position, velocity and acceleration [n] that the encoders show."""
         state, _, parts = self._symbols()
         n = self.robot.n
-        ddq = ca.SX.sym("ddq", n)
-        q, v = ca.SX.sym("q", n), ca.SX.sym("v", n)
-        seen = ca.SX(q)
-        for physics in self._given(parts):
-            if physics.reads:
-                seen[physics.joint] += physics.misread(q[physics.joint])
-        rate = ca.jtimes(seen, q, v)
-        curve = ca.jtimes(rate, q, v) + ca.jtimes(seen, q, ddq)
-        out = ca.substitute([seen, rate, curve], [q, v], [parts.q[:n], parts.v[:n]])
-        return vectorised(ca.Function("shown", [state, ddq], [ca.densify(x) for x in out]))
+        true = (parts.q[:n], parts.v[:n], ca.SX.sym("ddq", n))
+        out = [ca.densify(x + more) for x, more in zip(true, self._misread(self._given(parts), *true), strict=True)]
+        return vectorised(ca.Function("shown", [state, true[2]], out))
 
     def _symbols(self) -> tuple[Any, Any, Parts]:
         state = ca.SX.sym("x", self.layout.size)
@@ -217,16 +210,19 @@ class Equations:
         """Return a torque of the motors [n] with zeros for the links behind them."""
         return ca.vertcat(tau, ca.SX.zeros(self.layout.links))
 
-    def _misread(self, given: Sequence[Physics], q: Any, v: Any) -> tuple[Any, Any]:
-        """Return what the encoders show too much of positions and velocities [n]: the servo knows both from them."""
-        off, slip = ca.SX.zeros(q.numel()), ca.SX.zeros(q.numel())
+    def _misread(self, given: Sequence[Physics], q: Any, v: Any, a: Any) -> tuple[Any, Any, Any]:
+        """Return what the encoders show too much of positions, velocities and accelerations [n]."""
+        off, slip, bend = (ca.SX.zeros(q.numel()) for _ in range(3))
         for physics in given:
             if physics.reads:
                 angle, j = ca.SX.sym("angle"), physics.joint
                 error = physics.misread(angle)
-                off[j] += ca.substitute(error, angle, q[j])
-                slip[j] += ca.substitute(ca.gradient(error, angle), angle, q[j]) * v[j]
-        return off, slip
+                slope = ca.gradient(error, angle)
+                parts = ca.substitute([error, slope, ca.gradient(slope, angle)], [angle], [q[j]])
+                off[j] += parts[0]
+                slip[j] += parts[1] * v[j]
+                bend[j] += parts[2] * v[j] ** 2 + parts[1] * a[j]
+        return off, slip, bend
 
     def _terms(self, given: Sequence[Physics], x: Parts, q: Any, v: Any, tau: Any, h: float) -> Terms:
         """Return the terms at positions and velocities, for phenomena with the states of x and commands tau [n]."""
@@ -269,7 +265,8 @@ class Equations:
         q_ref, v_ref, ahead, jump, fraction = ca.vertsplit(command, n)
         q_mid, v_mid = x.q + h / 2 * x.v + h**2 / 8 * x.a, x.v + h / 2 * x.a
         kp, kd, limit = ca.DM(servo.kp), ca.DM(servo.kd), ca.DM(servo.limit)
-        off, slip = self._misread(given, q_mid[:n], v_mid[:n])  # taken as constant over the step
+        # The servo knows what the encoders show; their error is taken as constant over the step.
+        off, slip, _ = self._misread(given, q_mid[:n], v_mid[:n], x.a[:n])
         wanted = ahead + kp * (q_ref - q_mid[:n] - off) + kd * (v_ref - v_mid[:n] - slip)
         free = ca.fabs(wanted) < limit  # a drive at its torque limit answers to nothing
         clipped = ca.fmax(ca.fmin(wanted, limit), -limit)

@@ -6,7 +6,7 @@ A periodic steady state is simulated once and repeated.
 
 from __future__ import annotations
 
-from collections.abc import Callable, Sequence
+from collections.abc import Callable
 from dataclasses import dataclass
 from functools import cached_property
 from typing import NamedTuple
@@ -114,9 +114,6 @@ class Plant:
 
     def shown(self, states: Array, ddq: Array) -> Motion:
         """Return the motion [N, n] that the encoders show at states [N, size] with accelerations [N, n]."""
-        if not self._misread:
-            parts = self.layout.joints(states)
-            return Motion(parts.q, parts.v, ddq)
         q, dq, ddq = self._equations.shown(states, ddq)
         return Motion(q, dq, ddq)
 
@@ -124,16 +121,13 @@ class Plant:
     def _equations(self) -> Equations:
         return equations_of(self.robot, self.physics, self.servo, self.step)
 
-    @cached_property
-    def _misread(self) -> Sequence[Physics]:
-        return [p for p in self.physics if p.reads]
-
     def _true(self, shown: Array) -> Array:
         """Return the true position [n] where encoders show q [n]."""
         q = np.array(shown)
-        for _ in range(20 if self._misread else 0):  # an encoder's error is small and smooth: a contraction
-            for physics in self._misread:
-                q[physics.joint] = shown[physics.joint] - float(physics.misread(q[physics.joint]))
+        for _ in range(20):  # an encoder's error is small and smooth: a contraction
+            for physics in self.physics:
+                if physics.reads:
+                    q[physics.joint] = shown[physics.joint] - float(physics.misread(q[physics.joint]))
         return q
 
     def _blocks(self, state: Array, commands: Array, turns: Mask, out: Array, sizes: tuple[int, ...]) -> None:

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from abc import abstractmethod
 from collections.abc import Sequence
 from dataclasses import dataclass
 from typing import Any, Self
@@ -179,38 +180,59 @@ class MaxwellSlip:
     """Elements with equal shares of a force level, which slip at `reaches` (Iwan 1966; Al-Bender et al. 2005).
 
     Element i holds its stretch z_i in [-reach_i, reach_i] and follows the joint in between: a play operator, exact for
-    steps of any length. It dissipates whatever the motion, and depends on the path alone, not on speed.
+    steps of any length. It dissipates whatever the motion, and depends on the path alone, not on speed. With a
+    clearance, z_i is how far the joint stands from where the element is not touched, and `free` of it is no stretch.
     """
 
     level: Any
     reaches: Sequence[Any]
+    free: Any = 0.0
 
     def stretched(self, stretch: Sequence[Any], moved: Any) -> list[Any]:
         """Return the stretches after the joint has moved."""
-        return [ca.fmax(ca.fmin(z + moved, reach), -reach) for z, reach in zip(stretch, self.reaches, strict=True)]
+        ends = [self.free + reach for reach in self.reaches]
+        return [ca.fmax(ca.fmin(z + moved, end), -end) for z, end in zip(stretch, ends, strict=True)]
 
     def force(self, stretch: Sequence[Any]) -> Any:
         """Return the force against the motion."""
         share = self.level / len(self.reaches)
-        return sum((share * z / reach for z, reach in zip(stretch, self.reaches, strict=True)), start=0.0)
+        touched = [ca.fmax(z - self.free, 0) - ca.fmax(-z - self.free, 0) for z in stretch]
+        return sum((share * z / reach for z, reach in zip(touched, self.reaches, strict=True)), start=0.0)
 
     def stiffness(self, stretch: Sequence[Any], moved: Any) -> Any:
-        """Return how the force rises with the motion: of elements that don't slip."""
-        share = self.level / len(self.reaches)
-        return sum(
-            (
-                ca.if_else(ca.fabs(z + moved) < reach, share / reach, 0)
-                for z, reach in zip(stretch, self.reaches, strict=True)
-            ),
-            start=0.0,
+        """Return how the force rises with the motion: of elements that are touched and don't slip."""
+        share, total = self.level / len(self.reaches), 0.0
+        for z, reach in zip(stretch, self.reaches, strict=True):
+            beyond = ca.fabs(z + moved) - self.free
+            total += ca.if_else(ca.logic_and(beyond >= 0, beyond < reach), share / reach, 0)
+        return total
+
+
+class Bristles(Physics):
+    """Maxwell elements between joint and housing, which a subclass states in `elements`."""
+
+    @abstractmethod
+    def elements(self) -> MaxwellSlip:
+        """Return the elements."""
+
+    def contribution(self, x: Instant) -> Contribution:
+        """Return the force of the bristles, stretched to the middle of the step."""
+        elements, moved = self.elements(), x.moved[self.joint]
+        return Contribution(
+            torque={self.joint: elements.force(elements.stretched(x.state, moved))},
+            stiffness={self.joint: elements.stiffness(x.state, moved)},
         )
+
+    def advance(self, before: Instant, after: Instant, h: float) -> list[Any]:
+        """Return the stretches after the step."""
+        return self.elements().stretched(before.state, after.q[self.joint] - before.q[self.joint])
 
 
 SPREAD = (0.12, 0.3, 0.6, 1.1, 2.0)
 """Reaches of the elements over the mean reach: the friction curve bends gradually."""
 
 
-class Presliding(Physics):
+class Presliding(Bristles):
     """Bristles in place of sharp Coulomb friction: after a reversal friction builds up over a distance.
 
     Five Maxwell elements share the Coulomb level c; `reach` [rad] is the mean distance at which they slip.
@@ -226,27 +248,16 @@ class Presliding(Physics):
     smallest = 0.1
     replaces = ("coulomb",)
 
-    def _elements(self) -> MaxwellSlip:
+    def elements(self) -> MaxwellSlip:
+        """Return those that share the Coulomb level."""
         return MaxwellSlip(self.values["coulomb"], [self.values["reach"] * share for share in SPREAD])
 
-    def contribution(self, x: Instant) -> Contribution:
-        """Return the force of the bristles, stretched to the middle of the step."""
-        elements, moved = self._elements(), x.moved[self.joint]
-        return Contribution(
-            torque={self.joint: elements.force(elements.stretched(x.state, moved))},
-            stiffness={self.joint: elements.stiffness(x.state, moved)},
-        )
 
-    def advance(self, before: Instant, after: Instant, h: float) -> list[Any]:
-        """Return the stretches after the step."""
-        return self._elements().stretched(before.state, after.q[self.joint] - before.q[self.joint])
-
-
-class FrictionBehindPlay(Physics):
+class FrictionBehindPlay(Bristles):
     """A dry slide that is dragged through a clearance `gap` [rad], beside the joint's own friction.
 
     Once it is touched, bristles bend before it slides: as in `Presliding`, over a mean distance `reach` [rad] up to
-    `level` [Nm]. The states are how far the joint stands from where each bristle is not touched.
+    `level` [Nm].
     """
 
     name = "friction_behind_play"
@@ -264,24 +275,10 @@ class FrictionBehindPlay(Physics):
         gap = between(rng, 0.005, 0.05)
         return cls.typical(robot, joint) | {"gap": gap, "reach": gap * between(rng, 0.02, 0.2)}
 
-    def _after(self, apart: Sequence[Any], moved: Any) -> list[Any]:
-        most = [self.values["gap"] / 2 + self.values["reach"] * share for share in SPREAD]
-        return [ca.fmax(ca.fmin(d + moved, end), -end) for d, end in zip(apart, most, strict=True)]
-
-    def contribution(self, x: Instant) -> Contribution:
-        """Return the force of the bristles that are touched, at the middle of the step."""
-        half, moved = self.values["gap"] / 2, x.moved[self.joint]
-        force, stiffness = 0.0, 0.0
-        for share, before, after in zip(SPREAD, x.state, self._after(x.state, moved), strict=True):
-            reach = self.values["reach"] * share
-            slope, beyond = self.values["level"] / len(SPREAD) / reach, ca.fabs(before + moved) - half
-            force += slope * (ca.fmax(after - half, 0) - ca.fmax(-after - half, 0))
-            stiffness += ca.if_else(ca.logic_and(beyond > 0, beyond < reach), slope, 0)
-        return Contribution(torque={self.joint: force}, stiffness={self.joint: stiffness})
-
-    def advance(self, before: Instant, after: Instant, h: float) -> list[Any]:
-        """Return the states after the step."""
-        return self._after(before.state, after.q[self.joint] - before.q[self.joint])
+    def elements(self) -> MaxwellSlip:
+        """Return those behind the clearance."""
+        reaches = [self.values["reach"] * share for share in SPREAD]
+        return MaxwellSlip(self.values["level"], reaches, self.values["gap"] / 2)
 
 
 STOPPED = 1e12

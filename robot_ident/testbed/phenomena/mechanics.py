@@ -15,7 +15,7 @@ from robot_ident.robot.robot import Robot, Spring
 from robot_ident.robot.symbolic import regressor_expression
 from robot_ident.signals.motion import Motion
 from robot_ident.testbed.links import links_function
-from robot_ident.testbed.phenomena.friction import MaxwellSlip
+from robot_ident.testbed.phenomena.friction import Bristles, MaxwellSlip
 from robot_ident.testbed.phenomena.phenomenon import (
     Contribution,
     Instant,
@@ -217,7 +217,7 @@ class GravitySpring(Physics):
 SPREAD = (0.4, 1.0, 1.8)
 
 
-class Cable(Physics):
+class Cable(Bristles):
     """A hose package bent along a joint: k (q - q0) (1 + hardening (q - q0)^2), and rubbing strands.
 
     k [Nm/rad], q0 [rad] where it is relaxed, hardening [1/rad^2]; the strands are Maxwell elements of level `rubbing`
@@ -250,20 +250,17 @@ class Cable(Physics):
             "reach": rng.uniform(0.05, 0.2),
         }
 
-    def _strands(self) -> MaxwellSlip:
+    def elements(self) -> MaxwellSlip:
+        """Return the strands."""
         return MaxwellSlip(self.values["rubbing"], [self.values["reach"] * share for share in SPREAD])
 
     def contribution(self, x: Instant) -> Contribution:
         """Return the torque that bends the cable."""
         bent = x.q[self.joint] - self.values["relaxed"]
         spring = self.values["cable"] * bent * (1 + self.values["hardening"] * bent**2)
-        strands = self._strands()
+        strands = self.elements()
         rub = strands.force(strands.stretched(x.state, x.moved[self.joint]))
         return Contribution(torque={self.joint: spring + rub})
-
-    def advance(self, before: Instant, after: Instant, h: float) -> list[Any]:
-        """Return the stretches of the strands after the step."""
-        return self._strands().stretched(before.state, after.q[self.joint] - before.q[self.joint])
 
 
 def _before_the_limit(robot: Robot, joint: int) -> float:
