@@ -60,7 +60,7 @@ def run(args: argparse.Namespace) -> None:
     elif args.force:  # what an earlier recording of this name carried
         sidecar(args.output).unlink(missing_ok=True)
     if scenario is not None and answer is not None:
-        write_text(answer, seal(scenario.answer()), force=args.force)
+        write_text(answer, seal(scenario), force=args.force)
     if args.json:
         data = {"schema": "robot_ident/simulate/1", "path": str(args.output), "samples": result.recording.samples}
         shown = result.effects if scenario is None else [physics.label for physics in plant_physics(robot)]

@@ -25,7 +25,7 @@ from robot_ident.robot.robot import Robot
 from robot_ident.testbed.base_trial import CLOSE, FILTERS, BaseOutcome, base_summary, run_base_case
 from robot_ident.testbed.causes_trial import CausesOutcome, causes_summary, run_causes_case
 from robot_ident.testbed.phenomena import values_in_words
-from robot_ident.testbed.scenario import KINDS, Scenario, open_sealed, usual_sizes
+from robot_ident.testbed.scenario import KINDS, open_sealed, usual_sizes
 from robot_ident.testbed.trial import MEASUREMENT, Case, Outcome, Setting, run_case
 from robot_ident.testbed.trial_table import summary
 from robot_ident.trajectories.excitation import Excitation
@@ -83,9 +83,9 @@ def run(args: argparse.Namespace) -> None:
 
 
 def _open(args: argparse.Namespace) -> None:
-    scenario = Scenario.of_answer(open_sealed(args.open))
+    scenario = open_sealed(args.open)
     if args.json:
-        print_json({"schema": "robot_ident/answer/1", **scenario.answer()})
+        print_json({"schema": "robot_ident/answer/1", **scenario.model_dump()})
         return
     say(f"{scenario.kind} in {scenario.robot} (seed {scenario.seed})")
     for effect in scenario.effects:

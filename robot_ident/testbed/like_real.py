@@ -10,13 +10,12 @@ from collections.abc import Sequence
 from dataclasses import dataclass
 
 import numpy as np
-import pinocchio
 
 from robot_ident.estimation.prediction import predict
 from robot_ident.model.model import Model
 from robot_ident.recording import Recording
 from robot_ident.robot import Robot
-from robot_ident.signals.motion import Array
+from robot_ident.signals.motion import Array, Motion
 from robot_ident.testbed.joint_causes import Cause, Course, draw_causes
 
 FINE = 1000.0  # Hz, at which the arm moves
@@ -126,8 +125,7 @@ def _path(robot: Robot, rng: np.random.Generator, kind: str, lag: float, seconds
 
 
 def _links(robot: Robot, path: Array) -> Array:
-    model, data = robot.rigid.model, robot.rigid.model.createData()
-    return np.array([pinocchio.rnea(model, data, *state) for state in path])
+    return robot.rigid.inverse_dynamics(Motion(path[:, 0], path[:, 1], path[:, 2]))
 
 
 def _course(robot: Robot, path: Array) -> Course:

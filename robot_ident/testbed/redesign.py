@@ -4,16 +4,20 @@ from __future__ import annotations
 
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass
-from typing import TYPE_CHECKING, Any
+from typing import Any
 
 from robot_ident.design.criteria import PERIODS
+from robot_ident.design.design import DesignResult, Progress, design
+from robot_ident.design.target import Target
+from robot_ident.estimation.identify import estimate
+from robot_ident.model.model import Model
+from robot_ident.model.structure import Structure
+from robot_ident.recording.process import process
 from robot_ident.robot.robot import Robot
 from robot_ident.signals.motion import Array
+from robot_ident.testbed.phenomena import plant_physics
+from robot_ident.testbed.simulation import Play
 from robot_ident.trajectories.excitation import Excitation
-
-if TYPE_CHECKING:
-    from robot_ident.design.design import DesignResult, Progress
-    from robot_ident.model.model import Model
 
 ENOUGH = 0.02  # fall of the mean sigma below which a new motion is not worth a measurement
 ROUNDS = 6  # redesigns at most
@@ -101,9 +105,6 @@ def redesign(
     search is no difference between rounds. Every measurement has noise of its own. Ctrl-C ends it with the rounds that
     are done. Raises InputError where the robot's files give no noise of its positions.
     """
-    from robot_ident.design.design import design
-    from robot_ident.design.target import Target
-
     _ = Target.of_robot(robot, effects).position_variances  # what the bound needs, before hours of search
 
     def found_by(criterion: str, target: Target | None, number: int, start: Excitation | None) -> DesignResult:
@@ -144,13 +145,6 @@ def redesign(
 
 def _measured(robot: Robot, excitation: Excitation, effects: Sequence[str], seed: int, fall: float) -> Round:
     """Measure the simulated robot on a motion and estimate by maximum likelihood."""
-    from robot_ident.design.target import Target
-    from robot_ident.estimation.identify import estimate
-    from robot_ident.model.structure import Structure
-    from robot_ident.recording.process import process
-    from robot_ident.testbed.phenomena import plant_physics
-    from robot_ident.testbed.simulation import Play
-
     play = Play.of(robot, plant_physics(robot, list(effects)), excitation.series, sample_rate=excitation.sample_rate)
     measured = process(play.record(PERIODS, seed=seed), robot)
     model = estimate([measured], Structure.build(robot, effects), estimator="ml")

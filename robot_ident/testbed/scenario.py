@@ -10,10 +10,10 @@ import zlib
 from collections.abc import Iterator, Sequence
 from dataclasses import dataclass
 from pathlib import Path
-from typing import Any
 
 import numpy as np
 
+from robot_ident.configuration import Closed, parse
 from robot_ident.errors import InputError, did_you_mean
 from robot_ident.files import read_text
 from robot_ident.model.structure import Structure
@@ -59,11 +59,10 @@ ROUGHLY = 0.3
 """Tolerance of the size of what stands in the background."""
 
 
-@dataclass(frozen=True)
-class Scenario:
+class Scenario(Closed):
     """What is hidden in a robot.
 
-    effects: what there is to be found, background: what else there is, both as `NAME@JOINT:k=v,...`. visible [Nm rms]:
+    effects: what there is to be found, background: what else there is, both as `NAME@JOINT:k=v,...`. visible_rms [Nm]:
     what a refitted model without any of it leaves, by joint, on the motions that it was drawn for.
     """
 
@@ -72,7 +71,7 @@ class Scenario:
     robot: str
     effects: tuple[str, ...]
     background: tuple[str, ...]
-    visible: tuple[float, ...]
+    visible_rms: tuple[float, ...]
 
     @property
     def all_effects(self) -> tuple[str, ...]:
@@ -83,30 +82,6 @@ class Scenario:
     def labels(self) -> tuple[str, ...]:
         """What there is to be found, as `name@joint`."""
         return tuple(effect.partition(":")[0] for effect in self.effects)
-
-    def answer(self) -> dict[str, Any]:
-        """Return it as data, for a sealed file."""
-        return {
-            "kind": self.kind,
-            "seed": self.seed,
-            "robot": self.robot,
-            "effects": list(self.effects),
-            "background": list(self.background),
-            "visible_rms": list(self.visible),
-        }
-
-    @classmethod
-    def of_answer(cls, answer: dict[str, Any]) -> Scenario:
-        """Return the scenario of an answer; InputError that names the field that is missing or of another kind."""
-        fields: dict[str, Any] = {"kind": str, "seed": int, "robot": str}
-        lists: dict[str, Any] = {"effects": str, "background": str, "visible_rms": float}
-        for key, kind in (fields | dict.fromkeys(lists, list)).items():
-            if not isinstance(answer.get(key), kind):
-                raise InputError(f"sealed answer: {key} = {answer.get(key)!r}: {kind.__name__} was expected")
-        for key, kind in lists.items():
-            if not all(isinstance(item, kind) for item in answer[key]):
-                raise InputError(f"sealed answer: {key} = {answer[key]!r}: a list of {kind.__name__} was expected")
-        return cls(*(answer[key] for key in fields), *(tuple(answer[key]) for key in lists))
 
     def plays(self, robot: Robot, references: Sequence[FourierSeries]) -> list[Play]:
         """Return the robot's steady answers to periodic motions, from which any number of recordings is made."""
@@ -183,7 +158,10 @@ class _Drawer:
             if len(found) == 1 and not background
             else visible(self.structure, self._plays(*hidden, *behind))
         )
-        return Scenario(kind, seed, self.robot.name, hidden, behind, tuple(float(x) for x in left))
+        shown = tuple(float(x) for x in left)
+        return Scenario(
+            kind=kind, seed=seed, robot=self.robot.name, effects=hidden, background=behind, visible_rms=shown
+        )
 
     def _effects(
         self, count: int, unknown: bool, *, places: str = "any", target: float | None = None
@@ -254,13 +232,14 @@ def sealed_path(bag: Path | str) -> Path:
     return bag.with_name(bag.name + ".sealed")
 
 
-def seal(answer: dict[str, Any]) -> str:
+def seal(scenario: Scenario) -> str:
     """Return the text of a sealed file."""
-    packed = base64.b64encode(zlib.compress(json.dumps(answer, sort_keys=True).encode())).decode()
+    answer = json.dumps(scenario.model_dump(), sort_keys=True)
+    packed = base64.b64encode(zlib.compress(answer.encode())).decode()
     return json.dumps({"schema": SCHEMA, "note": NOTE, "sealed": packed}, indent=2) + "\n"
 
 
-def open_sealed(path: Path | str) -> dict[str, Any]:
+def open_sealed(path: Path | str) -> Scenario:
     """Return the answer of a sealed file, or of a bag beside which one lies; InputError where it can't be read."""
     path = sealed_path(path) if sealed_path(path).is_file() else Path(path)
     try:
@@ -275,6 +254,4 @@ def open_sealed(path: Path | str) -> dict[str, Any]:
         answer = json.loads(zlib.decompressobj().decompress(packed, _LARGEST))
     except (KeyError, TypeError, ValueError, RecursionError, zlib.error) as error:
         raise InputError(f"{path}: sealed: damaged ({error})") from error
-    if not isinstance(answer, dict):
-        raise InputError(f"{path}: sealed: holds no answer")
-    return answer
+    return parse(Scenario, answer, f"{path}: sealed")

@@ -17,6 +17,7 @@ from robot_ident.robot.robot import Robot
 from robot_ident.signals.motion import Array, Motion
 from robot_ident.testbed.phenomena.phenomenon import Instant, Physics
 from robot_ident.testbed.plant import Plant, Trace
+from robot_ident.testbed.vectorised import vectorised
 
 
 @dataclass(frozen=True)
@@ -115,19 +116,17 @@ def link_torque(robot: Robot, physics: Sequence[Physics], motion: Motion) -> Arr
 
     Raises InputError where one of these has a memory or shifts the links against the motors: it isn't simulated here.
     """
-    torque: Array = robot.rigid.inverse_dynamics(motion) - robot.drives.armature * motion.ddq
     q, v, a = (ca.SX.sym(name, robot.n) for name in ("q", "v", "a"))
     parts, nothing = [ca.vertsplit(x) for x in (q, v, a)], [ca.SX(0)] * robot.n
+    added, level = ca.SX.zeros(robot.n), ca.SX.zeros(robot.n)
     for one in physics:
         if one.shaft or (one.side == "link" and one.states):
             raise InputError(f"{one.label} can't be simulated where effort is measured on the link side")
-        if one.side != "link":
-            continue
-        added, level = ca.SX.zeros(robot.n), ca.SX.zeros(robot.n)
-        one.contribution(Instant(parts[0], parts[1], parts[2], nothing, moved=nothing)).add_to(added, level, v, a)
-        function = ca.Function("added", [q, v, a], [added + level * ca.sign(v)]).map(motion.samples)
-        torque = torque + np.array(function(motion.q.T, motion.dq.T, motion.ddq.T)).T
-    return torque
+        if one.side == "link":
+            one.contribution(Instant(parts[0], parts[1], parts[2], nothing, moved=nothing)).add_to(added, level, v, a)
+    function = vectorised(ca.Function("added", [q, v, a], [added + level * ca.sign(v)]))
+    (torque,) = function(motion.q, motion.dq, motion.ddq)
+    return torque + robot.rigid.inverse_dynamics(motion) - robot.drives.armature * motion.ddq
 
 
 Steps = np.ndarray[Any, np.dtype[np.int64]]

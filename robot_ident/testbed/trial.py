@@ -188,7 +188,7 @@ def run_case(case: Case, setting: Setting) -> Outcome:
         ]
         hidden = {"kind": scenario.kind, "hidden": scenario.all_effects, "truth": scenario.labels}
         hidden["background"] = tuple(effect.partition(":")[0] for effect in scenario.background)
-        visible, unseen = scenario.visible, TrueMotion.of(last)
+        visible, unseen = scenario.visible_rms, TrueMotion.of(last)
     measurements = [process(recording, robot) for recording in recordings]
     started = time.process_time()
     found = diagnose(measurements, structure)

@@ -166,7 +166,7 @@ def test_a_stopped_trial_goes_on(verb: Verb, excitations: list[Path], tmp_path: 
 def test_a_sealed_answer_is_opened(verb: Verb, bench: Any, tmp_path: Path) -> None:
     scenario = draw_scenario(3, bench.robot, kinds=["single"], names=["torque_offset"])
     path = tmp_path / "bag.sealed"
-    path.write_text(seal(scenario.answer()))
+    path.write_text(seal(scenario))
     code, out, _ = verb("trial", "--open", path)
     assert code == 0
     (effect,) = scenario.effects

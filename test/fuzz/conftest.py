@@ -177,7 +177,7 @@ def _texts(folder: Path, arm: ExactArm) -> None:
     from robot_ident.estimation.identify import identify
     from robot_ident.model.model_file import write_model
     from robot_ident.provenance import config_file
-    from robot_ident.testbed.scenario import seal
+    from robot_ident.testbed.scenario import Scenario, seal
     from robot_ident.trajectories.excitation import Excitation
     from robot_ident.trajectories.fourier_series import FourierSeries
     from robot_ident.trajectories.point_to_point import PointToPoint
@@ -193,8 +193,8 @@ def _texts(folder: Path, arm: ExactArm) -> None:
     (folder / "robot-spring.yaml").write_text(config_file("robots", "kuka_ir361_spring.yaml").read_text())
     shutil.copy(config_file("robots", "kuka_ir361_spring.urdf"), folder)
     (folder / "urdf-arm.urdf").write_text(URDF)
-    answer = {"kind": "single", "seed": 3, "robot": "kuka_ir361", "effects": ["stribeck@joint_2:x=1"]}
-    (folder / "sealed.sealed").write_text(seal({**answer, "background": [], "visible_rms": [0.1, 2.0, 0.3]}))
+    answer = {"kind": "single", "seed": 3, "robot": "kuka_ir361", "effects": ("stribeck@joint_2:x=1",)}
+    (folder / "sealed.sealed").write_text(seal(Scenario(**answer, background=(), visible_rms=(0.1, 2.0, 0.3))))
 
 
 @pytest.fixture(scope="session")

@@ -133,9 +133,9 @@ def model(path: Path) -> None:
 
 def sealed(path: Path) -> None:
     """The answer of a sealed file is opened and understood."""
-    from robot_ident.testbed.scenario import Scenario, open_sealed
+    from robot_ident.testbed.scenario import open_sealed
 
-    Scenario.of_answer(open_sealed(path))
+    open_sealed(path)
 
 
 TARGETS = {"bag": bag, "large": large, "table": table, "robot": robot, "urdf": urdf}

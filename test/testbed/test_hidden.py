@@ -13,7 +13,7 @@ from robot_ident.cli.main import main
 from robot_ident.robot import Robot
 from robot_ident.testbed.calibrate import standard_motions
 from robot_ident.testbed.phenomena import plant_physics
-from robot_ident.testbed.scenario import Scenario, open_sealed
+from robot_ident.testbed.scenario import open_sealed
 from robot_ident.trajectories.excitation import Excitation
 
 
@@ -38,8 +38,8 @@ def test_the_same_secret_for_every_motion(excitations: list[Path], tmp_path: Pat
     sealed = [Path(each["sealed"]) for each in printed]
     assert sealed == [tmp_path / "run_0.sealed", tmp_path / "run_1.sealed"]
     assert sealed[0].read_text() == sealed[1].read_text()
-    scenario = Scenario.of_answer(open_sealed(sealed[0]))
-    assert Scenario.of_answer(open_sealed(tmp_path / "run_0")) == scenario, "the bag will do"
+    scenario = open_sealed(sealed[0])
+    assert open_sealed(tmp_path / "run_0") == scenario, "the bag will do"
     assert scenario.seed == 3
     assert scenario.effects
     for label in scenario.labels:
@@ -52,7 +52,7 @@ def test_the_same_secret_for_every_motion(excitations: list[Path], tmp_path: Pat
 def test_what_is_hidden_is_in_the_recording(excitations: list[Path], tmp_path: Path, kuka: Robot) -> None:
     """The torque is that of the sealed effects, given openly, sample by sample: the same seed, the same noise."""
     assert simulated(excitations[0], "--hidden", 3, "-o", tmp_path / "hidden") == 0
-    scenario = Scenario.of_answer(open_sealed(tmp_path / "hidden.sealed"))
+    scenario = open_sealed(tmp_path / "hidden.sealed")
     assert {p.label for p in plant_physics(kuka, scenario.effects)} >= set(scenario.labels)
     openly = [word for effect in scenario.all_effects for word in ("--effect", effect)]
     assert simulated(excitations[0], *openly, "-o", tmp_path / "open") == 0

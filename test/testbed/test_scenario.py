@@ -148,8 +148,12 @@ def test_kinds(kuka: Robot, kind: str) -> None:
         assert 0.1 < np.sqrt(np.sum(behind**2)) / main.max() < 0.6
 
 
+def hides(robot: Robot, effect: str) -> Scenario:
+    return Scenario(kind="single", seed=0, robot=robot.name, effects=(effect,), background=(), visible_rms=())
+
+
 def test_recordings_of_a_scenario(kuka: Robot) -> None:
-    scenario = Scenario("single", 0, kuka.name, ("torque_offset@joint_2:torque_offset=30.0",), (), (0.0, 30.0, 0.0))
+    scenario = hides(kuka, "torque_offset@joint_2:torque_offset=30.0")
     motions = standard_motions(kuka, 2)
     first, second = (play.record(3, seed=4 + k) for k, play in enumerate(scenario.plays(kuka, motions)))
     again = scenario.plays(kuka, motions)[0].record(3, seed=4)
@@ -162,8 +166,7 @@ def test_recordings_of_a_scenario(kuka: Robot) -> None:
 
 
 def test_drift_trends_over_the_periods(kuka: Robot) -> None:
-    effect = "temperature_drift@joint_2:temperature_drift=10.0,time_constant=40.0"
-    scenario = Scenario("single", 0, kuka.name, (effect,), (), ())
+    scenario = hides(kuka, "temperature_drift@joint_2:temperature_drift=10.0,time_constant=40.0")
     motions = standard_motions(kuka, 1)
     drifting = scenario.plays(kuka, motions)[0].record(8, noise=0.0).tau[:, 1].reshape(8, -1)
     v = motions[0].motion(np.arange(1500) / 150).dq[:, 1]
@@ -201,12 +204,12 @@ def test_sealed_answer_is_opened_on_purpose_only(kuka: Robot, tmp_path: Path) ->
     scenario = draw_scenario(5, kuka, kinds=["single"])
     path = sealed_path(tmp_path / "bag")
     assert path == tmp_path / "bag.sealed"
-    path.write_text(seal(scenario.answer()))
+    path.write_text(seal(scenario))
     name = scenario.labels[0].partition("@")[0]
     assert name in PHYSICS
     assert name not in path.read_text()
     assert "robot_ident trial --open" in json.loads(path.read_text())["note"]
-    assert Scenario.of_answer(open_sealed(path)) == scenario
+    assert open_sealed(path) == scenario
 
 
 @pytest.mark.parametrize(
