@@ -2,19 +2,15 @@
 
 from __future__ import annotations
 
-from dataclasses import replace
-from functools import cached_property
 from typing import Any, Self
 
 import casadi as ca
 import numpy as np
 
 from robot_ident.errors import InputError
-from robot_ident.robot.rigid_body import RigidBody
 from robot_ident.robot.robot import Robot, Spring
-from robot_ident.robot.symbolic import regressor_expression
 from robot_ident.signals.motion import Motion
-from robot_ident.testbed.links import links_function
+from robot_ident.testbed.links import links, links_torque
 from robot_ident.testbed.phenomena.friction import Bristles, MaxwellSlip
 from robot_ident.testbed.phenomena.phenomenon import (
     Contribution,
@@ -302,8 +298,7 @@ class EndStop(Physics):
 class BaseTilt(Physics):
     """The floor is turned by `tilt_x`, then `tilt_y` [rad], about the base's own axes: gravity comes from elsewhere.
 
-    Gravity torque is linear in the vector g, exactly: tau(g) = sum_k g_k tau(e_k), with Pinocchio's arm in each of
-    three fields of gravity.
+    Gravity torque is linear in the vector g, exactly: what is added is that of the change of g.
     """
 
     name = "base_tilt"
@@ -323,18 +318,6 @@ class BaseTilt(Physics):
         angle, size = rng.uniform(-np.pi, np.pi), between(rng, 0.02, 0.03)
         return {"tilt_x": size * float(np.cos(angle)), "tilt_y": size * float(np.sin(angle))}
 
-    @cached_property
-    def _fields(self) -> list[Any]:
-        """Functions q -> gravity torque [n] of unit fields along x, y, z."""
-        out = []
-        for k in range(3):
-            model = self.robot.rigid.model.copy()
-            model.gravity.linear = np.eye(3)[k]
-            q = ca.SX.sym("q", self.robot.n)
-            _, bias = links_function(replace(self.robot, rigid=RigidBody(model)))(q, ca.SX.zeros(self.robot.n))
-            out.append(ca.Function("field", [q], [bias]))
-        return out
-
     def contribution(self, x: Instant) -> Contribution:
         """Return the change of the gravity torque."""
         g = np.array(self.robot.rigid.model.gravity.linear)
@@ -343,8 +326,9 @@ class BaseTilt(Physics):
         y = ca.cos(about_x) * g[1] + ca.sin(about_x) * g[2]
         z = -ca.sin(about_x) * g[1] + ca.cos(about_x) * g[2]
         turned = (ca.cos(about_y) * g[0] - ca.sin(about_y) * z, y, ca.sin(about_y) * g[0] + ca.cos(about_y) * z)
-        q = ca.vertcat(*x.q)
-        torque = sum((fields(q) * (turned[k] - g[k]) for k, fields in enumerate(self._fields)), start=ca.SX(0))
+        still = ca.SX(self.robot.n, 1)
+        change = ca.vertcat(*turned) - g
+        torque = links_torque(self.robot, ca.vertcat(*x.q), still, still, change, self.robot.rigid.parameters)
         return Contribution(torque=dict(enumerate(ca.vertsplit(torque))))
 
 
@@ -373,11 +357,9 @@ class Payload(Physics):
         m = self.values["payload"]
         moment = m * (ca.dot(p, p) * ca.SX.eye(3) - ca.mtimes(p, p.T))
         entries = [moment[i, j] for i, j in ((0, 0), (0, 1), (1, 1), (0, 2), (1, 2), (2, 2))]
-        added = ca.vertcat(m, m * p, *entries)
-        q, v, ddq = ca.vertcat(*x.q), ca.vertcat(*x.v), ca.SX.sym("ddq", n)
-        last = 10 * (frame.parentJoint - 1)
-        torque = ca.mtimes(regressor_expression(self.robot, q, v, ddq)[:, last : last + 10], added)
-        mass, bias = ca.jacobian(torque, ddq), ca.substitute(torque, ddq, ca.SX.zeros(n))
+        added, last = ca.SX(10 * n, 1), 10 * (frame.parentJoint - 1)
+        added[last : last + 10] = ca.vertcat(m, m * p, *entries)
+        mass, bias = links(self.robot, ca.vertcat(*x.q), ca.vertcat(*x.v), added)
         inertia = {(i, j): mass[i, j] for i in range(n) for j in range(n)}
         return Contribution(torque=dict(enumerate(ca.vertsplit(bias))), inertia=inertia)
 
