@@ -23,45 +23,21 @@ from robot_ident.testbed.vectorised import BLOCKS
 from robot_ident.trajectories.excitation import Reference
 
 
-@dataclass(frozen=True)
-class Commands:
-    """What the drives are told in N steps: everything at the middle of the step.
+def commands(servo: Servo, half_steps: Motion) -> Array:
+    """Return what a servo tells the drives in N steps along a reference given at 0, h/2, ... N h (2 N + 1 instants).
 
-    q [N, n], dq [N, n]: reference. torque [N, n] Nm: mean feed-forward, which falls by jump [N, n] at `fraction` [N, n]
-    of the step.
+    [N, 5 n], everything at the middle of the step: reference q and dq, mean feed-forward torque [Nm], the jump by which
+    it falls, and at which fraction of the step. Its friction compensation c sign(dq_ref) jumps where dq_ref, taken as
+    linear over the step, is zero: the jump isn't smeared over the step, nor put off to its end.
     """
-
-    q: Array
-    dq: Array
-    torque: Array
-    jump: Array
-    fraction: Array
-
-    def rows(self) -> Array:
-        """Return [N, 5 n], a row a step."""
-        return np.concatenate([self.q, self.dq, self.torque, self.jump, self.fraction], axis=1)
-
-    @classmethod
-    def of(cls, servo: Servo, half_steps: Motion) -> Commands:
-        """Return what a servo makes of a reference given at 0, h/2, h, ... N h (2 N + 1 instants).
-
-        Its friction compensation c sign(dq_ref) jumps where dq_ref, taken as linear over the step, is zero: the jump
-        isn't smeared over the step, nor put off to its end.
-        """
-        middle, before, after = half_steps[1::2], half_steps.dq[0:-1:2], half_steps.dq[2::2]
-        smooth, level = servo.ahead(middle)
-        s0, s1 = np.sign(before), np.sign(after)
-        turns = s0 * s1 < 0
-        span = np.where(turns, before - after, 1.0)
-        fraction = np.where(turns, before / span, np.where(s0 == 0, 0.0, 1.0))
-        mean = smooth + level * (fraction * s0 + (1 - fraction) * s1)
-        return cls(middle.q, middle.dq, mean, level * (s0 - s1), fraction)
-
-    @classmethod
-    def open_loop(cls, torque: Array) -> Commands:
-        """Return a torque [N, n] Nm that is applied whatever the motion, for drives without gains (`Servo.none`)."""
-        zero = np.zeros(np.shape(torque))
-        return cls(zero, zero, np.asarray(torque, dtype=float), zero, zero)
+    middle, before, after = half_steps[1::2], half_steps.dq[0:-1:2], half_steps.dq[2::2]
+    smooth, level = servo.ahead(middle)
+    s0, s1 = np.sign(before), np.sign(after)
+    turns = s0 * s1 < 0
+    span = np.where(turns, before - after, 1.0)
+    fraction = np.where(turns, before / span, np.where(s0 == 0, 0.0, 1.0))
+    mean = smooth + level * (fraction * s0 + (1 - fraction) * s1)
+    return np.hstack([middle.q, middle.dq, mean, level * (s0 - s1), fraction])
 
 
 @dataclass(frozen=True)
@@ -94,12 +70,12 @@ class Plant:
         values = [float(p.values[name]) for p in self.physics for name in p.free]
         return np.concatenate([q[joints], v[joints], a[joints], own, values])
 
-    def run(self, state: Array, commands: Commands) -> Array:
-        """Return the states [N, size] after each of N steps."""
-        dry = self._equations.dry[: self.robot.n]
-        turns = np.any(commands.jump[:, dry] != 0, axis=1)
-        out = np.empty((len(commands.q), self.layout.size))
-        self._blocks(state, commands.rows(), turns, out, BLOCKS)
+    def run(self, state: Array, told: Array) -> Array:
+        """Return the states [N, size] after each of N steps with commands `told` [N, 5 n]."""
+        n = self.robot.n
+        turns = np.any(told[:, 3 * n : 4 * n][:, self._equations.dry[:n]] != 0, axis=1)
+        out = np.empty((len(told), self.layout.size))
+        self._blocks(state, told, turns, out, BLOCKS)
         return out
 
     def accelerations(self, states: Array, torque: Array) -> Array:
@@ -130,31 +106,31 @@ class Plant:
                     q[physics.joint] = shown[physics.joint] - float(physics.misread(q[physics.joint]))
         return q
 
-    def _blocks(self, state: Array, commands: Array, turns: Mask, out: Array, sizes: tuple[int, ...]) -> None:
+    def _blocks(self, state: Array, told: Array, turns: Mask, out: Array, sizes: tuple[int, ...]) -> None:
         """Fill `out` [N, size] with the states after N steps, in blocks of the largest sizes that fit."""
         at = 0
         for k, size in enumerate(sizes):
-            while len(commands) - at >= size:
+            while len(told) - at >= size:
                 part = slice(at, at + size)
-                self._block(state, commands[part], turns[part], out[part], sizes[k + 1 :])
+                self._block(state, told[part], turns[part], out[part], sizes[k + 1 :])
                 state, at = out[at + size - 1], at + size
 
-    def _block(self, state: Array, commands: Array, turns: Mask, out: Array, smaller: tuple[int, ...]) -> None:
+    def _block(self, state: Array, told: Array, turns: Mask, out: Array, smaller: tuple[int, ...]) -> None:
         """Fill `out` [N, size] with the states after the N steps of one block.
 
         Where no joint with dry friction stops or turns the short way is exact, and its result shows whether that is so.
         Elsewhere smaller blocks tell where in it that happens; those of the last size but one go the long way.
         """
-        size, moving, dry = len(commands), self.layout.moving, self._equations.dry
+        size, moving, dry = len(told), self.layout.moving, self._equations.dry
         signs = np.sign(state[moving : 2 * moving])[dry]
         if not turns.any() and signs.all():
-            self._equations.fold("slipping", size)(state, commands, out)
+            self._equations.fold("slipping", size)(state, told, out)
             if np.all(np.sign(out[:, moving : 2 * moving])[:, dry] == signs):
                 return
         if len(smaller) > 1:
-            self._blocks(state, commands, turns, out, smaller)
+            self._blocks(state, told, turns, out, smaller)
         else:
-            self._equations.fold("full", size)(state, commands, out)
+            self._equations.fold("full", size)(state, told, out)
 
 
 AT_A_TIME = 16384
@@ -204,7 +180,7 @@ def follow(
         half = np.arange(2 * (first + begin), 2 * (first + begin + count) + 1)
         # A product with an integer, so that a step's times don't depend on where the run began.
         motion = reference(np.asarray(half * (plant.step / 2), dtype=float))
-        after = plant.run(state, Commands.of(plant.servo, motion))
+        after = plant.run(state, commands(plant.servo, motion))
         out[begin], out[begin + 1 : begin + count] = state, after[:-1]
         state = after[-1]
         if not np.isfinite(state).all():

@@ -13,13 +13,14 @@ from typing import NamedTuple
 
 import numpy as np
 from numpy.typing import ArrayLike
+from scipy.interpolate import PPoly
 
 from robot_ident.errors import InputError
 from robot_ident.robot.robot import Robot
 from robot_ident.signals.motion import Array, Motion, frozen_array, joined
 from robot_ident.testbed.phenomena import plant_physics
 from robot_ident.testbed.phenomena.phenomenon import home_pose
-from robot_ident.testbed.plant import Commands, Plant
+from robot_ident.testbed.plant import Plant, commands
 from robot_ident.testbed.sensors import Sensors
 from robot_ident.testbed.servo import BANDWIDTH, Servo
 from robot_ident.testbed.simulation import steps_per_sample
@@ -227,15 +228,15 @@ class CommandInterpolator:
 _AT_REST = 1e-12  # rad/s at the last point
 
 
-def quintic(start: float, end: float, before: Motion, after: Motion) -> Piece:
-    """Return the polynomial of fifth order with position, velocity and acceleration [1, n] at both ends."""
-    h = end - start
-    known = np.stack([before.q[0], before.dq[0], 0.5 * before.ddq[0]])
+def quintics(t: Array, points: Motion) -> PPoly:
+    """Return the spline of fifth order through position, velocity and acceleration of K points at times t [K] s."""
+    h = np.diff(t)[:, None]
+    known = np.stack([points.q, points.dq, 0.5 * points.ddq])[:, :-1]
     powers = np.array([[1, 1, 1], [3, 4, 5], [6, 12, 20]], dtype=float)
-    reached = np.array([[1, h, h**2], [0, h, 2 * h**2], [0, 0, 2 * h**2]]) @ known
-    wanted = np.stack([after.q[0], h * after.dq[0], h**2 * after.ddq[0]])
-    rest = np.linalg.solve(powers, wanted - reached) / h ** np.array([[3], [4], [5]])
-    return Piece(start, end, np.vstack([known, rest]))
+    q, dq, ddq = known * h ** np.arange(3)[:, None, None]
+    wanted = np.stack([points.q[1:], h * points.dq[1:], h**2 * points.ddq[1:]])
+    rest = np.tensordot(np.linalg.inv(powers), wanted - [q + dq + ddq, dq + 2 * ddq, 2 * ddq], 1)
+    return PPoly(np.concatenate([known, rest / h ** np.array([3, 4, 5])[:, None, None]])[::-1], t)
 
 
 class TrajectoryFollower:
@@ -252,7 +253,7 @@ class TrajectoryFollower:
 
     def reset(self, q: ArrayLike) -> None:
         """Hold position q [n] and forget what was to be followed."""
-        self._pieces = [Piece(0.0, np.inf, frozen_array(q, self._joints)[None])]
+        self._goal, self._end = frozen_array(q, self._joints), -np.inf
 
     def take(self, now: float, t: Array, motion: Motion) -> None:
         """Replace what is followed at `now` [s] by points at t [K] s, motion [K, n].
@@ -268,23 +269,19 @@ class TrajectoryFollower:
             raise InputError(f"a trajectory that ended {now - t[-1]:.3f} s ago")
         if np.abs(motion.dq[-1]).max() > _AT_REST:
             raise InputError("a trajectory that doesn't end at rest")
-        points = [motion[k : k + 1] for k in range(len(t))]
         if t[0] > now:
-            t, points = np.insert(t, 0, now), [self.at(np.array([now])), *points]
-        ends = zip(t[:-1], t[1:], points[:-1], points[1:], strict=True)
-        pieces = [quintic(*span) for span in ends if span[1] > now]
-        self._pieces = [*pieces, Piece(float(t[-1]), np.inf, motion.q[-1:])]
+            t, motion = np.insert(t, 0, now), joined([self.at(np.array([now])), motion])
+        self.reset(motion.q[-1])
+        if len(t) > 1:
+            self._spline, self._end = quintics(t, motion), float(t[-1])
 
     def at(self, t: Array) -> Motion:
         """Return the reference [N, n] at times t [N] s."""
-        q, dq, ddq = np.empty((3, len(t), self._joints))
-        begin = -np.inf
-        for piece in self._pieces:
-            rows = (begin <= t) & (t < piece.end)
-            if rows.any():
-                q[rows], dq[rows], ddq[rows] = piece.states(t[rows])
-            begin = piece.end
-        return Motion(q, dq, ddq)
+        parts, rows = np.zeros((3, len(t), self._joints)), t < self._end
+        parts[0] = self._goal
+        for k in range(3 if rows.any() else 0):
+            parts[k, rows] = self._spline(t[rows], k)
+        return Motion(*parts)
 
 
 class Reading(NamedTuple):
@@ -351,8 +348,8 @@ class SimulatedRobot:
             )
         if not reference.samples:
             return
-        commands = Commands.of(self._servo, joined([self.reference, reference]))
-        self._state = self._plant.run(self._state, commands)[-1]
+        told = commands(self._servo, joined([self.reference, reference]))
+        self._state = self._plant.run(self._state, told)[-1]
         self.reference = reference[-1:]
 
     def hold(self, steps: int) -> None:

@@ -14,7 +14,7 @@ from robot_ident.errors import InputError
 from robot_ident.robot import Robot
 from robot_ident.signals.motion import Array, Mask, Motion
 from robot_ident.testbed.phenomena import PHYSICS, make_physics, plant_physics
-from robot_ident.testbed.plant import Commands, Plant
+from robot_ident.testbed.plant import Plant
 from robot_ident.testbed.servo import Servo
 from robot_ident.testbed.simulation import SimulationResult, simulate
 from robot_ident.testbed.transmissions import motor_inertia
@@ -264,7 +264,7 @@ def two_masses(robot: Robot, label: str, push: float, shaft) -> tuple[Array, Arr
     tau = np.zeros((steps, 3))
     tau[:, 0] = push * np.sin(30 * t)
     upright = np.zeros(3)
-    states = plant.layout.joints(plant.run(plant.rest(upright), Commands.open_loop(tau)))
+    states = plant.layout.joints(plant.run(plant.rest(upright), np.pad(tau, ((0, 0), (6, 6)))))
     assert not states.v[:, 1:].any()
     mass = pinocchio.crba(robot.rigid.model, robot.rigid.model.createData(), upright)[0, 0]
     rotor = motor_inertia(robot, [0])[0]

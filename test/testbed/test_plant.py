@@ -12,7 +12,7 @@ from robot_ident.signals.motion import Array, Motion
 from robot_ident.testbed.equations import Parts
 from robot_ident.testbed.phenomena import make_physics, plant_physics
 from robot_ident.testbed.phenomena.phenomenon import Contribution, Instant, Physics, Value
-from robot_ident.testbed.plant import Commands, Plant
+from robot_ident.testbed.plant import Plant, commands
 from robot_ident.testbed.servo import Servo
 
 START = np.array([0.1, 0.2, -0.3])
@@ -27,12 +27,17 @@ def open_loop(robot: Robot, step: float, *, friction: bool = True) -> Plant:
     return Plant(robot, physics, Servo.none(robot), step)
 
 
+def torques(tau: Array) -> Array:
+    """Return commands of drives without gains."""
+    return np.pad(tau, ((0, 0), (2 * tau.shape[1], 2 * tau.shape[1])))
+
+
 def swing(plant: Plant, duration: float, amplitude: Array = AMPLITUDE, start: Array = START) -> tuple[Parts, Array]:
     """Return the states at 0, h, 2 h, ... under sinusoidal torques, and the torques [N, n] in the steps."""
     steps = round(duration / plant.step)
     tau = amplitude * np.sin(np.outer((np.arange(steps) + 0.5) * plant.step, FREQUENCY[: plant.robot.n]))
     rest = plant.rest(start)
-    return plant.layout.split(np.vstack([rest, plant.run(rest, Commands.open_loop(tau))])), tau
+    return plant.layout.split(np.vstack([rest, plant.run(rest, torques(tau))])), tau
 
 
 def mechanical_energy(robot: Robot, q: Array, v: Array) -> float:
@@ -132,7 +137,7 @@ def test_a_joint_below_its_friction_does_not_move(kuka: Robot) -> None:
     gravity = kuka.rigid.inverse_dynamics(Motion(upright[None], upright[None], upright[None]))[0]
     for share, moves in ((0.999, False), (-0.999, False), (1.001, True), (-1.001, True)):
         tau = np.tile(gravity + [share * 35.12, 0.0, 0.0], (1500, 1))
-        states = plant.layout.split(plant.run(plant.rest(upright), Commands.open_loop(tau)))
+        states = plant.layout.split(plant.run(plant.rest(upright), torques(tau)))
         assert np.any(states.v[:, 0] != 0) == moves
         if moves:
             assert np.all(states.v[:, 0] * share > 0)
@@ -145,7 +150,7 @@ def test_a_joint_that_runs_out_sticks_without_chatter(kuka: Robot) -> None:
     plant = open_loop(kuka, 1 / 1500)
     push = np.zeros((3000, 3))
     push[:, 0] = np.where(np.arange(3000) < 300, 120.0, 20.0)
-    states = plant.layout.split(plant.run(plant.rest(np.zeros(3)), Commands.open_loop(push)))
+    states = plant.layout.split(plant.run(plant.rest(np.zeros(3)), torques(push)))
     v = states.v[:, 0]
     stop = int(np.flatnonzero(v == 0)[0])
     assert 300 < stop < 2500
@@ -168,7 +173,7 @@ def test_stick_slip_of_a_dragged_joint(kuka: Robot) -> None:
     t = np.arange(2 * 15000 + 1) / 3000
     q, dq = np.zeros((len(t), 3)), np.zeros((len(t), 3))
     q[:, 0], dq[:, 0] = 0.02 * t, 0.02
-    states = plant.layout.split(plant.run(plant.rest(np.zeros(3)), Commands.of(plant.servo, Motion(q, dq, 0 * q))))
+    states = plant.layout.split(plant.run(plant.rest(np.zeros(3)), commands(plant.servo, Motion(q, dq, 0 * q))))
     sticks = states.v[:, 0] == 0
     starts = np.count_nonzero(np.diff(sticks.astype(int)) == -1)
     assert 0.3 < np.mean(sticks) < 0.99
@@ -179,7 +184,7 @@ def test_stick_slip_of_a_dragged_joint(kuka: Robot) -> None:
 def test_short_way_gives_what_the_full_problem_gives(kuka: Robot) -> None:
     plant = open_loop(kuka, 1 / 1500)
     states, tau = swing(plant, 1.0)
-    state, rows = plant.rest(START), Commands.open_loop(tau).rows()
+    state, rows = plant.rest(START), torques(tau)
     for k in range(0, 1500):
         out = np.empty((1, plant.layout.size))
         plant._equations.fold("full", 1)(state, rows[k : k + 1], out)
@@ -201,7 +206,7 @@ def test_arms_of_other_kinds(arm: Robot) -> None:
         steps = round(0.4 / step)
         t = (np.arange(steps) + 0.5)[:, None] * step
         tau = amplitude * np.sin(10 * t + np.arange(arm.n))
-        states = plant.layout.split(plant.run(plant.rest(start), Commands.open_loop(tau)))
+        states = plant.layout.split(plant.run(plant.rest(start), torques(tau)))
         work = float(np.sum(tau * np.diff(np.vstack([start, states.q]), axis=0)))
         change = mechanical_energy(arm, states.q[-1], states.v[-1]) - mechanical_energy(arm, start, np.zeros(arm.n))
         both = Parts(*(np.vstack([0 * s[:1], s]) for s in states))
@@ -246,7 +251,7 @@ def test_a_phenomenon_may_have_states_of_its_own(kuka: Robot) -> None:
     )
     for push, torque in ((60.0, 20.0), (5.0, 5.0), (-5.0, -5.0)):
         tau = np.tile([push, 0.0, 0.0], (6000, 1))
-        states = plant.layout.split(plant.run(plant.rest(np.zeros(3)), Commands.open_loop(tau)))
+        states = plant.layout.split(plant.run(plant.rest(np.zeros(3)), torques(tau)))
         assert states.own[-1, 0] * 1000.0 == pytest.approx(torque, rel=5e-3)
         assert not states.q[:, 1:].any()
     assert abs(states.v[-1, 0]) < 1e-4
