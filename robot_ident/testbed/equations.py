@@ -161,20 +161,15 @@ class Equations:
     @cached_property
     def acceleration(self) -> Callable[..., tuple[Array, ...]]:
         """The function (state, torque) -> ddq at that instant, zero for joints that stick."""
-        state, tau, parts, terms, force = self._at_once()
+        state, _, parts = self._symbols()
+        tau = ca.SX.sym("tau", self.robot.n)
+        terms = self._terms(self._given(parts), parts, parts.q, parts.v, tau, 0.0)
+        force = self._driven(tau) - terms.bias - terms.torque - terms.damping * parts.v
         nothing = ca.SX.zeros(self.layout.moving)
         problem = StepProblem(terms.inertia, force, parts.v, terms.level, AT_ONCE, nothing, nothing)
         _, w, after = solve(problem)
         sticks = ca.logic_and(parts.v == 0, after == 0)
         return vectorised(ca.Function("acceleration", [state, tau], [ca.densify(ca.if_else(sticks, 0, w))]))
-
-    @cached_property
-    def moving_acceleration(self) -> Callable[..., tuple[Array, ...]]:
-        """The same function where no joint with dry friction is at rest."""
-        state, tau, parts, terms, force = self._at_once()
-        d, lt, p = ca.ldl(terms.inertia)
-        w = ca.ldl_solve(force - terms.level * ca.sign(parts.v), d, lt, p)
-        return vectorised(ca.Function("moving_acceleration", [state, tau], [ca.densify(w)]))
 
     @cached_property
     def shown(self) -> Callable[..., tuple[Array, ...]]:
@@ -188,13 +183,6 @@ class Equations:
     def _symbols(self) -> tuple[Any, Any, Parts]:
         state = ca.SX.sym("x", self.layout.size)
         return state, ca.SX.sym("u", 5 * self.robot.n), self.layout.split(state)
-
-    def _at_once(self) -> tuple[Any, Any, Parts, Terms, Any]:
-        state, _, parts = self._symbols()
-        tau = ca.SX.sym("tau", self.robot.n)
-        terms = self._terms(self._given(parts), parts, parts.q, parts.v, tau, 0.0)
-        force = self._driven(tau) - terms.bias - terms.torque - terms.damping * parts.v
-        return state, tau, parts, terms, force
 
     def _given(self, x: Parts) -> tuple[Physics, ...]:
         """Return the phenomena with their parameters as the state holds them."""

@@ -19,7 +19,7 @@ from robot_ident.robot.robot import Robot
 from robot_ident.testbed.phenomena import plant_physics
 from robot_ident.testbed.phenomena.mechanics import Payload
 from robot_ident.testbed.phenomena.phenomenon import arm_mass, between, either_sign
-from robot_ident.testbed.sensors import FIELDS, Readings
+from robot_ident.testbed.sensors import Readings
 from robot_ident.testbed.servo import Servo
 from robot_ident.testbed.simulation import Play, noisy
 from robot_ident.trajectories.fourier_series import FourierSeries
@@ -149,8 +149,7 @@ class StampJitter(MeasuringFault):
         samples = len(readings.q)
         at = np.arange(samples) + self.values["jitter"] * rate * rng.standard_normal(samples)
         at = np.clip(at, 0.0, samples - 1.0)
-        values = {name: CubicSpline(np.arange(samples), getattr(readings, name), axis=0)(at) for name in FIELDS}
-        return Readings(**values)
+        return Readings(*(CubicSpline(np.arange(samples), values, axis=0)(at) for values in readings[:-1]))
 
     def written(self, recording: Recording, rng: np.random.Generator) -> Recording:
         """Return it with stamps that come late, by a gamma distribution's time; none overtakes another."""

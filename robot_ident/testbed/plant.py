@@ -80,12 +80,7 @@ class Plant:
 
     def accelerations(self, states: Array, torque: Array) -> Array:
         """Return ddq [N, n] rad/s^2 at states [N, size] under torques [N, n] Nm: zero where a joint sticks."""
-        rests = np.any(self.layout.split(states).v[:, self._equations.dry] == 0, axis=1)
-        out = np.empty((len(states), self.layout.moving))
-        if rests.any():
-            (out[rests],) = self._equations.acceleration(states[rests], torque[rests])
-        if not rests.all():
-            (out[~rests],) = self._equations.moving_acceleration(states[~rests], torque[~rests])
+        (out,) = self._equations.acceleration(states, torque)
         return out[:, : self.robot.n]
 
     def shown(self, states: Array, ddq: Array) -> Motion:
@@ -157,14 +152,10 @@ class Steady(NamedTuple):
 
 @dataclass(frozen=True)
 class Trace:
-    """States [U, size] at the beginning of steps, and which of them belongs to each step of the whole course, rows [N].
-
-    `settled` [s] is when the steady state began that was repeated, None where every period was simulated.
-    """
+    """States [U, size] at the beginning of steps, and which of them belongs to each step of the course, rows [N]."""
 
     states: Array
     rows: np.ndarray[tuple[int], np.dtype[np.int64]]
-    settled: float | None = None
 
 
 def follow(
@@ -219,7 +210,7 @@ def trace(plant: Plant, reference: Reference, steps: int, steady: Steady | None,
             again = np.tile(np.arange(at, at + period), steady.periods - done - 1)
             more = at + np.arange(extra) % period
             rows = np.concatenate([np.arange(at + period), again, more])
-            return Trace(np.concatenate(parts), rows, at * plant.step)
+            return Trace(np.concatenate(parts), rows)
         state, at = after, at + period
     return Trace(np.concatenate(parts), np.concatenate([np.arange(at), at - period + np.arange(extra) % period]))
 

@@ -83,21 +83,31 @@ def braking(start: float, q: Array, v: Array, acceleration: Array) -> Piece:
     return Piece(start, start + span, np.stack([q, v, 0 * v, -v / span**2, v / (2 * span**3)]))
 
 
+def quintics(t: Array, points: Motion) -> PPoly:
+    """Return the spline of fifth order through position, velocity and acceleration of K points at times t [K] s."""
+    h = np.diff(t)[:, None]
+    known = np.stack([points.q, points.dq, 0.5 * points.ddq])[:, :-1]
+    powers = np.array([[1, 1, 1], [3, 4, 5], [6, 12, 20]], dtype=float)
+    q, dq, ddq = known * h ** np.arange(3)[:, None, None]
+    wanted = np.stack([points.q[1:], h * points.dq[1:], h**2 * points.ddq[1:]])
+    rest = np.tensordot(np.linalg.inv(powers), wanted - [q + dq + ddq, dq + 2 * ddq, 2 * ddq], 1)
+    return PPoly(np.concatenate([known, rest / h ** np.array([3, 4, 5])[:, None, None]])[::-1], t)
+
+
 def settling(start: float, q: Array, v: Array, acceleration: Array) -> Piece:
     """Return the way from offset q and rate v [n] to nothing: the quintic that ends, and begins, unaccelerated.
 
-    With s = (t - start) / T: q (1 - 10 s^3 + 15 s^4 - 6 s^5) + v T (s - 6 s^3 + 8 s^4 - 3 s^5). The two parts
-    accelerate by at most 10 / sqrt(3) |q| / T^2 and 3.95 |v| / T; T is the least that keeps their sum within
-    `acceleration` [n].
+    Over a time T its parts in q and v accelerate by at most 10 / sqrt(3) |q| / T^2 and 3.95 |v| / T; T is the least
+    that keeps their sum within `acceleration` [n].
     """
     limited = np.isfinite(acceleration) & (acceleration > 0)
     a = np.where(limited, acceleration, 1.0)
     slow, far = 3.95 * np.abs(v), 10.0 / np.sqrt(3.0) * np.abs(q)
     times = np.where(limited, (slow + np.sqrt(slow**2 + 4.0 * far * a)) / (2.0 * a), STOP_TIME)
     span = max(float(times[(q != 0) | (v != 0)].max(initial=0.0)), 1e-6)
-    rate = v / span**2
-    rows = [q, v, 0 * q, -10 * q / span**3 - 6 * rate, (15 * q / span**3 + 8 * rate) / span]
-    return Piece(start, start + span, np.stack([*rows, (-6 * q / span**3 - 3 * rate) / span**2]))
+    still = 0 * q
+    way = quintics(np.array([0.0, span]), Motion(np.stack([q, still]), np.stack([v, still]), np.stack([still, still])))
+    return Piece(start, start + span, way.c[::-1, 0])
 
 
 class CommandInterpolator:
@@ -226,17 +236,6 @@ class CommandInterpolator:
 
 
 _AT_REST = 1e-12  # rad/s at the last point
-
-
-def quintics(t: Array, points: Motion) -> PPoly:
-    """Return the spline of fifth order through position, velocity and acceleration of K points at times t [K] s."""
-    h = np.diff(t)[:, None]
-    known = np.stack([points.q, points.dq, 0.5 * points.ddq])[:, :-1]
-    powers = np.array([[1, 1, 1], [3, 4, 5], [6, 12, 20]], dtype=float)
-    q, dq, ddq = known * h ** np.arange(3)[:, None, None]
-    wanted = np.stack([points.q[1:], h * points.dq[1:], h**2 * points.ddq[1:]])
-    rest = np.tensordot(np.linalg.inv(powers), wanted - [q + dq + ddq, dq + 2 * ddq, 2 * ddq], 1)
-    return PPoly(np.concatenate([known, rest / h ** np.array([3, 4, 5])[:, None, None]])[::-1], t)
 
 
 class TrajectoryFollower:

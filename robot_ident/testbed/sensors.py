@@ -6,7 +6,7 @@ from __future__ import annotations
 
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass
-from typing import Any
+from typing import Any, NamedTuple
 
 import casadi as ca
 import numpy as np
@@ -132,8 +132,7 @@ def link_torque(robot: Robot, physics: Sequence[Physics], motion: Motion) -> Arr
 Steps = np.ndarray[Any, np.dtype[np.int64]]
 
 
-@dataclass(frozen=True)
-class Readings:
+class Readings(NamedTuple):
     """Arrays [N, n] at the samples, without noise.
 
     q, dq, ddq: true motion of the joints. shown_q, shown_dq, shown_ddq: that of the encoders. torque: of the drives.
@@ -152,20 +151,16 @@ class Readings:
     fine: Array | None = None
 
 
-FIELDS = ("q", "dq", "ddq", "shown_q", "shown_dq", "shown_ddq", "torque", "recorded")
-
-
 def blend(start: Readings, ends: Sequence[tuple[Readings, Array]]) -> Readings:
     """Return readings that go from a start toward ends, each by a share [N] at each sample of its own."""
-    values = {name: getattr(start, name).copy() for name in FIELDS}
-    fine = None if start.fine is None else start.fine.copy()
+    values, fine = [x.copy() for x in start[:-1]], None if start.fine is None else start.fine.copy()
     for end, share in ends:
-        for name, value in values.items():
-            value += share[:, None] * (getattr(end, name) - getattr(start, name))
+        for value, first, last in zip(values, start[:-1], end[:-1], strict=True):
+            value += share[:, None] * (last - first)
         if fine is not None and start.fine is not None and end.fine is not None:
             at = np.arange(len(fine)) * (len(share) / len(fine))
             fine += np.interp(at, np.arange(len(share)), share)[:, None] * (end.fine - start.fine)
-    return Readings(**values, fine=fine)
+    return Readings._make([*values, fine])
 
 
 def read(
@@ -204,8 +199,7 @@ def read(
         links = link_torque(plant.robot, plant.physics, Motion(parts.q, parts.v, ddq))
         recorded[:, sensed] = links[which][:, sensed]
     values = (parts.q, parts.v, ddq, shown.q, shown.dq, shown.ddq, torque)
-    at_samples = dict(zip(FIELDS, (value[which] for value in values), strict=False))
-    return Readings(**{**at_samples, "recorded": recorded}, fine=every if fine else None)
+    return Readings._make([*(value[which] for value in values), recorded, every if fine else None])
 
 
 def _drives(plant: Plant, reference: Callable[[Array], Motion], states: Array, steps: Steps) -> Array:

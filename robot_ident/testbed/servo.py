@@ -51,12 +51,6 @@ class Servo:
         ahead = _feed_forward(robot) if kind == "feedforward" else None
         return cls(inertia * w**2, 2 * inertia * w, robot.limits.torque, ahead)
 
-    @classmethod
-    def none(cls, robot: Robot) -> Servo:
-        """Return drives that apply a given torque, without gains or limits."""
-        zero = np.zeros(robot.n)
-        return cls(zero, zero, np.full(robot.n, np.inf))
-
     def ahead(self, reference: Motion) -> tuple[Array, Array]:
         """Return the feed-forward of a reference: smooth torque [N, n] and level of dry friction [N, n], Nm."""
         if self.feed_forward is None or not reference.samples:

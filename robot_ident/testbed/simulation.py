@@ -18,7 +18,7 @@ from robot_ident.signals.motion import Array, Motion
 from robot_ident.testbed.phenomena import plant_physics
 from robot_ident.testbed.phenomena.phenomenon import Physics, felt_inertia
 from robot_ident.testbed.plant import Plant, Steady, Trace, follow, repeats, trace
-from robot_ident.testbed.sensors import FIELDS, Readings, Sensors, blend, filtered, read
+from robot_ident.testbed.sensors import Readings, Sensors, blend, filtered, read
 from robot_ident.testbed.servo import BANDWIDTH, Servo
 from robot_ident.trajectories.excitation import Reference
 from robot_ident.trajectories.fourier_series import FourierSeries
@@ -33,15 +33,13 @@ class SimulationResult:
     """A recording and what was true beneath it.
 
     exact: motion at the samples [N, n]. torque [N, n] Nm: the servos' torque at the samples, before noise and filter.
-    effects: the plant's phenomena as `name@joint`. settled [s]: when the steady state began that was repeated, None
-    where every period was simulated. notes: what a user should know.
+    effects: the plant's phenomena as `name@joint`. notes: what a user should know.
     """
 
     recording: Recording
     exact: Motion
     torque: Array
     effects: tuple[str, ...]
-    settled: float | None
     notes: tuple[str, ...]
 
 
@@ -78,17 +76,17 @@ def simulate(
 
     early = max([0.0, *(-p.lateness() for p in physics)])  # torque that is recorded early is that of later steps
 
-    def readings_of(plant: Plant) -> tuple[Readings, float | None]:
+    def readings_of(plant: Plant) -> Readings:
         course = trace(plant, reference, samples * per_sample, repeated, int(np.ceil(early / step)) + 1)
-        return read(plant, reference.reference, course, per_sample, samples, fine=anti_alias), course.settled
+        return read(plant, reference.reference, course, per_sample, samples, fine=anti_alias)
 
     slow = [] if steady is None else [p for p in physics if p.slow]
-    readings, settled = readings_of(warmed(plant, None) if slow else plant)
-    readings = blend(readings, [(readings_of(warmed(plant, p))[0], p.share(t)) for p in slow])
+    readings = readings_of(warmed(plant, None) if slow else plant)
+    readings = blend(readings, [(readings_of(warmed(plant, p)), p.share(t)) for p in slow])
     recording = noisy(robot, sample_rate, readings, noise=noise, seed=seed)
     exact = Motion(readings.q, readings.dq, readings.ddq)
     labels = tuple(p.label for p in physics)
-    return SimulationResult(recording, exact, readings.torque, labels, settled, _notes(robot, readings.torque))
+    return SimulationResult(recording, exact, readings.torque, labels, _notes(robot, readings.torque))
 
 
 def steps_per_sample(sample_rate: float, step_rate: float | None = None, physics: Sequence[Physics] = ()) -> int:
@@ -222,7 +220,7 @@ def noisy(robot: Robot, sample_rate: float, made: Readings, *, noise: float = 1.
 
 
 def _repeated(period: Readings, times: int) -> Readings:
-    return Readings(**{name: np.tile(getattr(period, name), (times, 1)) for name in FIELDS})
+    return Readings(*(np.tile(values, (times, 1)) for values in period[:-1]))
 
 
 def _steady(plant: Plant, series: FourierSeries, per_sample: int, sample_rate: float) -> Readings:

@@ -258,7 +258,7 @@ def two_masses(robot: Robot, label: str, push: float, shaft) -> tuple[Array, Arr
     stuck = tuple(make_physics(f"coulomb@joint_{k}:900", robot) for k in (2, 3))
     physics = (*stuck, make_physics(label, robot), make_physics("viscous@joint_1:8", robot))
     step = 1 / max(1500.0, PHYSICS[label.partition("@")[0]].step_rate)
-    plant = Plant(robot, physics, Servo.none(robot), step)
+    plant = Plant(robot, physics, Servo(*np.zeros((2, robot.n)), np.full(robot.n, np.inf)), step)
     steps = round(0.6 / step)
     t = (np.arange(steps) + 0.5) * step
     tau = np.zeros((steps, 3))

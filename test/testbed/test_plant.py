@@ -24,7 +24,7 @@ def open_loop(robot: Robot, step: float, *, friction: bool = True) -> Plant:
     physics = plant_physics(robot)
     if not friction:
         physics = tuple(p for p in physics if p.name not in ("viscous", "coulomb"))
-    return Plant(robot, physics, Servo.none(robot), step)
+    return Plant(robot, physics, Servo(*np.zeros((2, robot.n)), np.full(robot.n, np.inf)), step)
 
 
 def torques(tau: Array) -> Array:
@@ -247,7 +247,10 @@ def test_a_phenomenon_may_have_states_of_its_own(kuka: Robot) -> None:
     """
     stuck = tuple(make_physics(f"coulomb@joint_{k}:300", kuka) for k in (2, 3))
     plant = Plant(
-        kuka, (*stuck, Bristle(kuka, 0, {}), make_physics("viscous@joint_1:500", kuka)), Servo.none(kuka), 1 / 1500
+        kuka,
+        (*stuck, Bristle(kuka, 0, {}), make_physics("viscous@joint_1:500", kuka)),
+        Servo(*np.zeros((2, kuka.n)), np.full(kuka.n, np.inf)),
+        1 / 1500,
     )
     for push, torque in ((60.0, 20.0), (5.0, 5.0), (-5.0, -5.0)):
         tau = np.tile([push, 0.0, 0.0], (6000, 1))

@@ -81,9 +81,6 @@ def test_a_repeated_period_is_what_brute_force_gives(kuka: Robot, blend, servo: 
     brute = simulate(kuka, reference, servo=servo)
     rows = len(repeated.recording.t)
     assert rows == 5 * PERIOD * RATE
-    assert repeated.settled is not None
-    assert repeated.settled < 3 * PERIOD
-    assert brute.settled is None
     np.testing.assert_allclose(repeated.recording.t, brute.recording.t[:rows], atol=1e-12)
     np.testing.assert_allclose(repeated.exact.q, brute.exact.q[:rows], atol=1e-8)
     np.testing.assert_allclose(repeated.torque, brute.torque[:rows], atol=0.01)
