@@ -136,9 +136,9 @@ def test_kinds(kuka: Robot, kind: str) -> None:
     assert all(name.startswith("unknown_") == (kind == "unknown") for name in names)
     assert not set(names) & set(NOT_HIDDEN)
     if kind == "null":
-        assert max(made.visible) < 0.01
+        assert max(made.visible_rms) < 0.01
     else:
-        assert 0.9 <= max(made.visible) < 12.0
+        assert 0.9 <= max(made.visible_rms) < 12.0
     if kind in ("pair_other_joints", "same_joint"):
         assert len({label.partition("@")[2] for label in made.labels}) == (1 if kind == "same_joint" else 2)
     assert len(made.background) == (3 if kind == "single_with_background" else 0)
@@ -180,7 +180,7 @@ def test_light_arms_have_small_effects(arm: Robot, kuka: Robot) -> None:
     assert usual_sizes(arm) == (0.1, 0.8)
     assert usual_sizes(kuka) == (1.0, 8.0)
     made = draw_scenario(2, arm, kinds=["single"], names=["stribeck", "torque_offset", "viscous_asymmetric"])
-    assert 0.09 <= max(made.visible) < 1.2
+    assert 0.09 <= max(made.visible_rms) < 1.2
 
 
 @pytest.mark.parametrize(
