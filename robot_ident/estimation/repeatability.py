@@ -4,11 +4,10 @@ what drifts.
 
 from __future__ import annotations
 
-from abc import ABC, abstractmethod
 from collections.abc import Sequence
 from dataclasses import asdict, dataclass
 from datetime import UTC, datetime
-from typing import Any
+from typing import Any, ClassVar
 
 import numpy as np
 
@@ -37,73 +36,58 @@ class Drift:
 
 
 @dataclass(frozen=True)
-class _Repeated(ABC):
-    """Estimates [K, p] of one model from parts of its data, their scatter, and what sigma lets expect of it."""
+class _Repeated:
+    """Estimates [K, p] of one model from parts of its data, and the scatter [p] that the noise lets expect of them.
+
+    least, chance: times that scatter, and probability by noise alone, beyond which a parameter's is remarkable.
+    """
 
     values: Array
-    sigma: Array
+    expected: Array
+    least: ClassVar[float]
+    chance: ClassVar[float]
 
     @property
     def scatter(self) -> Array:
         """Standard deviation of the estimates [p]."""
         return np.std(self.values, axis=0, ddof=1)
 
-    @property
-    @abstractmethod
-    def expected(self) -> Array:
-        """What the noise lets expect of it [p]."""
+    def by_parameter(self, names: Sequence[str], **columns: Array) -> dict[str, Any]:
+        """Return the scatter, further columns [p] and the estimates of every parameter."""
+        rows = enumerate(names)
+        more = {"scatter": self.scatter, **columns}
+        return {n: {**{c: float(x[k]) for c, x in more.items()}, "values": self.values[:, k].tolist()} for k, n in rows}
 
     @property
     def ratio(self) -> float:
         """Root mean square over the parameters of scatter over expected: 1 where noise alone makes estimates differ."""
         return float(np.sqrt(np.mean((self.scatter / self.expected) ** 2)))
 
-    def exceeding(self, least: float, chance: float) -> list[tuple[int, float]]:
-        """Return the parameters whose scatter is more than `least` times the expected one, and more than by chance, and
-        how many times.
-        """
+    def restless(self, names: Sequence[str]) -> str:
+        """Return the parameters whose scatter is remarkable, and how many times the expected one it is; or nothing."""
         from scipy.special import chdtri
 
         ratio, free = self.scatter / self.expected, len(self.values) - 1
-        bound = max(least, float(np.sqrt(chdtri(free, chance / len(ratio)) / free)))
-        return [(int(k), float(ratio[k])) for k in np.argsort(-ratio) if ratio[k] > bound]
+        bound = max(self.least, float(np.sqrt(chdtri(free, self.chance / len(ratio)) / free)))
+        return ", ".join(f"{names[k]} {ratio[k]:.2g} times" for k in np.argsort(-ratio) if ratio[k] > bound)
 
 
 @dataclass(frozen=True)
 class PerPeriod(_Repeated):
-    """Estimates [M, p] from each period of one recording alone, and the sigma [p] of their mean.
-
-    of_mean [p]: their scatter over sqrt(M), to be held beside that sigma.
-    """
+    """Estimates [M, p] from each period of one recording alone."""
 
     source: str
     drift: tuple[Drift, ...]
-
-    @property
-    def expected(self) -> Array:
-        """What the sigma of the mean lets expect of single periods [p]."""
-        return self.sigma * np.sqrt(len(self.values))
-
-    @property
-    def of_mean(self) -> Array:
-        """What that scatter lets expect of the mean's standard deviation [p]."""
-        return self.scatter / np.sqrt(len(self.values))
-
-    def restless(self) -> list[tuple[int, float]]:
-        """Return the parameters whose scatter exceeds what sigma says by a quarter and by chance, and how far."""
-        return self.exceeding(1.25, 1e-4)
+    least, chance = 1.25, 1e-4
 
     def to_dict(self, names: Sequence[str]) -> dict[str, Any]:
-        """Return plain data for `model.yaml`."""
-        rows = zip(names, self.scatter, self.of_mean, self.sigma, self.values.T, strict=True)
+        """Return plain data for `model.yaml`; of_mean: what the scatter lets expect of the mean's sigma."""
+        root = np.sqrt(len(self.values))
         return {
             "source": self.source,
             "periods": len(self.values),
             "scatter_over_sigma": self.ratio,
-            "parameters": {
-                name: {"scatter": float(s), "of_mean": float(m), "sigma": float(g), "values": values.tolist()}
-                for name, s, m, g, values in rows
-            },
+            "parameters": self.by_parameter(names, of_mean=self.scatter / root, sigma=self.expected / root),
             "drift": [asdict(drift) for drift in self.drift],
         }
 
@@ -121,7 +105,8 @@ def per_period(measurements: Sequence[Measurement], found: Solution, estimator: 
             values, sigma = _estimates(measured, torques, found, weighted=estimator != "ls")
         except InputError:  # alone it does not excite all that the recordings do together: a stop that it never meets
             continue
-        out.append(PerPeriod(values, sigma, measured.source, _drifts(values, found, len(measurements))))
+        drift = _drifts(values, found, len(measurements))
+        out.append(PerPeriod(values, sigma * np.sqrt(len(values)), measured.source, drift))
     return tuple(out)
 
 
@@ -195,73 +180,49 @@ def drift_notes(periods: Sequence[PerPeriod], names: Sequence[str]) -> tuple[str
                 f" period to the last (p = {drift.p_value:.1g}): warm up before recording, or add the effect:"
                 f" temperature_drift@{drift.joint}"
             )
-        loud = one.restless()
-        if loud:
+        if loud := one.restless(names):
             notes.append(
-                f"{one.source}: the periods alone scatter more than the noise within a period explains, in"
-                f" {', '.join(f'{names[k]} {size:.2g} times' for k, size in loud)}; trust that scatter, not sigma"
+                f"{one.source}: the periods alone scatter more than the noise within a period explains, in {loud};"
+                " trust that scatter, not sigma"
             )
     return tuple(notes)
 
 
-_TWICE = 2.0  # of what sigma lets expect
-_CHANCE = 1e-3  # that a parameter is called restless where noise alone makes days differ
-
-
 @dataclass(frozen=True)
 class Days(_Repeated):
-    """Estimates [D, p] of each day alone, with their sigma [D, p]; none where there are fewer than three days."""
+    """Estimates [D, p] of each day alone; none where there are fewer than three days."""
 
     days: tuple[str, ...]
-
-    @property
-    def enough(self) -> bool:
-        """Whether the days tell how they differ."""
-        return len(self.values) >= _LEAST
-
-    @property
-    def expected(self) -> Array:
-        """What the noise of each day lets expect of it [p]."""
-        return np.sqrt(np.mean(self.sigma**2, axis=0))
-
-    def restless(self) -> list[tuple[int, float]]:
-        """Return the parameters that scatter more than twice what sigma says, and more than by chance, and how far."""
-        return self.exceeding(_TWICE, _CHANCE)
+    least, chance = 2.0, 1e-3
 
     def notes(self, names: Sequence[str]) -> list[str]:
         """Return a line where days differ by more than the noise explains."""
-        loud = self.restless() if self.enough else []
-        if not loud:
-            return []
-        listed = ", ".join(f"{names[k]} {size:.2g} times" for k, size in loud)
-        return [f"{len(self.days)} days scatter more than sigma says, in {listed}: trust the scatter between days"]
+        loud = self.restless(names) if len(self.values) else ""
+        listed = f"{len(self.days)} days scatter more than sigma says, in {loud}: trust the scatter between days"
+        return [listed] if loud else []
 
     def to_dict(self, names: Sequence[str]) -> dict[str, Any]:
         """Return plain data for `model.yaml`."""
-        data: dict[str, Any] = {"days": list(self.days), "intervals": "all days" if self.enough else "this day only"}
-        if not self.enough:
-            return {**data, "scatter_over_sigma": None, "parameters": {}}
-        rows = zip(names, self.scatter, self.expected, self.values.T, strict=True)
-        parameters = {n: {"scatter": float(s), "sigma": float(e), "values": v.tolist()} for n, s, e, v in rows}
-        return {**data, "scatter_over_sigma": self.ratio, "parameters": parameters}
+        days = list(self.days)
+        if not len(self.values):
+            return {"days": days, "intervals": "this day only", "scatter_over_sigma": None, "parameters": {}}
+        parameters = self.by_parameter(names, sigma=self.expected)
+        return {"days": days, "intervals": "all days", "scatter_over_sigma": self.ratio, "parameters": parameters}
 
 
-def day_of(measured: Measurement) -> str:
+def _day_of(measured: Measurement) -> str:
     """Return the day of a recording: as its conditions state it, else that of its first stamp (UTC), else nothing."""
-    if measured.conditions.day:
-        return measured.conditions.day
-    if measured.start_ns <= 0:
-        return ""
-    return datetime.fromtimestamp(measured.start_ns / 1e9, UTC).date().isoformat()
+    stamp = datetime.fromtimestamp(max(measured.start_ns, 0) / 1e9, UTC).date().isoformat()
+    return measured.conditions.day or (stamp if measured.start_ns > 0 else "")
 
 
 def by_day(measurements: Sequence[Measurement], found: Solution) -> Days:
     """Return the estimates of the single days, where there are three or more and each excites all by itself."""
     groups: dict[str, list[Measurement]] = {}
     for measured in measurements:
-        groups.setdefault(day_of(measured), []).append(measured)
+        groups.setdefault(_day_of(measured), []).append(measured)
     known = tuple(sorted(day for day in groups if day))
-    nothing = Days(np.zeros((0, 0)), np.zeros((0, 0)), known)
+    nothing = Days(np.zeros((0, 0)), np.zeros(0), known)
     if len(known) < _LEAST or "" in groups:
         return nothing
     names, values, sigma = found.structure.names, [], []
@@ -272,4 +233,4 @@ def by_day(measurements: Sequence[Measurement], found: Solution) -> Days:
             sigma.append(_sigma(problem, equations, values[-1], names))
     except InputError:  # a day alone does not excite all that the days do together
         return nothing
-    return Days(np.array(values), np.array(sigma), known)
+    return Days(np.array(values), np.sqrt(np.mean(np.array(sigma) ** 2, axis=0)), known)
