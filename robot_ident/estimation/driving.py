@@ -16,9 +16,7 @@ from robot_ident.model.structure import Structure
 from robot_ident.recording.measurement import Measurement
 from robot_ident.signals.motion import Array
 
-POSITIVE = ("viscous", "coulomb", "rotor_inertia")
-"""Effects whose coefficient is the amount of something, so that none below zero is possible."""
-
+POSITIVE = ("viscous", "coulomb", "rotor_inertia")  # effects whose coefficient is an amount, never below zero
 _SURE = 5.0  # standard deviations
 _TIMES = 10.0  # of a joint's torque; the arms that we know stay below 2.5
 _KNOWN = 2.0  # standard deviations, below which the value is said to be unknown anyhow
@@ -53,9 +51,15 @@ def driven(structure: Structure, measurements: Sequence[Measurement], values: Ar
     tau_f: every effect on a joint whose sign turns with the motion's, save those that depend on torque; P is linear in
     their coefficients, values [p or more] with covariance, so that its variance is w' C w.
     """
-    power = friction_power(structure, measurements)
     linear = len(structure.parameters)
     theta, spread = values[:linear], covariance[:linear, :linear]
+    power = np.zeros((structure.robot.n, linear))  # W that a unit of each parameter takes from each joint
+    rows = sum(measured.motion.samples for measured in measurements)
+    for effect, own in _places(structure):
+        brakes = [(one.symmetry or effect.symmetry) == "dissipative" for one in effect.coefficients]
+        for motion in (measured.motion for measured in measurements):
+            columns = effect.columns(motion)[:, effect.joint]
+            power[effect.joint, own] += np.where(brakes, motion.dq[:, effect.joint] @ columns / rows, 0.0)
     below: dict[str, float] = {}
     for joint, name in enumerate(structure.robot.joints):
         _note(below, name, float(power[joint] @ theta), float(power[joint] @ spread @ power[joint]))
@@ -71,21 +75,6 @@ def driven(structure: Structure, measurements: Sequence[Measurement], values: Ar
 def _note(found: dict[str, float], name: str, value: float, variance: float) -> None:
     if value < 0.0 < variance and -value > _SURE * np.sqrt(variance):
         found[name] = float(-value / np.sqrt(variance))
-
-
-def friction_power(structure: Structure, measurements: Sequence[Measurement]) -> Array:
-    """Return the mean power [n, p] W that a unit of each linear parameter takes from each joint, 0 where it is none of
-    friction.
-    """
-    out = np.zeros((structure.robot.n, len(structure.parameters)))
-    rows = sum(measured.motion.samples for measured in measurements)
-    for effect, own in _places(structure):
-        joint = effect.joint
-        brakes = [(one.symmetry or effect.symmetry) == "dissipative" for one in effect.coefficients]
-        for measured in measurements:
-            columns = effect.columns(measured.motion)[:, joint]
-            out[joint, own] += np.where(brakes, measured.motion.dq[:, joint] @ columns / rows, 0.0)
-    return out
 
 
 def negative_notes(structure: Structure, values: Array, std: Array) -> list[str]:
