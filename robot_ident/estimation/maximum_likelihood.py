@@ -24,7 +24,7 @@ from robot_ident.estimation.problem import Problem, Solution, beside_wls, inner_
 from robot_ident.model.derivatives import torque_derivatives
 from robot_ident.model.structure import Structure
 from robot_ident.recording.measurement import Measurement
-from robot_ident.signals.motion import Array, Mask, Motion
+from robot_ident.signals.motion import Array, Mask
 
 _ITERATIONS = 30
 _TOLERANCE = 1e-6  # of the predicted fall of chi-square: no parameter then moves by more than a thousandth of its sigma
@@ -43,7 +43,6 @@ class Trajectory:
     basis: tuple[Array, ...]
     joint: np.ndarray
     variance: Array
-    motion: Motion
 
     @classmethod
     def of(cls, measured: Measurement, structure: Structure, values: Array) -> Trajectory:
@@ -69,19 +68,7 @@ class Trajectory:
             size = max(float(noise[index]), 1e-24) / samples
             variance.append(np.concatenate([[size], np.tile(2.0 * size * share[k, index], 2)]))
         basis = (np.hstack(order) for order in zip(*parts, strict=True))
-        return cls(tuple(basis), np.concatenate(joint), np.concatenate(variance), measured.motion)
-
-    def moved(self, delta: Array) -> Motion:
-        """Return the measured motion plus the lines delta [d]."""
-        own = delta[:, None] * (self.joint[:, None] == np.arange(self.motion.joints))
-        q, dq, ddq = (base @ own for base in self.basis)
-        return replace(self.motion, q=self.motion.q + q, dq=self.motion.dq + dq, ddq=self.motion.ddq + ddq)
-
-    def torque_slope(self, structure: Structure, motion: Motion, values: Array) -> tuple[Array, tuple[str, ...]]:
-        """Return d tau / d delta [N, n, d], and which effects it neglects."""
-        slopes = torque_derivatives(structure, motion, values)
-        parts = zip((slopes.position, slopes.velocity, slopes.acceleration), self.basis, strict=True)
-        return np.asarray(sum(slope[:, :, self.joint] * base[:, None, :] for slope, base in parts)), slopes.neglected
+        return cls(tuple(basis), np.concatenate(joint), np.concatenate(variance))
 
 
 @dataclass(frozen=True)
@@ -101,40 +88,36 @@ class State:
 
 @dataclass(frozen=True)
 class Normal:
-    """The arrow: F_tt [a, a], gradient [a]; of each measurement F_td [a, d], F_dd [d, d] with prior, gradient [d]."""
+    """The arrow: F_tt [a, a], gradient [a]; blocks: of each measurement F_td [a, d], F_dd [d, d] with prior, gradient
+    [d].
+    """
 
     own: Array
     slope: Array
-    cross: tuple[Array, ...]
-    inner: tuple[Array, ...]
-    inner_slope: tuple[Array, ...]
+    blocks: tuple[tuple[Array, Array, Array], ...]
 
     def information(self, damping: float = 0.0) -> tuple[Array, Array, list[Any]]:
-        """Return F_tt - F_td F_dd^-1 F_dt [a, a], the gradient [a] with it, and the factors of F_dd; diagonals are
-        enlarged by 1 + damping.
-        """
+        """Return F_tt - F_td F_dd^-1 F_dt [a, a], its gradient [a], factors of F_dd; diagonals times 1 + damping."""
         from scipy.linalg import cho_factor, cho_solve
 
         own, slope, factors = self.own + damping * np.diag(np.diag(self.own)), self.slope, []
-        for cross, inner, right in zip(self.cross, self.inner, self.inner_slope, strict=True):
+        for cross, inner, right in self.blocks:
             factors.append(cho_factor(inner + damping * np.diag(np.diag(inner)), lower=True))
             own = own - cross @ cho_solve(factors[-1], cross.T)
             slope = slope - cross @ cho_solve(factors[-1], right)
         return own, slope, factors
 
     def step(self, damping: float) -> tuple[Array, list[Array], float]:
-        """Return the changes of theta and free inner parameters [a] and of each delta, the diagonals enlarged by
-        1 + damping, and the fall of chi-square that they predict.
-        """
+        """Return the changes of theta and free inner parameters [a], of each delta, and the predicted fall of cost."""
         from scipy.linalg import cho_solve
 
         own, slope, factors = self.information(damping)
         scale = np.sqrt(np.diag(own))
         theta = np.linalg.solve(own / np.outer(scale, scale), slope / scale) / scale
-        blocks = zip(factors, self.cross, self.inner_slope, strict=True)
-        delta = [cho_solve(factored, right - cross.T @ theta) for factored, cross, right in blocks]
-        gain = float(theta @ self.slope + sum(d @ g for d, g in zip(delta, self.inner_slope, strict=True)))
-        return theta, delta, gain
+        pairs = list(zip(factors, self.blocks, strict=True))
+        delta = [cho_solve(factored, right - cross.T @ theta) for factored, (cross, _, right) in pairs]
+        gain = theta @ self.slope + sum(d @ right for d, (_, (*_, right)) in zip(delta, pairs, strict=True))
+        return theta, delta, float(gain)
 
 
 def _movable(measured: Measurement, noise: Array, structure: Structure, values: Array) -> Mask:
@@ -164,9 +147,7 @@ def maximum_likelihood(problem: Problem, start: Solution) -> Solution:
     Raises InputError where a measurement isn't periodic.
     """
     p = len(start.structure.parameters)
-    trajectories = [Trajectory.of(measured, start.structure, start.values[:p]) for measured in problem.measurements]
-    still = [np.zeros(len(trajectory.joint)) for trajectory in trajectories]
-    state = _at(problem, trajectories, start.structure, start.values[:p], still)
+    trajectories, state = _start(problem, start.structure, start.values[:p])
     normal, neglected = _normal(trajectories, state)
     damping = 0.0
     for _ in range(_ITERATIONS):
@@ -184,13 +165,22 @@ def maximum_likelihood(problem: Problem, start: Solution) -> Solution:
     return _finished(state, start, normal, neglected)
 
 
+def _start(problem: Problem, structure: Structure, values: Array) -> tuple[list[Trajectory], State]:
+    """Return the lines of the measured motions, and the point at which they are as measured."""
+    trajectories = [Trajectory.of(measured, structure, values) for measured in problem.measurements]
+    still = [np.zeros(len(trajectory.joint)) for trajectory in trajectories]
+    return trajectories, _at(problem, trajectories, structure, values, still)
+
+
 def _at(
     problem: Problem, trajectories: Sequence[Trajectory], structure: Structure, values: Array, delta: Sequence[Array]
 ) -> State:
-    measurements = [
-        replace(measured, motion=trajectory.moved(d))
-        for measured, trajectory, d in zip(problem.measurements, trajectories, delta, strict=True)
-    ]
+    measurements = []
+    for measured, lines, d in zip(problem.measurements, trajectories, delta, strict=True):
+        motion, own = measured.motion, d[:, None] * (lines.joint[:, None] == np.arange(measured.motion.joints))
+        q, dq, ddq = (base @ own for base in lines.basis)
+        moved = replace(motion, q=motion.q + q, dq=motion.dq + dq, ddq=motion.ddq + ddq)
+        measurements.append(replace(measured, motion=moved))
     here = problem.moved(measurements, structure)
     equations = here.equations(structure, values)
     residual = equations.torque - equations.phi @ values
@@ -216,19 +206,19 @@ def _normal(trajectories: Sequence[Trajectory], state: State) -> tuple[Normal, t
     noise, equations = state.problem.noise, state.equations
     jacobian, _ = with_inner(state.problem, state.structure, state.values, equations)
     theta_rows, residual = noise.weigh(jacobian), noise.weigh(state.residual)
-    cross, inner, slopes = [], [], []
+    blocks = []
     neglected: tuple[str, ...] = ()
     points = zip(state.problem.measurements, trajectories, state.delta, strict=True)
     for block, (measured, trajectory, delta) in enumerate(points):
-        slope, neglected = trajectory.torque_slope(state.structure, measured.motion, state.values)
-        whole = np.zeros((equations.rows, slope.shape[2]))
-        rows = equations.put(whole, block, measured.passed(slope))
-        whole = noise.weigh(whole)[rows]
-        cross.append(theta_rows[rows].T @ whole)
-        inner.append(whole.T @ whole + np.diag(1.0 / trajectory.variance))
-        slopes.append(whole.T @ residual[rows] - delta / trajectory.variance)
-    own = theta_rows.T @ theta_rows
-    return Normal(own, theta_rows.T @ residual, tuple(cross), tuple(inner), tuple(slopes)), neglected
+        slopes = torque_derivatives(state.structure, measured.motion, state.values)
+        parts = zip((slopes.position, slopes.velocity, slopes.acceleration), trajectory.basis, strict=True)
+        by_delta = sum(slope[:, :, trajectory.joint] * base[:, None, :] for slope, base in parts)
+        whole = np.zeros((equations.rows, len(delta)))
+        rows = equations.put(whole, block, measured.passed(np.asarray(by_delta)))
+        whole, prior, neglected = noise.weigh(whole)[rows], 1.0 / trajectory.variance, slopes.neglected
+        inner, right = whole.T @ whole + np.diag(prior), whole.T @ residual[rows] - delta * prior
+        blocks.append((theta_rows[rows].T @ whole, inner, right))
+    return Normal(theta_rows.T @ theta_rows, theta_rows.T @ residual, tuple(blocks)), neglected
 
 
 def _finished(state: State, start: Solution, normal: Normal, neglected: tuple[str, ...]) -> Solution:
@@ -272,9 +262,7 @@ def information(
                 f"{measured.source}: not periodic, so its position noise is unknown and the Cramer-Rao bound too;"
                 " use another criterion"
             )
-    trajectories = [Trajectory.of(measured, structure, values) for measured in measurements]
-    still = [np.zeros(len(trajectory.joint)) for trajectory in trajectories]
-    normal, _ = _normal(trajectories, _at(problem, trajectories, structure, values, still))
+    normal, _ = _normal(*_start(problem, structure, values))
     p = len(structure.parameters)
     return normal.information()[0][:p, :p]
 
@@ -283,19 +271,9 @@ _ACCELERATION = 1e-3  # of its rms: noise of the acceleration below which nothin
 _TORQUE = 0.1  # of the torque's noise variance: more is worth a word
 
 
-def acceleration_noise(measured: Measurement) -> Array:
-    """Return the noise of the acceleration over its rms [n], from the lines of a periodic motion; 0 elsewhere."""
-    lines, variance = measured.line_share, measured.averaged_position_variance
-    if lines is None or variance is None or measured.base_frequency is None:
-        return np.zeros(len(measured.joints))
-    rates = (2.0 * np.pi * measured.base_frequency * np.arange(len(lines))) ** 4
-    noise = np.sqrt((lines.T @ rates) * 2.0 * variance / measured.motion.samples)
-    size = np.sqrt(np.mean(measured.motion.ddq**2, axis=0))
-    return np.asarray(noise / np.maximum(size, 1e-12))
-
-
-def torque_of_position_noise(measured: Measurement, structure: Structure, values: Array) -> Array:
-    """Return the variance [n] (Nm)^2 that the noise of the motion's lines gives the model's torque, mean over time.
+def _torque_of_position_noise(measured: Measurement, structure: Structure, values: Array) -> Array:
+    """Return the variance [n] (Nm)^2 that the noise of the motion's lines gives the model's torque, mean over time; 0
+    where the acceleration has next to none, or nothing repeats.
 
     Lines of equal noise sigma^2 / N (twice that but for the mean), cosine and sine alike, give the position a variance
     v_0 at every instant, the velocity v_1, the acceleration v_2, and position and acceleration the covariance -v_1:
@@ -308,6 +286,9 @@ def torque_of_position_noise(measured: Measurement, structure: Structure, values
         return np.zeros(len(measured.joints))
     rates = 2.0 * np.pi * measured.base_frequency * np.arange(len(lines))
     size = noise / measured.motion.samples
+    shaken, moved = np.sqrt(2.0 * size * (lines.T @ rates**4)), np.sqrt(np.mean(measured.motion.ddq**2, axis=0))
+    if np.all(shaken < _ACCELERATION * np.maximum(moved, 1e-12)):
+        return np.zeros(len(measured.joints))
     gain = getattr(measured.low_pass, "gain", None)
     weight = lines if gain is None else lines * np.asarray(gain, dtype=float)[: len(lines), None] ** 2
     v0 = size * (2.0 * weight.sum(axis=0) - weight[0])
@@ -324,9 +305,7 @@ def position_notes(measurements: Sequence[Measurement], found: Solution, estimat
     out = []
     values = found.values[: len(found.structure.parameters)]
     for measured in measurements:
-        if acceleration_noise(measured).max() < _ACCELERATION:
-            continue
-        added, known = torque_of_position_noise(measured, found.structure, values), measured.averaged_variance
+        added, known = _torque_of_position_noise(measured, found.structure, values), measured.averaged_variance
         share = np.divide(added, known, out=np.zeros_like(added), where=known > 0)  # of none nothing is a share
         worst = int(np.argmax(share))
         if share[worst] > _TORQUE:
