@@ -7,8 +7,7 @@ import argparse
 from robot_ident.bags import describe, read_for, read_recording
 from robot_ident.cli.output import print_json, say, table, tell
 from robot_ident.errors import InputError
-from robot_ident.estimation.contradiction import coupling_contradiction
-from robot_ident.estimation.declaration import Declared, judge_measured
+from robot_ident.estimation.declaration import Declared, coupling_contradiction, judge_measured
 from robot_ident.estimation.effort_checks import EffortChecks, undecided_directions
 from robot_ident.recording.checks import check_plausible, check_samples, silent_efforts
 from robot_ident.recording.effort import at_the_joints

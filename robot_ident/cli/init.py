@@ -14,8 +14,7 @@ from robot_ident.bags import read_recording, read_robot_description, topic_of_jo
 from robot_ident.cli.output import print_json, say, say_written, tell
 from robot_ident.cli.values import angles_of, numbers_of
 from robot_ident.errors import InputError, did_you_mean
-from robot_ident.estimation.contradiction import contradiction
-from robot_ident.estimation.declaration import judge_declaration
+from robot_ident.estimation.declaration import contradiction, judge_declaration
 from robot_ident.files import read_text, refuse_existing, write_text
 from robot_ident.limits.certifier import Certifier
 from robot_ident.recording.resolution import position_step

@@ -12,7 +12,7 @@ from robot_ident.errors import InputError, did_you_mean
 from robot_ident.estimation.base_choice import Choice, torque_scale_notes
 from robot_ident.estimation.base_model import choose_base
 from robot_ident.estimation.carried import Carried, Solved, solve_carrying
-from robot_ident.estimation.contradiction import scale_notes
+from robot_ident.estimation.declaration import unit_notes
 from robot_ident.estimation.drive_gains import Gains, spread_by_gains, with_known_gains
 from robot_ident.estimation.driving import driven, implausible_notes, negative_notes
 from robot_ident.estimation.effort_checks import contradictions
@@ -184,7 +184,7 @@ def estimate(
     notes = [*driven(found.structure, measurements, found.values, found.covariance).notes, *notes]
     notes += negative_notes(found.structure, found.values, np.sqrt(np.diag(found.covariance)))
     notes += drift_notes(periods, structure.names)
-    notes += [] if structure.robot.ampere_joints else scale_notes(measurements, found)
+    notes += [] if structure.robot.ampere_joints else unit_notes(measurements, found)
     days = by_day(measurements, found)
     notes += days.notes(structure.names)
     determined = identifiability(found, measurements)

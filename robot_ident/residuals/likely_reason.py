@@ -6,8 +6,6 @@ from collections.abc import Mapping, Sequence
 
 import numpy as np
 
-from robot_ident.estimation.contradiction import Contradiction, contradiction, coupling_contradiction
-from robot_ident.estimation.declaration import judge_all
 from robot_ident.estimation.effort_checks import EffortChecks
 from robot_ident.estimation.validation import residual_on
 from robot_ident.model.model import Model
@@ -57,11 +55,7 @@ def _against_declaration(measured: Measurement, robot: Robot) -> str:
     foreign = checks.foreign() or checks.exchanged()
     if foreign:
         return foreign.removeprefix(f"{measured.source}: ")
-    found: Contradiction | None = (
-        coupling_contradiction([measured], robot)
-        or checks.gravity()
-        or contradiction(judge_all([measured], robot), robot)
-    )
+    found = checks.declaration()
     return found.told(robot) if found else ""
 
 

@@ -13,8 +13,7 @@ import yaml
 
 from robot_ident.bags import write_recording
 from robot_ident.cli.main import main
-from robot_ident.estimation.contradiction import Contradiction, contradiction, coupling_contradiction
-from robot_ident.estimation.declaration import judge_all
+from robot_ident.estimation.declaration import Contradiction, contradiction, coupling_contradiction, judge_all
 from robot_ident.recording import Processing, Recording, process
 from robot_ident.robot import Robot, load_robot
 from robot_ident.robot.drives import Effort, Efforts, EffortSource

@@ -12,8 +12,7 @@ import pytest
 from robot_ident import diagnose, identify
 from robot_ident.errors import InputError
 from robot_ident.estimation.declaration import judge_measured
-from robot_ident.estimation.effort_checks import EffortChecks, undecided_directions
-from robot_ident.estimation.effort_rows import EffortRows, clocks_apart
+from robot_ident.estimation.effort_checks import EffortChecks, EffortRows, paces_apart, undecided_directions
 from robot_ident.recording.measurement import Processing
 from robot_ident.recording.process import process
 
@@ -200,5 +199,5 @@ def test_what_changes_inertia_and_no_pace_of_the_clock_explains_is_no_clock(arm:
     slow = replace(other, t=other.t[0] + (other.t - other.t[0]) / 1.2, dq=None)
     sound, paced = ([process(one, arm.robot) for one in (recording, second)] for second in (other, slow))
     judged = [judge_measured(one, arm.robot) for one in paced]
-    assert clocks_apart([EffortRows(one, arm.robot) for one in paced], judged)
-    assert clocks_apart([EffortRows(one, arm.robot) for one in sound], judged) == ""
+    assert paces_apart([EffortRows(one, arm.robot) for one in paced], judged)
+    assert paces_apart([EffortRows(one, arm.robot) for one in sound], judged) == ""
