@@ -2,23 +2,24 @@
 
 Every candidate is fitted to all but one piece of the path and judged on that piece, in turn, by its squared error
 against the same target: the measured torque of all rows up to the band that torque and model share. The score is the
-sum over joints of the logarithm of the squared error.
+sum over joints of the logarithm of the squared error. What is taken is told beside what is not, and by how much.
 """
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, replace
+from functools import reduce
 from itertools import product
+from operator import add
+from typing import Any, NamedTuple
 
 import numpy as np
 
 from robot_ident.errors import InputError
-from robot_ident.estimation.base_choice import OFFSET, PIECES, ROTOR, SCALE, Candidate, Choice, best_of, note_of
-from robot_ident.estimation.coherent_band import coherent_band
+from robot_ident.estimation.coherent_band import ThinRows, coherent_band, thin_rows
 from robot_ident.estimation.differentiation import prediction_bandwidth
-from robot_ident.estimation.held_out import Grams, held_out, total
-from robot_ident.estimation.thin_rows import ThinRows, thin_rows
+from robot_ident.estimation.held_out import Fitted, Grams, held_out
 from robot_ident.model.structure import Structure
 from robot_ident.recording.measurement import Measurement, Processing
 from robot_ident.recording.process import process
@@ -29,11 +30,115 @@ from robot_ident.signals.filters import PeriodicLowPass
 from robot_ident.signals.motion import Array, Mask
 
 DIFFERENTIATION = (0.5, 0.7, 1.0, 2.0)  # times the band
-ROWS = (0.5, 1.0)  # times the band: the low pass of the rows that are fitted
+ROWS = (1.0, 0.5)  # times the band: the low pass of the rows that are fitted
 _LONGEST = 200_000  # samples of a recording that are looked at: columns of seven joints take a gigabyte
 _SHOWN = (1.0, 2.0, 4.0, 8.0)  # times the band: the low pass of predictions
 _KEPT = 4.0  # rows in a period of their low pass
 _OWN = 1e-6  # of a column's square that no other column makes, below which the data can't tell it
+OFFSET, ROTOR, SCALE = "torque_offset", "rotor_inertia", "torque_scale"
+PIECES = 8  # of the path, each left out in turn
+_BETTER = 2.0  # standard errors by which torque scales have to predict better than none, one pass than averages
+_SCALES_TOLD = 3.0  # from which on they count as measured: true motor torques got .87 to 1.37 below it
+_USUAL = 0.7, 1.4  # what a scale lies between, unless a unit or a gear ratio is wrong
+
+
+def _score_of(error: Array) -> float:
+    """Return the sum over joints of ln of the squared error [n]."""
+    return float(np.sum(np.log(np.maximum(error, 1e-300))))
+
+
+@dataclass(frozen=True)
+class Candidate:
+    """One way to process and one set of columns, with its squared error [PIECES, n] on pieces left out and the torque's
+    square there [n]; kept: which columns those are, fitted: to everything.
+    """
+
+    processing: Processing
+    effects: tuple[str, ...]
+    averaged: bool
+    error: Array
+    torque: Array
+    kept: np.ndarray
+    fitted: Fitted
+
+    @property
+    def score(self) -> float:
+        """What candidates are compared by."""
+        return _score_of(self.error.sum(axis=0))
+
+    @property
+    def scaled(self) -> bool:
+        """Whether joints have torque scales of their own."""
+        return any(label.startswith(SCALE) for label in self.effects)
+
+    @property
+    def relative(self) -> float:
+        """Root of the squared error of all joints over that of the torque."""
+        return float(np.sqrt(self.error.sum() / max(float(self.torque.sum()), 1e-300)))
+
+    def worse(self, best: Candidate) -> float:
+        """Return by how many standard errors it predicts worse than another, over the pieces: of squared errors or of
+        their logarithms, whichever says more. Where one piece is far worse than the others, it alone makes the spread.
+        """
+        mine, other = (np.maximum(one.error, 1e-300) for one in (self, best))
+        difference = np.sum((mine - other) / other.sum(axis=0), axis=1)
+        return max(_standard_errors(difference), _standard_errors(np.sum(np.log(mine / other), axis=1)))
+
+
+@dataclass(frozen=True)
+class Choice:
+    """The candidate that was taken; band: Hz up to which it was judged, None where there was nothing to choose."""
+
+    processing: Processing
+    taken: Candidate | None = None
+    band: float | None = None
+    candidates: tuple[Candidate, ...] = ()
+    notes: tuple[str, ...] = ()
+
+    @property
+    def effects(self) -> tuple[str, ...]:
+        """Offsets, rotor inertias and torque scales that belong to the base model."""
+        return () if self.taken is None else self.taken.effects
+
+    @property
+    def scale_evidence(self) -> float:
+        """Standard errors by which the same without torque scales predicts worse, 0 where there are none."""
+        if self.taken is None or not self.taken.scaled:
+            return 0.0
+        free = [one for one in self.candidates if not one.scaled]
+        return min(free, key=lambda one: one.score).worse(self.taken)
+
+    @property
+    def scale_spread(self) -> Array | None:
+        """Standard errors [n] of torque scales over the pieces, None where there are none."""
+        return self.taken.fitted.scale_spread if self.taken is not None and self.taken.scaled else None
+
+    def to_dict(self) -> dict[str, Any] | None:
+        """Return what `identify --json` prints of it: what was taken, what was compared, how much worse it was."""
+        taken = self.taken
+        if taken is None or self.band is None:
+            return None
+        best = min(self.candidates, key=lambda one: one.score)
+        return {
+            "band_hz": self.band,
+            "pieces": PIECES,
+            "effects": list(self.effects),
+            "error": taken.relative,
+            "standard_errors_worse_than_best": taken.worse(best),
+            "scale_evidence": self.scale_evidence,
+            "scale_spread": None if self.scale_spread is None else self.scale_spread.tolist(),
+            "compared": [
+                {
+                    "averaged": one.averaged,
+                    "low_pass": one.processing.low_pass,
+                    "derivative_bandwidth": one.processing.derivative_bandwidth,
+                    "effects": list(one.effects),
+                    "error": one.relative,
+                    "score": one.score - best.score,
+                }
+                for one in sorted(self.candidates, key=lambda one: one.score)
+            ],
+        }
 
 
 def choose_base(
@@ -65,7 +170,7 @@ def choose_base(
     loaded = any(part.conditions.payload is not None for part in parts)
     scaled = () if robot.ampere_joints or loaded else robot.joints[1:]
     candidates = [made for way in ways for made in _judged(way, full, labels, told, scaled)]
-    taken = best_of(candidates)
+    taken = _best_of(candidates)
     used = taken.processing
     if asked.low_pass is None:
         shown = [
@@ -83,16 +188,14 @@ def choose_base(
         wide = [prediction_bandwidth(part, full, values, used) or widest for part in parts]
         predicted = [thin_rows(part, robot, asked, band, wider=x / band) for part, x in zip(parts, wide, strict=True)]
         used = replace(used, band=_shown(predicted, full, taken, band).low_pass)
-    notes = [note_of(taken, candidates, band)]
+    notes = [_note_of(taken, candidates, band)]
     if open_:
         notes.append(f"left out of the base model, since these data can't tell them: {', '.join(open_)}")
     return Choice(used, taken, band, tuple(candidates), tuple(notes))
 
 
 def _looked_at(recording: Recording, robot: Robot, asked: Processing) -> tuple[Recording, Measurement]:
-    """Return as much of a recording as a choice needs, and what is made of it as asked; all of it where its beginning
-    can't be used: too short for two periods, at rest.
-    """
+    """Return as much of a recording as a choice needs, all of it where its beginning can't be used, and its rows."""
     part = recording[:_LONGEST] if recording.samples > _LONGEST else recording
     try:
         return part, process(part, robot, asked)
@@ -135,34 +238,32 @@ def _ways(
     ]
     # the same rows for every candidate
     used = [np.logical_and.reduce([way[k].used for way in passes]) for k in range(len(parts))]
-    places = [_Places.of(one, rows, here) for one, rows, here in zip(default, passes[0], used, strict=True)]
+    places = [_pieces(one, rows, here) for one, rows, here in zip(default, passes[0], used, strict=True)]
     asks_periods = asked.periodic is True
     out: list[_Way] = []
     judges: list[Grams] = []
     for way in passes:
-        columns = [rows.columns(structure) for rows in way]
+        columns = [structure.columns(rows.motion) for rows in way]
 
         def sums(cutoff: float, way: list[ThinRows] = way, columns: list[Array] = columns) -> Grams:
-            return total(
-                Grams.of(rows.passed(x, cutoff), rows.torque(cutoff), place.piece, here, PIECES)
-                for rows, x, place, here in zip(way, columns, places, used, strict=True)
+            parts = (
+                Grams.of(rows.passed(x, cutoff), rows.torque(cutoff), piece, here, PIECES)
+                for rows, x, piece, here in zip(way, columns, places, used, strict=True)
             )
+            return reduce(add, parts)
 
         judged = sums(band)
         judges.append(judged)
-        wide = way[0].wide
-        for cutoff in _row_bands(asked, band):
-            processing = replace(
-                asked,
-                periodic=False,
-                low_pass=cutoff,
-                derivative_bandwidth=wide,
-                decimate=_every(asked, way, cutoff),
-            )
+        # four rows in a period of their low pass say all that it leaves
+        rate = min(1.0 / rows.measured.dt for rows in way)
+        for cutoff in [asked.low_pass] if asked.low_pass is not None else [share * band for share in ROWS]:
+            every = asked.decimate if asked.decimate != 1 else max(1, int(rate / (_KEPT * cutoff)))
+            one_pass = replace(asked, periodic=False, low_pass=cutoff, decimate=every)
+            processing = replace(one_pass, derivative_bandwidth=way[0].wide)
             fitted = judged if cutoff == band else sums(cutoff)
             share = min(1.0, 2.0 * cutoff * way[0].dt)
             out.append(_Way(asked if asks_periods else processing, False, fitted, (judged,), share))
-    if all(place.repeats for place in places):
+    if all(one.base_frequency is not None for one in default):
         averaged = _averaged(default, tuple(judges), structure, asked, band)
         # what is longer than a choice looks at is averaged: as one pass, its rows would be more than they tell
         only = asks_periods or any(part.samples >= _LONGEST for part in parts)
@@ -179,46 +280,24 @@ def _differentiation(asked: Processing, band: float) -> list[float]:
     return list(DIFFERENTIATION)
 
 
-def _row_bands(asked: Processing, band: float) -> list[float]:
-    """Return the low passes [Hz] that fitted rows may take."""
-    return [asked.low_pass] if asked.low_pass is not None else [share * band for share in reversed(ROWS)]
-
-
-def _every(asked: Processing, rows: Sequence[ThinRows], cutoff: float) -> int:
-    """Return every how many samples a row is kept: four in a period of their low pass [Hz] say all that it leaves."""
-    rate = min(1.0 / one.sample_dt for one in rows)
-    return asked.decimate if asked.decimate != 1 else max(1, int(rate / (_KEPT * cutoff)))
-
-
-@dataclass(frozen=True)
-class _Places:
-    """The piece of the path that each row [N] belongs to, -1: none, and whether the path repeats."""
-
-    piece: np.ndarray
-    repeats: bool
-
-    @classmethod
-    def of(cls, default: Measurement, rows: ThinRows, used: Mask) -> _Places:
-        """Divide what is used of a recording: by the place in the period or cycle that is averaged, else by time."""
-        t = np.arange(len(used)) * rows.dt
-        inside = np.full(len(t), -1)
-        if default.cycles is not None:
-            first = next(k for k in range(default.cycles.count) if k + 1 not in default.left_out)
-            start = default.cycles.begins[first, 0] - default.motion.began[0]
-            phase = default.cycles.phase(t + start) / default.cycles.length
-            found = np.isfinite(phase)
-            inside[found] = np.minimum(phase[found] * PIECES, PIECES - 1)
-            return cls(inside, True)
-        if default.base_frequency is not None:
-            for began in default.motion.began:
-                here = (t >= began) & (t < began + 1.0 / default.base_frequency)
-                inside[here] = np.minimum((t[here] - began) * default.base_frequency * PIECES, PIECES - 1)
-            return cls(inside, True)
-        counted = np.flatnonzero(used.any(axis=1))
-        if len(counted):
-            first, last = counted[0], counted[-1] + 1
-            inside[first:last] = np.arange(last - first) * PIECES // (last - first)
-        return cls(inside, False)
+def _pieces(default: Measurement, rows: ThinRows, used: Mask) -> np.ndarray:
+    """Return the piece of the path of each row [N], -1: none; by place in the averaged period or cycle, or by time."""
+    t = np.arange(len(used)) * rows.dt
+    inside, counted = np.full(len(t), -1), np.flatnonzero(used.any(axis=1))
+    if default.cycles is not None:
+        first = next(k for k in range(default.cycles.count) if k + 1 not in default.left_out)
+        start = default.cycles.begins[first, 0] - default.motion.began[0]
+        phase = default.cycles.phase(t + start) / default.cycles.length
+        found = np.isfinite(phase)
+        inside[found] = np.minimum(phase[found] * PIECES, PIECES - 1)
+    elif default.base_frequency is not None:
+        for began in default.motion.began:
+            here = (t >= began) & (t < began + 1.0 / default.base_frequency)
+            inside[here] = np.minimum((t[here] - began) * default.base_frequency * PIECES, PIECES - 1)
+    elif len(counted):
+        first, last = counted[0], counted[-1] + 1
+        inside[first:last] = np.arange(last - first) * PIECES // (last - first)
+    return inside
 
 
 def _averaged(
@@ -244,36 +323,31 @@ def _averaged(
     ways = [(asked, whole)]
     if len(passed) == len(whole):
         ways.append((replace(asked, low_pass=band), passed))
-    return [_Way(processing, True, total(fitted), judges) for processing, fitted in ways]
+    return [_Way(processing, True, reduce(add, fitted), judges) for processing, fitted in ways]
 
 
-@dataclass(frozen=True)
-class _Shown:
+class _Shown(NamedTuple):
     """How predictions are processed, low pass and differentiation [Hz], and what squared error [n] of the record they
-    leave.
+    leave; score: sum over joints of its ln.
     """
 
     low_pass: float
     wide: float
     error: Array
-
-    @property
-    def score(self) -> float:
-        """Sum over joints of ln of the squared error."""
-        return float(np.sum(np.log(np.maximum(self.error, 1e-300))))
+    score: float
 
 
 def _shown(rows: Sequence[ThinRows], structure: Structure, taken: Candidate, band: float) -> _Shown:
     """Return the low pass that brings the model's torque nearest to the record, whatever that passed itself."""
     whole = taken.fitted.by_joint(taken.kept < len(structure.base.columns))
-    torques = [np.einsum("kjp,jp->kj", one.columns(structure)[:, :, taken.kept], whole) for one in rows]
-    most = min(0.4 / one.sample_dt for one in rows)
+    torques = [np.einsum("kjp,jp->kj", structure.columns(one.motion)[:, :, taken.kept], whole) for one in rows]
+    most = min(0.4 / one.measured.dt for one in rows)
     found = []
     for cutoff in (min(share * band, most) for share in _SHOWN):
         left = np.zeros(structure.robot.n)
         for one, torque in zip(rows, torques, strict=True):
             left += np.sum(((one.torque(None) - one.passed(torque, cutoff)) * one.used) ** 2, axis=0)
-        found.append(_Shown(float(cutoff), rows[0].wide, left))
+        found.append(_Shown(float(cutoff), rows[0].wide, left, _score_of(left)))
     return min(found, key=lambda one: one.score)
 
 
@@ -321,3 +395,74 @@ def _judged(
         made = [Candidate(way.processing, both, way.averaged, error, torque, kept, fitted) for error in errors]
         out.append(min(made, key=lambda one: one.score))
     return out
+
+
+def _best_of(candidates: Sequence[Candidate]) -> Candidate:
+    """Return that of the least score; torque scales only where they surely serve, averages where they do as well."""
+    free = [one for one in candidates if not one.scaled]
+    best, first = min(free, key=lambda one: one.score), min(candidates, key=lambda one: one.score)
+    if first.scaled and best.worse(first) >= _BETTER:
+        best, free = first, [one for one in candidates if one.scaled]
+    alike = [one for one in free if one.averaged and one.worse(best) <= _BETTER]
+    return min(alike or [best], key=lambda one: one.score)
+
+
+def _note_of(taken: Candidate, candidates: Sequence[Candidate], band: float) -> str:
+    """Return what was taken and by how much others are worse, in a line."""
+    kinds = {OFFSET: "offsets", ROTOR: "rotor inertias", SCALE: "torque scales"}
+    has = [word for name, word in kinds.items() if any(x.startswith(name) for x in taken.effects)]
+    way = _in_words(taken)
+    rivals = {
+        "periods averaged" if not taken.averaged else "as one pass": [
+            one for one in candidates if one.averaged is not taken.averaged
+        ],
+        "without torque scales": [one for one in candidates if not one.scaled and taken.scaled],
+        "links and friction alone": [one for one in candidates if not one.effects and taken.effects],
+    }
+    beside = [
+        f"{word} {100 * best.relative:.3g} % ({best.worse(taken):+.1f} standard errors)"
+        for word, others in rivals.items()
+        if others
+        for best in [min(others, key=lambda one: one.score)]
+    ]
+    told = f" ({'; '.join(beside)})" if beside else ""
+    return (
+        f"base model by prediction of pieces of the path left out, up to {band:.3g} Hz: {way},"
+        f" {' and '.join(has) if has else 'no offsets, no rotor inertias'}; error {100 * taken.relative:.3g} %{told}"
+    )
+
+
+def torque_scale_notes(choice: Choice, scales: Mapping[str, tuple[float, float]]) -> list[str]:
+    """Return what torque scales by joint, each with its sigma, mean: measured, or no more than a help to prediction."""
+    if not scales:
+        return []
+    told = ", ".join(f"{joint} {value:.3g} ± {std:.1g}" for joint, (value, std) in scales.items())
+    known = choice.scale_evidence >= _SCALES_TOLD
+    word = "torque scales beside the first joint's" if known else "torque scales that serve prediction and may be none"
+    lines = [
+        f"{word}: {told} ({choice.scale_evidence:.1f} standard errors over the pieces, {_SCALES_TOLD:g} count as"
+        " measured); what an effort is reported in, or what the links' model lacks; no drive's gain as long as no known"
+        " payload says the same"
+    ]
+    far = [joint for joint, (value, _) in scales.items() if not _USUAL[0] <= value <= _USUAL[1]]
+    if far:
+        lines.append(
+            f"the torque scale of {', '.join(far)} lies beyond {_USUAL[0]:g} to {_USUAL[1]:g}: check the unit of the"
+            " effort, the gear ratio and the URDF there before anything else"
+        )
+    return lines
+
+
+def _standard_errors(differences: Array) -> float:
+    spread = float(np.std(differences, ddof=1) * np.sqrt(len(differences)))
+    return float(differences.sum() / spread) if spread > 0.0 else 0.0
+
+
+def _in_words(taken: Candidate) -> str:
+    low_pass = taken.processing.low_pass
+    if low_pass is None:
+        return "periods averaged" if taken.averaged else "processed as asked"
+    if taken.averaged:
+        return f"periods averaged and low-passed at {low_pass:.3g} Hz"
+    wide = taken.processing.derivative_bandwidth or 4.0 * low_pass
+    return f"one pass, rows low-passed at {low_pass:.3g} Hz, positions differentiated to {wide:.3g} Hz"

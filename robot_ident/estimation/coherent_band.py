@@ -1,21 +1,29 @@
-"""Up to which frequency a recorded torque is the arm's: where a first model is coherent with it."""
+"""Up to which frequency a recorded torque is the arm's: where a first model is coherent with it; and recordings as one
+pass on a grid no finer than their band needs, on which candidates of processing are compared.
+"""
 
 from __future__ import annotations
 
 from collections.abc import Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
+from functools import reduce
+from operator import add
 
 import numpy as np
 
 from robot_ident.effects.torque_ripple import TorqueRipple
-from robot_ident.estimation.held_out import Grams, fit, total
-from robot_ident.estimation.thin_rows import ThinRows, thin_rows
+from robot_ident.estimation.held_out import Grams, fit
 from robot_ident.model.structure import Structure
-from robot_ident.recording.measurement import Processing
+from robot_ident.recording.averaging import FINE
+from robot_ident.recording.clock import read_clock
+from robot_ident.recording.measurement import Measurement, Processing
+from robot_ident.recording.process import process
 from robot_ident.recording.recording import Recording
 from robot_ident.robot.robot import Robot
-from robot_ident.signals.motion import Array, Motion, joined
+from robot_ident.signals.filters import ZeroPhaseLowPass
+from robot_ident.signals.motion import Array, Mask, Motion, joined
 
+_SLOWEST = 100.0  # Hz, of rows that are thinned
 _PILOT = 8.0  # Hz, of the first model
 _WIDER = 4.0  # times its low pass: the bandwidth of its positions' derivatives
 _COHERENT = 0.5  # of the torque's power, above which more of it is the model's than not
@@ -28,16 +36,47 @@ _HALVES = 0.6  # independent spectra in each of those that overlap by half
 
 
 @dataclass(frozen=True)
-class _Spectra:
-    """Power of prediction and torque and their cross power [K] by joint, at frequencies [K] Hz, from a number of
-    stretches.
-    """
+class ThinRows:
+    """Every `step`-th sample of a recording that was taken as one pass, its positions differentiated to `wide` [Hz]."""
 
-    frequency: Array
-    predicted: Array
-    measured: Array
-    cross: Array
-    stretches: float
+    measured: Measurement
+    step: int
+    wide: float
+
+    @property
+    def dt(self) -> float:
+        """Time between rows [s]."""
+        return self.measured.dt * self.step
+
+    @property
+    def used(self) -> Mask:
+        """Rows [N, n] that count."""
+        return self.measured.used[:: self.step]
+
+    @property
+    def motion(self) -> Motion:
+        """The motion [N, n] of the rows."""
+        return replace(self.measured.motion[:: self.step], dt=self.dt)
+
+    def torque(self, cutoff: float | None) -> Array:
+        """Return the torque [N, n], low-passed at `cutoff` [Hz]; None: at what the rows can hold."""
+        if cutoff is None and self.step == 1:
+            return self.measured.torque
+        low_pass = ZeroPhaseLowPass(cutoff or 0.45 / self.dt, self.measured.dt, len(self.measured.torque))
+        return low_pass.apply(self.measured.torque)[:: self.step]
+
+    def passed(self, x: Array, cutoff: float) -> Array:
+        """Return x [N, ...] low-passed at `cutoff` [Hz]."""
+        return ZeroPhaseLowPass(cutoff, self.dt, len(x)).apply(x)
+
+
+def thin_rows(recording: Recording, robot: Robot, processing: Processing, band: float, *, wider: float) -> ThinRows:
+    """Return a recording as one pass, low-passed at `band` [Hz], its positions differentiated to `wider` times that."""
+    nyquist = 0.5 / read_clock(recording.with_joints(robot.joints)).dt
+    low_pass, wide = min(band, 0.8 * nyquist), min(wider * band, 0.8 * nyquist)
+    asked = replace(processing, periodic=False, base_frequency=None, decimate=1)
+    measured = process(recording, robot, replace(asked, low_pass=low_pass, derivative_bandwidth=wide))
+    return ThinRows(measured, max(1, int(1.0 / (measured.dt * max(_SLOWEST, FINE * low_pass)))), wide)
 
 
 def coherent_band(recordings: Sequence[Recording], structure: Structure, processing: Processing, most: float) -> float:
@@ -61,15 +100,15 @@ def _once(
 ) -> tuple[float, list[Sequence[float]]]:
     """Return the band by a model low-passed at another, and the orders of ripple by joint, where they aren't told."""
     first = [thin_rows(recording, structure.robot, processing, band, wider=_WIDER) for recording in recordings]
-    top = min(most, *(_WIDEST / one.sample_dt for one in first))
+    top = min(most, *(_WIDEST / one.measured.dt for one in first))
     cutoff = min(band, top)
-    columns = [one.columns(structure) for one in first]
-    grams = total(
+    columns = [structure.columns(one.motion) for one in first]
+    whole = (
         Grams.of(one.passed(x, cutoff), one.torque(cutoff), np.zeros(len(x), dtype=int), one.used, 1)
         for one, x in zip(first, columns, strict=True)
     )
     rigid = np.arange(len(structure.names)) < len(structure.base.columns)
-    theta = fit(grams, np.ones(1), 1.0, rigid, np.zeros(structure.robot.n, dtype=bool)).theta
+    theta = fit(reduce(add, whole), np.ones(1), 1.0, rigid, np.zeros(structure.robot.n, dtype=bool)).theta
     longest = min(_WINDOW, min(one.dt * len(x) for one, x in zip(first, columns, strict=True)) / 3.0)
     predicted, orders = _with_ripple(first, [x @ theta for x in columns], structure.robot, orders)
     reached = [
@@ -93,46 +132,38 @@ def _with_ripple(
         ripple, rows = TorqueRipple(robot, joint), used[:, joint]
         left = torque[:, joint] - out[:, joint]
         fastest = 0.45 / max(part.dt for part in parts)
-        orders.append(_orders(ripple, motion[rows], left[rows], fastest) if known is None else known[joint])
+        if known is not None:
+            orders.append(known[joint])
+        elif ripple.unseen or not rows.any():
+            orders.append([])
+        else:
+            orders.append(list(ripple.certain_lines(motion[rows][:_ROWS], left[rows][:_ROWS], fastest, _RIPPLE)))
         angle = np.outer(ripple.ratio * motion.q[:, joint], orders[joint])
         lines = np.hstack([np.cos(angle), np.sin(angle)])
         out[:, joint] += lines @ np.linalg.lstsq(lines[rows], left[rows], rcond=None)[0]
     return np.split(out, np.cumsum([len(part) for part in predicted])[:-1]), orders
 
 
-def _orders(ripple: TorqueRipple, motion: Motion, left: Array, fastest: float) -> Sequence[float]:
-    """Return the orders of a joint's ripple; none where it makes little of what is left [N]."""
-    if ripple.unseen or not len(left):
-        return []
-    return list(ripple.certain_lines(motion[:_ROWS], left[:_ROWS], fastest, _RIPPLE))
-
-
-def _spectra(rows: ThinRows, predicted: Array, joint: int, window: float) -> _Spectra:
+def _spectra(rows: ThinRows, predicted: Array, joint: int, window: float) -> tuple[Array, np.ndarray, int]:
+    """Return frequencies [K] Hz, power of prediction, torque and both [3, K], and from how many stretches."""
     from scipy.signal import csd
 
-    size = max(8, int(window / rows.dt))
-    size = min(size, len(predicted))
-    options = {"fs": 1.0 / rows.dt, "nperseg": size}
+    size = min(max(8, int(window / rows.dt)), len(predicted))
     torque = rows.torque(None)[:, joint]
-    frequency, cross = csd(predicted, torque, **options)
-    own, other = (csd(signal, signal, **options)[1].real for signal in (predicted, torque))
-    stretches = max(1, (len(predicted) - size // 2) // (size - size // 2))
-    return _Spectra(frequency, own, other, cross, float(stretches))
+    pairs = np.array([(predicted, predicted), (torque, torque), (predicted, torque)])
+    frequency, power = csd(pairs[:, 0], pairs[:, 1], fs=1.0 / rows.dt, nperseg=size)
+    return frequency, power, max(1, (len(predicted) - size // 2) // (size - size // 2))
 
 
-def _reach(spectra: Sequence[_Spectra]) -> float:
+def _reach(spectra: Sequence[tuple[Array, np.ndarray, int]]) -> float:
     """Return the first frequency [Hz] above zero at which less than half of the power is shared."""
-    finest = max(spectra, key=lambda one: len(one.frequency))
-    total = sum(one.stretches for one in spectra)
-
-    def mean(name: str) -> Array:
-        return np.sum(
-            [one.stretches * np.interp(finest.frequency, one.frequency, getattr(one, name)) for one in spectra], axis=0
-        )
-
-    power = np.maximum(mean("predicted") * mean("measured"), 1e-300)
-    coherence = np.abs(mean("cross")) ** 2 / power
-    bias = min(0.9, 1.0 / max(total * _HALVES, 1.0))
-    coherence = (coherence - bias) / (1.0 - bias)
-    lost = np.flatnonzero((coherence < _COHERENT) & (finest.frequency > 0.0))
-    return float(finest.frequency[lost[0]] if len(lost) else finest.frequency[-1])
+    finest = max((frequency for frequency, _, _ in spectra), key=len)
+    weighed = [
+        stretches * np.array([np.interp(finest, frequency, one) for one in power])
+        for frequency, power, stretches in spectra
+    ]
+    own, other, cross = np.sum(weighed, axis=0)
+    coherence = np.abs(cross) ** 2 / np.maximum(own.real * other.real, 1e-300)
+    bias = min(0.9, 1.0 / max(sum(stretches for _, _, stretches in spectra) * _HALVES, 1.0))
+    lost = np.flatnonzero(((coherence - bias) / (1.0 - bias) < _COHERENT) & (finest > 0.0))
+    return float(finest[lost[0]] if len(lost) else finest[-1])

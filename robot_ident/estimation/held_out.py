@@ -6,7 +6,7 @@ reported, own what belongs to its row alone. Any choice of columns is fitted and
 
 from __future__ import annotations
 
-from collections.abc import Iterable, Sequence
+from collections.abc import Sequence
 from dataclasses import dataclass, replace
 
 import numpy as np
@@ -70,14 +70,6 @@ class Fitted:
         return np.asarray(np.where(rigid[None, :], self.scale[:, None] * self.theta, self.theta[None, :]))
 
 
-def total(parts: Iterable[Grams]) -> Grams:
-    """Return the sums over the rows of all parts."""
-    first, *rest = parts
-    for one in rest:
-        first = first + one
-    return first
-
-
 def loss(grams: Grams, fitted: Fitted, rigid: Mask) -> Array:
     """Return the squared error [F, n] of parameters in every piece."""
     whole = fitted.by_joint(rigid)
@@ -136,9 +128,7 @@ def _solved(h: Array, r: Array) -> Array:
 def held_out(
     fitted: Grams, judged: Sequence[Grams], independent: float, rigid: Mask, free: Mask
 ) -> tuple[list[Array], Fitted]:
-    """Return the squared error [F, n] in every piece of what the others give, of all rows that judge, and the fit to
-    all pieces.
-    """
+    """Return the squared error [F, n] in every piece of what the others give, by each that judges, and whole fit."""
     pieces = len(fitted.yy)
     everything = fit(fitted, np.ones(pieces), independent, rigid, free)
     out = [np.empty(one.yy.shape) for one in judged]

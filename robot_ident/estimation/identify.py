@@ -9,8 +9,7 @@ import numpy as np
 
 from robot_ident.effects.torque_scale import TorqueScale
 from robot_ident.errors import InputError, did_you_mean
-from robot_ident.estimation.base_choice import Choice, torque_scale_notes
-from robot_ident.estimation.base_model import choose_base
+from robot_ident.estimation.base_model import Choice, choose_base, torque_scale_notes
 from robot_ident.estimation.carried import Carried, Solved, solve_carrying
 from robot_ident.estimation.declaration import unit_notes
 from robot_ident.estimation.drive_gains import Gains, spread_by_gains, with_known_gains

@@ -8,8 +8,7 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from robot_ident.estimation.base_choice import Candidate
-from robot_ident.estimation.base_model import choose_base
+from robot_ident.estimation.base_model import Candidate, choose_base
 from robot_ident.estimation.extend import extend
 from robot_ident.estimation.held_out import FAINT, Fitted, Grams, held_out
 from robot_ident.estimation.identify import estimate, identify
