@@ -16,8 +16,7 @@ from scipy.signal import butter, sosfiltfilt
 from robot_ident.cli.output import table
 from robot_ident.diagnosis.diagnosis import Diagnosis
 from robot_ident.errors import InputError
-from robot_ident.estimation.extend import extended
-from robot_ident.estimation.identify import identify
+from robot_ident.estimation.identify import extended, identify
 from robot_ident.estimation.prediction import measured_for, predict
 from robot_ident.model.model import Model
 from robot_ident.model.structure import Structure

@@ -8,8 +8,7 @@ from pathlib import Path
 
 from robot_ident.diagnosis.diagnosis import Diagnosis
 from robot_ident.errors import InputError
-from robot_ident.estimation.extend import mean_square_errors
-from robot_ident.estimation.validation import validate
+from robot_ident.estimation.validation import mean_square_errors, validate
 from robot_ident.model.model import Model
 from robot_ident.recording.measurement import Source
 from robot_ident.residuals.comparison import Comparison, compare

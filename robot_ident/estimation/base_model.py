@@ -18,8 +18,8 @@ import numpy as np
 
 from robot_ident.errors import InputError
 from robot_ident.estimation.coherent_band import ThinRows, coherent_band, thin_rows
-from robot_ident.estimation.differentiation import prediction_bandwidth
 from robot_ident.estimation.held_out import Fitted, Grams, held_out
+from robot_ident.estimation.prediction import prediction_bandwidth
 from robot_ident.model.structure import Structure
 from robot_ident.recording.measurement import Measurement, Processing
 from robot_ident.recording.process import process

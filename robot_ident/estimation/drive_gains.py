@@ -8,14 +8,17 @@ free: gains are found over that of one drive, and everything carries the unit A.
 
 from __future__ import annotations
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, replace
 from typing import Any
 
 import numpy as np
 
 from robot_ident.errors import InputError
-from robot_ident.estimation.carried import (
+from robot_ident.estimation.declaration import judge_all
+from robot_ident.estimation.equations import Equations
+from robot_ident.estimation.least_squares import held_softly
+from robot_ident.estimation.payload import (
     Solved,
     basis_of,
     open_load,
@@ -23,9 +26,6 @@ from robot_ident.estimation.carried import (
     refuse_without_scale,
     rows_of_payloads,
 )
-from robot_ident.estimation.declaration import judge_all
-from robot_ident.estimation.equations import Equations
-from robot_ident.estimation.least_squares import held_softly
 from robot_ident.estimation.problem import Problem
 from robot_ident.model.structure import Structure
 from robot_ident.recording.measurement import Measurement, Processing
@@ -106,34 +106,28 @@ class Gains:
 
 def robot_with(robot: Robot, gains: Gains) -> Robot:
     """Return a robot whose files would know these gains: torque constants, or relative gains where the unit stays A."""
-    made = _entries(robot)
-    for k, name in enumerate(gains.joints):
-        value = float(gains.values[k]) * (robot.effort.of(name).relative or 1.0)
-        if name in gains.unknown:
-            told = made[name].get("effort", {})
-            told = {"quantity": told} if isinstance(told, str) else dict(told)
-            made[name]["effort"] = {**told, "relative_gain": value}
-        else:
-            made[name]["torque_constant"] = value
-    return _robot_of(robot, made)
+
+    def changed(name: str, entry: dict[str, Any]) -> dict[str, Any]:
+        value = float(gains.values[gains.joints.index(name)]) * (robot.effort.of(name).relative or 1.0)
+        if name not in gains.unknown:
+            return {**entry, "torque_constant": value}
+        told = entry.get("effort", {})
+        return {**entry, "effort": {**({"quantity": told} if isinstance(told, str) else told), "relative_gain": value}}
+
+    return _changed(robot, gains.joints, changed)
 
 
 def robot_without(robot: Robot, joints: Sequence[str]) -> Robot:
     """Return a robot whose files don't know the torque constants of some joints."""
-    made = _entries(robot)
-    for name in joints:
-        made[name].pop("torque_constant", None)
-    return _robot_of(robot, made)
+    return _changed(robot, joints, lambda _, entry: {k: v for k, v in entry.items() if k != "torque_constant"})
 
 
-def _entries(robot: Robot) -> dict[str, dict[str, Any]]:
-    """Return what the robot YAML says of every joint."""
-    joints: Mapping[str, Any] = definition_of(robot).yaml.get("joints") or {}
-    return {name: dict(joints.get(name) or {}) for name in robot.joints}
-
-
-def _robot_of(robot: Robot, joints: Mapping[str, Any]) -> Robot:
+def _changed(robot: Robot, some: Sequence[str], change: Callable[[str, dict[str, Any]], dict[str, Any]]) -> Robot:
+    """Return a robot whose YAML has other entries for some of its joints."""
     definition = definition_of(robot)
+    entries: Mapping[str, Any] = definition.yaml.get("joints") or {}
+    joints = {name: dict(entries.get(name) or {}) for name in robot.joints}
+    joints |= {name: change(name, joints[name]) for name in some}
     return robot_of(Definition({**definition.yaml, "joints": joints}, definition.urdf), robot.source)
 
 
@@ -185,7 +179,7 @@ def estimate_gains(measurements: Sequence[Measurement], structure: Structure) ->
     problem = Problem(measurements, structure)
     equations = problem.equations(structure, None)
     load = _payload(measurements, equations, robot)
-    equations = replace(equations, torque=equations.torque + _taken_off(load, equations, robot))
+    equations = replace(equations, torque=equations.torque + robot.compares_with_newton_metres[equations.joint] * load)
     stated = [(m.conditions.payload, m.conditions.body) for m in measurements]
     weighed = any(m.conditions.payload or m.conditions.part.mass for m in measurements)
     absolute = weighed or len(free) < robot.n
@@ -236,11 +230,6 @@ def _payload(measurements: Sequence[Measurement], equations: Equations, robot: R
         if stated is not None:
             equations.put(out, block, measured.passed(stated.torque(robot, measured.motion)))
     return out
-
-
-def _taken_off(load: Array, equations: Equations, robot: Robot) -> Array:
-    """Return what was taken off the measured torque [R] of a payload's torque [R]."""
-    return np.asarray(robot.compares_with_newton_metres[equations.joint] * load)
 
 
 def _start(measurements: Sequence[Measurement], robot: Robot) -> Array:
@@ -361,7 +350,7 @@ def spread_by_gains(gains: Gains, solved: Solved, structure: Structure, values: 
     problem = Problem(measurements, structure)
     equations = problem.equations(structure, values)
     load = _payload(measurements, equations, structure.robot)
-    torque = equations.torque + _taken_off(load, equations, structure.robot)
+    torque = equations.torque + structure.robot.compares_with_newton_metres[equations.joint] * load
     columns = [np.where(equations.joint == structure.robot.joint_index(joint), torque, 0.0) for joint in gains.joints]
     changed, p = problem.right(np.column_stack(columns)), len(structure.parameters)
     if not solved.payloads:

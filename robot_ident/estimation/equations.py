@@ -10,6 +10,7 @@ import numpy as np
 
 from robot_ident.effects import Effect
 from robot_ident.errors import InputError
+from robot_ident.model.model import Fit
 from robot_ident.model.rigid_sensitivity import RigidSensitivity
 from robot_ident.model.structure import Structure
 from robot_ident.recording.checks import refuse_silent
@@ -44,11 +45,23 @@ class Equations:
         joints = (self.joint == joint for joint in np.unique(self.joint[self.block == block]))
         return [(self.block == block) & own for own in joints]
 
+    def fits(self, residual: Array, joints: Sequence[str]) -> dict[str, Fit]:
+        """Return by joint how well a model follows that leaves a residual [R] Nm."""
+        own = {name: self.joint == number for number, name in enumerate(joints)}
+        return {name: fit(residual[rows], self.torque[rows], self.variance[rows]) for name, rows in own.items()}
+
     def put(self, out: Array, block: int, whole: Array) -> np.ndarray:
         """Write a measurement's passed values [N, n, ...] to its rows of `out` [R, ...]; return these rows."""
         rows = self.block == block
         out[rows] = whole[self.sample[rows], self.joint[rows]]
         return rows
+
+
+def fit(residual: Array, torque: Array, variance: Array) -> Fit:
+    """Return how well a model follows one joint: residual, torque and noise variance of its rows [R]."""
+    mse, noise, size = float(np.mean(residual**2)), float(np.mean(variance)), float(np.sum(torque**2))
+    relative = float(np.sqrt(np.sum(residual**2) / size)) if size else None
+    return Fit(mse, float(np.sqrt(mse)), noise if np.isfinite(noise) else None, relative)
 
 
 class Compared:

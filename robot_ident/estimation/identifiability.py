@@ -7,7 +7,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from robot_ident.estimation.covariance import scaled_eigen
+from robot_ident.estimation.least_squares import scaled_eigen
 from robot_ident.estimation.problem import Solution
 from robot_ident.model.structure import Structure
 from robot_ident.recording.measurement import Measurement
@@ -49,9 +49,11 @@ class Identifiability:
         out = []
         if np.any(self.uncertainty > _UNCERTAIN):
             worst = int(np.argmax(self.uncertainty))
+            size = self.uncertainty[worst]
+            share = f"{100.0 * size:.2g} %" if size < 10.0 else "more than 1000 %"
             out.append(
                 f"badly excited: on other motions within the robot's limits the torque of {self.joints[worst]} is"
-                f" uncertain by {_percent(self.uncertainty[worst])}; {_REMEDY}"
+                f" uncertain by {share}; {_REMEDY}"
             )
         if self.open:
             out.append(f"the data cannot give {_listed(self.open)}: sigma exceeds half of the value; {_REMEDY}")
@@ -120,9 +122,12 @@ def _states(structure: Structure, measurements: Sequence[Measurement]) -> Motion
     """Return random states within the robot's limits, or twice what was recorded where it has none; always the same."""
     limits, n = structure.robot.limits, structure.robot.n
     q = np.concatenate([m.motion.q for m in measurements])
+    # away from the ends, where the derivatives of what doesn't repeat mean little
+    ends = [0 if m.motion.periodic else m.motion.samples // 20 for m in measurements]
+    inside = [m.motion[end : m.motion.samples - end] for m, end in zip(measurements, ends, strict=True)]
     top = [
-        _FASTER * np.max([np.abs(getattr(m.motion, order)[_inside(m)]).max(axis=0) for m in measurements], axis=0)
-        for order in ("dq", "ddq")
+        _FASTER * np.max([np.abs(part).max(axis=0) for part in parts], axis=0)
+        for parts in ([one.dq for one in inside], [one.ddq for one in inside])
     ]
     lower = np.where(np.isfinite(limits.lower), limits.lower, q.min(axis=0))
     upper = np.where(np.isfinite(limits.upper), limits.upper, q.max(axis=0))
@@ -130,12 +135,6 @@ def _states(structure: Structure, measurements: Sequence[Measurement]) -> Motion
     acceleration = np.minimum(limits.acceleration, top[1])
     draw = np.random.default_rng(1997).uniform(-1.0, 1.0, (3, _STATES, n))
     return Motion(0.5 * (lower + upper) + 0.5 * (upper - lower) * draw[0], speed * draw[1], acceleration * draw[2])
-
-
-def _inside(measured: Measurement) -> slice:
-    """Return the rows away from the ends, where the derivatives of what doesn't repeat mean little."""
-    margin = 0 if measured.motion.periodic else measured.motion.samples // 20
-    return slice(margin, measured.motion.samples - margin)
 
 
 def _pairs(names: Sequence[str], covariance: Array, sigma: Array) -> tuple[tuple[str, str, float], ...]:
@@ -167,7 +166,3 @@ def _remedy_of(a: str, b: str) -> str:
 def _listed(names: Sequence[str]) -> str:
     more = f" and {len(names) - _LISTED} more" if len(names) > _LISTED else ""
     return ", ".join(names[:_LISTED]) + more
-
-
-def _percent(share: float) -> str:
-    return f"{100.0 * share:.2g} %" if share < 10.0 else "more than 1000 %"

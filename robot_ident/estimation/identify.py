@@ -1,24 +1,27 @@
-"""Identification: from recordings to a model."""
+"""Identification: from recordings to a model, and from a model to one with further effects, drives' gains found anew
+where it has some, for what is missing from a model gains make up for.
+"""
 
 from __future__ import annotations
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Callable, Mapping, Sequence
 from dataclasses import asdict, dataclass, replace
 
 import numpy as np
 
+from robot_ident.effects import Effect
 from robot_ident.effects.torque_scale import TorqueScale
 from robot_ident.errors import InputError, did_you_mean
 from robot_ident.estimation.base_model import Choice, choose_base, torque_scale_notes
-from robot_ident.estimation.carried import Carried, Solved, solve_carrying
 from robot_ident.estimation.declaration import unit_notes
-from robot_ident.estimation.drive_gains import Gains, spread_by_gains, with_known_gains
+from robot_ident.estimation.drive_gains import Gains, robot_without, spread_by_gains, with_known_gains
 from robot_ident.estimation.driving import driven, implausible_notes, negative_notes
-from robot_ident.estimation.effort_checks import contradictions
+from robot_ident.estimation.effort_checks import contradictions, taken_as_declared
 from robot_ident.estimation.equations import Equations, apart, stack
 from robot_ident.estimation.identifiability import identifiability
 from robot_ident.estimation.maximum_likelihood import position_notes
-from robot_ident.estimation.problem import Solution
+from robot_ident.estimation.payload import solve_carrying
+from robot_ident.estimation.prediction import processing_of
 from robot_ident.estimation.repeatability import by_day, drift_notes, per_period
 from robot_ident.estimation.solve import ESTIMATORS
 from robot_ident.model.model import Fit, Model, NoiseLevel
@@ -28,7 +31,6 @@ from robot_ident.recording.measurement import Measurement, Processing, time_scal
 from robot_ident.recording.process import process
 from robot_ident.recording.recording import Recording
 from robot_ident.robot.robot import Robot
-from robot_ident.signals.motion import Array
 
 
 def identify(
@@ -92,9 +94,7 @@ class Chosen:
 
 
 def with_scale_spread(model: Model) -> Model:
-    """Return a model no torque scale of which has a sigma below the spread over pieces of the path that its base was
-    chosen by.
-    """
+    """Return a model whose torque scales have at least the sigma of their spread over the pieces of its base."""
     spread = (model.base or {}).get("scale_spread")
     if spread is None:
         return model
@@ -171,7 +171,10 @@ def estimate(
     # where a trend is part of the model, no period by itself tells it from the level
     periods = per_period(measurements, found, estimator) if taken is measurements else ()
     if gains is not None:
-        found, payloads = _with_gains(solved, gains)
+        covariance, count = np.array(found.covariance), len(structure.parameters)
+        spread = spread_by_gains(gains, solved, found.structure, found.values[:count])
+        covariance[:count, :count] += spread[:count, :count]
+        found, payloads = replace(found, covariance=covariance), solved.spread(spread[count:, count:])
     notes = [
         *structure.notes,
         *structure.rotors_left_out,
@@ -198,11 +201,7 @@ def estimate(
         notes += consistent.notes
     linear = found.values[: len(structure.parameters)]
     equations = found.equations if taken is measurements else stack(measurements, found.structure, linear)
-    residual = {}
-    for joint, name in enumerate(structure.robot.joints):
-        rows = equations.joint == joint
-        torque = equations.torque[rows]
-        residual[name] = fit(torque - equations.phi[rows] @ linear, torque, equations.variance[rows])
+    residual = equations.fits(equations.torque - equations.phi @ linear, structure.robot.joints)
     implausible = implausible_notes(found.structure, equations, linear, np.sqrt(np.diag(found.covariance)))
     notes = [*determined.warnings, *before, *implausible, *notes]
     _, logdet = np.linalg.slogdet(found.covariance[: len(linear), : len(linear)])
@@ -226,15 +225,6 @@ def estimate(
         days=days.to_dict(structure.names),
         payloads=tuple(payload.to_dict() for payload in payloads),
     )
-
-
-def _with_gains(solved: Solved, gains: Gains) -> tuple[Solution, tuple[Carried, ...]]:
-    """Return solution and payloads with what the gains' uncertainty makes of their covariance."""
-    found = solved.solution
-    covariance, linear = np.array(found.covariance), len(found.structure.parameters)
-    spread = spread_by_gains(gains, solved, found.structure, found.values[:linear])
-    covariance[:linear, :linear] += spread[:linear, :linear]
-    return replace(found, covariance=covariance), solved.spread(spread[linear:, linear:])
 
 
 def _misfit_notes(residual: Mapping[str, Fit], equations: Equations) -> list[str]:
@@ -265,8 +255,67 @@ def _noise(measurements: Sequence[Measurement]) -> NoiseLevel:
     return NoiseLevel(tuple(torque.tolist()), tuple(position.tolist()), first.periods, first.samples_per_period)
 
 
-def fit(residual: Array, torque: Array, variance: Array) -> Fit:
-    """Return how well a model follows one joint: residual, torque and noise variance of its rows [R]."""
-    mse, noise, size = float(np.mean(residual**2)), float(np.mean(variance)), float(np.sum(torque**2))
-    relative = float(np.sqrt(np.sum(residual**2) / size)) if size else None
-    return Fit(mse, float(np.sqrt(mse)), noise if np.isfinite(noise) else None, relative)
+def extend(model: Model, measurements: Sequence[Measurement], effects: Sequence[Effect]) -> list[Model]:
+    """Return the model refitted as it is, then with one effect more each time."""
+    kept = [note for note in model.notes if taken_as_declared([note])]
+    steps = []
+    for count in range(len(effects) + 1):
+        structure = model.structure.with_further(effects[:count])
+        fitted = estimate(measurements, structure, estimator=model.estimator, processing=processing_of(model))
+        fitted = replace(fitted, notes=(*kept, *fitted.notes))
+        steps.append(_of(model, fitted, [effect.label for effect in effects[:count]]))
+    return steps
+
+
+def _of(model: Model, fitted: Model, labels: Sequence[str]) -> Model:
+    """Return a model that was fitted anew as what came of another one by further effects."""
+    provenance = {**model.provenance, "added": [*model.provenance.get("added", []), *labels]}
+    return with_scale_spread(replace(fitted, base=model.base, provenance=provenance))
+
+
+def tells_gains(model: Model, measurements: Sequence[Measurement]) -> bool:
+    """Return whether a model's gains were estimated and recordings tell them: with and without a known payload mass."""
+    conditions = [measured.conditions for measured in measurements]
+    carried = {(one.body or "unnamed") if one.estimated else one.payload for one in conditions}
+    weighed = any(one.part.mass if one.estimated else one.payload for one in conditions)
+    return bool(_estimated(model)) and len(carried) > 1 and weighed
+
+
+def extended(
+    model: Model,
+    measurements: Sequence[Measurement],
+    recordings: Callable[[], Sequence[Recording]],
+    effects: Sequence[Effect],
+) -> list[Model]:
+    """Return a model refitted as it is, then with one effect more each time; drive gains and payloads that the same
+    recordings told are found anew with each, since what was missing they had made up for.
+
+    measurements: of the `recordings`, which are asked for where gains are found. Raises InputError as `estimate` does.
+    """
+    if not tells_gains(model, measurements):
+        return extend(model, measurements, effects)
+    read, labels = recordings(), [effect.label for effect in effects]
+    return [extended_with_gains(model, read, labels[:count]) for count in range(len(labels) + 1)]
+
+
+def measured_anew(model: Model) -> bool:
+    """Return whether gains or payloads found with a model make its measurements others than those it came from."""
+    return bool(_estimated(model) or model.payloads)
+
+
+def extended_with_gains(model: Model, recordings: Sequence[Recording], labels: Sequence[str]) -> Model:
+    """Return a model refitted with effects `labels` beside its own, its drives' gains found anew from the recordings.
+
+    Raises InputError where the recordings don't tell the gains, or don't excite a parameter.
+    """
+    robot, processing = robot_without(model.robot, _estimated(model)), processing_of(model)
+    measurements = [process(recording, robot, processing) for recording in recordings]
+    structure = Structure.build(robot, [*(effect.label for effect in model.structure.added), *labels])
+    known, structure, gains = with_known_gains(recordings, measurements, structure, processing)
+    fitted = estimate(known, structure, estimator=model.estimator, processing=processing, gains=gains)
+    return _of(model, fitted, labels)
+
+
+def _estimated(model: Model) -> tuple[str, ...]:
+    """Return the joints whose gain in Nm/A or N/A was estimated with the model."""
+    return tuple(str(one["joint"]) for one in model.gains or () if one["unit"] != "A/A")

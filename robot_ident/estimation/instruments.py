@@ -16,8 +16,8 @@ from dataclasses import replace
 import numpy as np
 
 from robot_ident.errors import InputError
-from robot_ident.estimation.covariance import long_run_scores
 from robot_ident.estimation.equations import stack
+from robot_ident.estimation.least_squares import long_run_scores
 from robot_ident.estimation.problem import Problem, Solution, beside_wls, solution
 from robot_ident.recording.measurement import Measurement
 from robot_ident.signals.filters import ZeroPhaseLowPass

@@ -18,25 +18,19 @@ from typing import Any
 import numpy as np
 
 from robot_ident.errors import InputError
-from robot_ident.estimation.covariance import scaled_eigen
 from robot_ident.estimation.driving import POSITIVE
+from robot_ident.estimation.least_squares import information_root, root_of
 from robot_ident.estimation.problem import Solution
 from robot_ident.model.structure import Structure
 from robot_ident.robot.rigid_body import STANDARD
 from robot_ident.signals.motion import Array
 
-LEAST = 1e-5
-"""Smallest eigenvalue, kg and kg m^2, that a link's pseudo-inertia is given where the data would have it vanish."""
-
-LENGTH = 0.3
-"""Size of a link [m], which scales its moments."""
-
-PLACE = {name: place for place, name in enumerate(STANDARD)}
+LEAST = 1e-5  # kg, kg m^2: least eigenvalue of a link's pseudo-inertia, where the data would have it vanish
+LENGTH = 0.3  # m: size of a link, which scales its moments
 _COLUMN, _ROW = np.tril_indices(4)  # the upper triangle of J, by columns
-IDENTITY = (_ROW == _COLUMN).astype(float)
-"""The upper triangle of the unit matrix [10]."""
+IDENTITY = (_ROW == _COLUMN).astype(float)  # the upper triangle of the unit matrix [10]
+# from standard parameters to the upper triangle of J, off-diagonal entries times sqrt 2
 TRIANGLE = np.zeros((10, 10))
-"""From standard parameters to the upper triangle of J, off-diagonal entries times sqrt 2."""
 TRIANGLE[:6, 4:] = 0.5 * np.outer(IDENTITY[:6], IDENTITY[:6]) - np.diag(np.where(IDENTITY[:6], 1.0, np.sqrt(2.0)))
 TRIANGLE[6:9, 1:4] = np.sqrt(2.0) * np.eye(3)
 TRIANGLE[9, 0] = 1.0
@@ -86,8 +80,8 @@ class Nearest:
     links: int
 
     @classmethod
-    def of(cls, structure: Structure, values: Array, covariance: Array, never_negative: list[int]) -> Nearest:
-        """Return the program about linear parameters [p]; `never_negative`: which of them have no sense below zero."""
+    def of(cls, structure: Structure, values: Array, covariance: Array) -> Nearest:
+        """Return the program about linear parameters [p], some of which have no sense below zero."""
         robot, base = structure.robot, structure.base
         n, p, b = robot.n, len(values), len(base.columns)
         gather = np.zeros((p, 11 * n + p - b))
@@ -95,15 +89,13 @@ class Nearest:
         gather[b:, 11 * n :] = np.eye(p - b)
         scale = np.concatenate([inertial_scale(structure, values[:b]), np.maximum(np.abs(values[b:]), 1.0)])
         start = np.concatenate([robot.rigid.parameters, robot.drives.armature, values[b:]])
-        size, power, vectors = scaled_eigen(covariance)
         if not np.all(np.diag(covariance) > 0):
             unknown = structure.names[int(np.argmin(np.diag(covariance)))]
             raise InputError(
                 f"the variance of {unknown} is zero; nothing can be near to parameters without uncertainty"
             )
-        whiten = (vectors / np.sqrt(np.maximum(power, _SHARPEST * power[-1]))).T / size
-        positive = np.array([*range(10 * n, 11 * n), *(11 * n + k - b for k in never_negative)])
-        return cls(gather, scale, start / scale, whiten, positive, n)
+        positive = np.array([*range(10 * n, 11 * n), *(11 * n + k - b for k in never_negative(structure))])
+        return cls(gather, scale, start / scale, information_root(covariance, _SHARPEST), positive, n)
 
     def squared_distance(self, step: Array) -> float:
         """Return step' C^-1 step, the rise of chi-square on a step [p] from the estimate."""
@@ -175,9 +167,7 @@ def solve(quadratic: Array, linear: Array, a: Array, b: Array, *, zero: int, pos
     return np.array(answer.x)
 
 
-NEAR = 1e-3
-"""Fall of chi-square, below which parameters count as possible."""
-
+NEAR = 1e-3  # fall of chi-square, below which parameters count as possible
 _SECOND = {"x": (("Iyy", "Izz"), "Ixx"), "y": (("Ixx", "Izz"), "Iyy"), "z": (("Ixx", "Iyy"), "Izz")}
 
 
@@ -192,8 +182,7 @@ def violations(structure: Structure, values: Array) -> tuple[str, ...]:
     if broken:
         return tuple(broken)
     scale = np.maximum(np.abs(values), 0.01 * float(np.abs(values).max()))
-    metric = np.diag((0.01 * scale) ** 2)
-    program = Nearest.of(structure, values, metric, never_negative(structure))
+    program = Nearest.of(structure, values, np.diag((0.01 * scale) ** 2))
     step = program.to(values)[1] - values
     if program.squared_distance(step) < NEAR:
         return ()
@@ -208,7 +197,7 @@ def _broken_moments(structure: Structure, values: Array) -> list[str]:
     for link in range(n):
         for axis, (others, minus) in _SECOND.items():
             moment = np.zeros(11 * n)
-            moment[[10 * link + PLACE[name] for name in (*others, minus)]] = 1.0, 1.0, -1.0
+            moment[[10 * link + STANDARD.index(name) for name in (*others, minus)]] = 1.0, 1.0, -1.0
             weights, *_ = np.linalg.lstsq(base.regrouping.T, moment, rcond=None)
             weights[np.abs(weights) < 1e-9] = 0.0
             if np.abs(base.regrouping.T @ weights - moment).max() > 1e-9 or weights @ own >= 0:
@@ -314,7 +303,7 @@ def nearest_physical(found: Solution) -> Consistent:
     structure = found.structure
     p = len(structure.parameters)
     estimate, covariance = found.values[:p], found.covariance[:p, :p]
-    program = Nearest.of(structure, estimate, covariance, never_negative(structure))
+    program = Nearest.of(structure, estimate, covariance)
     x, values = program.to(estimate)
     step = values - estimate
     rise = program.squared_distance(step)
@@ -328,10 +317,6 @@ def nearest_physical(found: Solution) -> Consistent:
     if projected is not None:
         std, other = np.sqrt(np.diag(found.covariance)), np.sqrt(np.diag(projected))
         sharpened = float(1.0 - np.min(other / np.where(std > 0, std, 1.0), where=std > 0, initial=1.0))
-    rotors = x[10 * n : 11 * n] * structure.base.regrouping[:, 10 * n :].any(axis=0)
-    for parameter, value in zip(structure.parameters, values, strict=True):
-        if parameter.effect == "rotor_inertia" and parameter.joint is not None:
-            rotors[structure.robot.joint_index(parameter.joint)] += value
     return Consistent(
         solution=replace(
             found,
@@ -340,12 +325,24 @@ def nearest_physical(found: Solution) -> Consistent:
             chi_square=found.chi_square + rise,
         ),
         inertias=x[: 10 * n],
-        rotors=rotors,
+        rotors=rotors_of(structure, x, values),
         distance=float(np.sqrt(max(rise, 0.0))),
         residual_rise=float(np.sum(after**2) / np.sum(before**2) - 1.0),
         violated=violated,
         sharpened=sharpened,
     )
+
+
+def rotors_of(structure: Structure, x: Array, values: Array) -> Array:
+    """Return the rotor inertias [n] kg m^2 of standard parameters [11 n or more]; those that merge with no base
+    parameter are effects, of linear parameters [p], or unknown and 0.
+    """
+    n = structure.robot.n
+    rotors = x[10 * n : 11 * n] * structure.base.regrouping[:, 10 * n :].any(axis=0)
+    for parameter, value in zip(structure.parameters, values, strict=True):
+        if parameter.effect == "rotor_inertia" and parameter.joint is not None:
+            rotors[structure.robot.joint_index(parameter.joint)] += value
+    return np.asarray(rotors)
 
 
 def projected_covariance(program: Nearest, values: Array, covariance: Array) -> Array | None:
@@ -357,11 +354,9 @@ def projected_covariance(program: Nearest, values: Array, covariance: Array) -> 
     covariance, so that it is smaller on the whole. None where a draw can't be projected.
     """
     p, size = len(values), len(covariance)
-    scale, power, vectors = scaled_eigen(covariance)
-    root = vectors * np.sqrt(np.maximum(power, 0.0))
     draws = np.random.default_rng(1997).standard_normal((max(_DRAWS, 3 * size), size))
     draws = draws @ np.linalg.inv(np.linalg.cholesky(draws.T @ draws / len(draws))).T
-    error = draws @ root.T * scale
+    error = draws @ root_of(covariance).T
     try:
         error[:, :p] = [program.to(values + one[:p])[1] - values for one in error]
     except InputError:

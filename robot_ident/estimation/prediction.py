@@ -1,7 +1,8 @@
 """The model's torque along a recording, with a band that holds what the model is known not to know.
 
 A recording is taken as the model takes it: processed alike, of what its hand carried what the model knows, and joints
-that the model holds have to stand where it does.
+that the model holds have to stand where it does. Positions are differentiated as far as what the low pass takes from
+the motion weighs more, in the torque that both make, than what it leaves of the encoders' noise.
 """
 
 from __future__ import annotations
@@ -13,15 +14,19 @@ from pathlib import Path
 import numpy as np
 
 from robot_ident.errors import InputError
-from robot_ident.estimation.differentiation import prediction_bandwidth
+from robot_ident.estimation.least_squares import root_of
 from robot_ident.estimation.payload import bare, identify_payload
+from robot_ident.model.derivatives import torque_derivatives
 from robot_ident.model.model import Model
+from robot_ident.model.structure import Structure
 from robot_ident.recording.checks import STILL, held_angles, still_notes, still_part
-from robot_ident.recording.clock import read_clock
+from robot_ident.recording.clock import read_clock, roughness
 from robot_ident.recording.conditions import KnownPayload
 from robot_ident.recording.measurement import Measurement, Processing
+from robot_ident.recording.non_periodic import even_samples
 from robot_ident.recording.process import process
 from robot_ident.recording.recording import Recording
+from robot_ident.signals.filters import ZeroPhaseLowPass
 from robot_ident.signals.motion import Array, Motion
 
 
@@ -63,13 +68,11 @@ def measured_for(model: Model, recording: Recording) -> Measurement:
 
 def processing_of(model: Model) -> Processing:
     """Return how a model's recordings were processed."""
-    return Processing(**dict(model.processing)) if model.processing else Processing()
+    return Processing(**dict(model.processing))
 
 
 def as_predicted(model: Model, recording: Recording) -> Processing:
-    """Return how a recording is processed for a model's torque along it: as one pass, differentiated to where motion
-    lost and noise let through cost least.
-    """
+    """Return how a recording is processed for a model's torque along it: as one pass, differentiated at least cost."""
     own = processing_of(model)
     wide = prediction_bandwidth(recording, model.structure, model.linear, own)
     return replace(own, periodic=False, base_frequency=None, decimate=1, derivative_bandwidth=wide)
@@ -100,16 +103,12 @@ def with_payload_found(model: Model, recording: Recording) -> Recording:
 
 
 def payload_in(model: Model, recording: Recording) -> KnownPayload | None:
-    """Return an unknown payload as the model has it, None where it does not: one without a name is known by its
-    recordings alone.
-    """
+    """Return an unknown payload as the model has it, if at all: one without a name is known by its recordings."""
     named = recording.conditions.body
     for one in model.payloads:
         files = [Path(source).name for source in one["recordings"]]
         if one["name"] == named and (named or Path(recording.source).name in files):
-            xx, xy, yy, xz, yz, zz = one["inertia"]
-            x, y, z = one["centre"]
-            return KnownPayload(one["mass"], (x, y, z), (xx, xy, yy, xz, yz, zz))
+            return KnownPayload(one["mass"], tuple(one["centre"]), tuple(one["inertia"]))
     return None
 
 
@@ -151,39 +150,33 @@ def predict(model: Model, recording: Recording) -> Prediction:
     if used.band is not None:
         used = replace(used, low_pass=within_rate(used.band, recording))
     measured = process(recording, model.robot, used, motion_only=True)
-    motion = measured.motion
-    std = standard_deviation(model, motion, measured.passed)
-    torque = model.predict(motion)
-    carried = payload_in(model, recording) if recording.conditions.estimated else recording.conditions.payload
-    if carried is not None:
-        torque = torque + carried.torque(model.robot, motion)
-    misfit = np.array([_misfit(model, joint) for joint in model.robot.joints])
-    return Prediction(
-        joints=model.robot.joints,
-        t=recording.t[0] + measured.dt * np.arange(motion.samples),
-        motion=motion,
-        torque=measured.passed(torque),
-        std=std,
-        band=_BAND * np.sqrt(std**2 + misfit**2),
-        misfit=misfit,
-        start_ns=recording.start_ns,
-        notes=(*measured.notes, *beyond_notes(model, motion), *still_notes(measured)),
+    made = predict_motion(
+        model, recording.t[0] + measured.dt * np.arange(measured.motion.samples), measured.motion, measured.passed
     )
+    carried = payload_in(model, recording) if recording.conditions.estimated else recording.conditions.payload
+    torque = made.torque
+    if carried is not None:
+        torque = torque + measured.passed(carried.torque(model.robot, measured.motion))
+    notes = (*measured.notes, *made.notes, *still_notes(measured))
+    return replace(made, torque=torque, start_ns=recording.start_ns, notes=notes)
 
 
-def predict_motion(model: Model, t: Array, motion: Motion) -> Prediction:
+def predict_motion(
+    model: Model, t: Array, motion: Motion, passed: Callable[[Array], Array] = lambda x: x
+) -> Prediction:
     """Return the model's torque along a motion that is known exactly at instants t [N] s: one that is planned (eq. 1).
 
     The band holds 95 % of the torque that the motion will take, as far as what the model lacks is as large as where it
-    was identified; the notes say where the motion goes further than that.
+    was identified; the notes say where the motion goes further than that. passed: the low pass that the torque takes.
     """
-    std = standard_deviation(model, motion)
-    misfit = np.array([_misfit(model, joint) for joint in model.robot.joints])
+    std = standard_deviation(model, motion, passed)
+    fits = [model.residual[joint] for joint in model.robot.joints]
+    misfit = np.sqrt([max(fit.mse - (fit.noise_variance or 0.0), 0.0) for fit in fits])
     return Prediction(
         joints=model.robot.joints,
         t=t,
         motion=motion,
-        torque=model.predict(motion),
+        torque=passed(model.predict(motion)),
         std=std,
         band=_BAND * np.sqrt(std**2 + misfit**2),
         misfit=misfit,
@@ -213,11 +206,8 @@ def beyond_notes(model: Model, motion: Motion) -> tuple[str, ...]:
 
 
 def standard_deviation(model: Model, motion: Motion, passed: Callable[[Array], Array] = lambda x: x) -> Array:
-    """Return the standard deviation [N, n] Nm of the predicted torque: diag(J C J')^1/2, J = d tau / d theta.
-
-    passed: the low pass that the torque takes.
-    """
-    root = _root(model.covariance)
+    """Return the standard deviation [N, n] Nm of the predicted torque: diag(J C J')^1/2, J = d tau / d theta."""
+    root = root_of(model.covariance)
     sensitivity = model.structure.columns(motion, model.linear)
     if model.structure.inner:
         sensitivity = np.concatenate([sensitivity, _inner(model, motion)], axis=2)
@@ -227,14 +217,6 @@ def standard_deviation(model: Model, motion: Motion, passed: Callable[[Array], A
         rows = slice(begin, begin + _ROWS)
         out[rows] = np.linalg.norm(sensitivity[rows] @ root, axis=2)
     return out
-
-
-def _root(covariance: Array) -> Array:
-    """Return R [p, p] with R R' = C; parameters of very different size keep their digits."""
-    size = np.sqrt(np.diag(covariance))
-    scale = np.where(size > 0, size, 1.0)
-    values, vectors = np.linalg.eigh(covariance / np.outer(scale, scale))
-    return np.asarray(scale[:, None] * vectors * np.sqrt(np.maximum(values, 0.0)))
 
 
 def _inner(model: Model, motion: Motion) -> Array:
@@ -252,6 +234,46 @@ def _inner(model: Model, motion: Motion) -> Array:
     return np.stack(columns, axis=2)
 
 
-def _misfit(model: Model, joint: str) -> float:
-    fit = model.residual[joint]
-    return float(np.sqrt(max(fit.mse - (fit.noise_variance or 0.0), 0.0)))
+_FINER = 0.84  # from one bandwidth to the next
+_LEAST = 0.02  # of the widest bandwidth, where the search ends
+_IDLE = 1e-6  # of the largest variance of a joint's torque: a joint that does less counts as if it did so much
+_STATES = 200  # of the motion, over which the torque's derivatives are averaged
+
+
+def prediction_bandwidth(
+    recording: Recording, structure: Structure, values: Array, processing: Processing
+) -> float | None:
+    """Return to how many Hz positions are differentiated so that the torque of a structure with values [p] errs least:
+    `band_derivative` at most, and what `processing` states where it has none.
+
+    Position noise of variance s^2 a sample, white (third differences tell it), reaches the torque through M(q) ddq; the
+    low pass H, without phase, takes its share of the motion itself. Of both together Stein's estimate of the squared
+    error ("Estimation of the mean of a multivariate normal distribution", 1981) needs nothing but the record: up to a
+    constant, sum over f of w^4 ((H^2 - 2 H) |Q|^2 + 2 H s^2). Joints count by the variance of their torque.
+    """
+    if processing.band_derivative is None:
+        return processing.derivative_bandwidth
+    joints = structure.robot.joints
+    own = recording.with_joints(joints)
+    clock = read_clock(own)
+    widest = min(processing.band_derivative, 0.4 / clock.dt)
+    q, _, _ = even_samples(own, clock)
+    smooth = ZeroPhaseLowPass(widest, clock.dt, len(q))
+    step = max(1, len(q) // _STATES)
+    motion = Motion(q[::step], smooth.apply(q, 1)[::step], smooth.apply(q, 2)[::step], dt=clock.dt * step)
+    inertia = torque_derivatives(structure, motion, values).acceleration
+    torque = (structure.columns(motion, values) @ values).var(axis=0)
+    # what an error of each joint's acceleration is worth, in shares of all joints' torque
+    worth = np.mean(inertia**2, axis=0).T @ (1.0 / np.maximum(torque, max(_IDLE * torque.max(), 1e-300)))
+    window = np.hanning(len(q))[:, None]
+    power = np.abs(np.fft.rfft((q - q.mean(axis=0)) * window, axis=0)) ** 2 / np.sum(window**2)
+    frequency = np.fft.rfftfreq(len(q), clock.dt)
+    scale = (2.0 * np.pi * frequency) ** 4
+    moved, noise = scale * (power @ worth), scale * float(roughness(q) ** 2 @ worth)
+
+    def error(cutoff: float) -> float:
+        gain = 1.0 / (1.0 + (frequency / cutoff) ** 8)
+        return float(np.sum((gain**2 - 2.0 * gain) * moved + 2.0 * gain * noise))
+
+    count = int(np.log(_LEAST) / np.log(_FINER)) + 1
+    return min((widest * _FINER**k for k in range(count)), key=error)

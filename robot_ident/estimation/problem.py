@@ -10,10 +10,8 @@ import numpy as np
 
 from robot_ident.effects import Effect
 from robot_ident.effects.torque_scale import SPREAD, TorqueScale
-from robot_ident.estimation.covariance import sandwich
 from robot_ident.estimation.equations import Compared, Equations, stack
-from robot_ident.estimation.least_squares import Factor, factor
-from robot_ident.estimation.row_noise import RowNoise, row_noise
+from robot_ident.estimation.least_squares import Factor, RowNoise, factor, row_noise, sandwich
 from robot_ident.model.structure import Structure
 from robot_ident.recording.measurement import Measurement
 from robot_ident.signals.motion import Array

@@ -14,20 +14,22 @@ import numpy as np
 
 from robot_ident.effects import Effect
 from robot_ident.effects.torque_ripple import TorqueRipple
-from robot_ident.effects.torque_scale import TorqueScale
+from robot_ident.effects.torque_scale import SPREAD, TorqueScale
 from robot_ident.errors import InputError
 from robot_ident.estimation.equations import Equations
 from robot_ident.estimation.instruments import instrumental_variables
-from robot_ident.estimation.least_squares import Factor
+from robot_ident.estimation.least_squares import Factor, held_softly
 from robot_ident.estimation.maximum_likelihood import maximum_likelihood
 from robot_ident.estimation.problem import STEP, OtherForm, Problem, Solution, inner_bounds, solution
-from robot_ident.estimation.torque_scales import with_scales
 from robot_ident.model.structure import Structure
 from robot_ident.recording.measurement import Measurement
 from robot_ident.signals.motion import Array, joined
 
 _LESS = 1e-6  # of the squared error, by which another form must leave less to be taken
 _FAR = 30.0  # more of chi-square: a form that leaves it is less likely than one in a million
+_ROUNDS = 30  # of the search for torque scales
+_STEP = 0.3  # of ln a, in one of them
+_SETTLED = 1e-8  # of ln a, between them
 _MOST_STEPS = 25  # of the search for inner parameters: five of them at once take about 15
 
 
@@ -112,19 +114,52 @@ def solve(measurements: Sequence[Measurement], structure: Structure, estimator: 
     others: list[tuple[int, _Solved]] = []
     while problem is not None:
         used = problem
-        searched = with_scales(used, structure)
+        searched = _with_scales(used, structure)
         if structure.scaled:
             used = used.weighed_anew(searched)
-            searched = with_scales(used, searched)
+            searched = _with_scales(used, searched)
         if len(structure.inner) > len(structure.scaled):
             best, others = _best_forms(used, _refine(used, _scan(used, searched)))
-            searched = with_scales(used, best.structure)
+            searched = _with_scales(used, best.structure)
         values, _, equations = used.linear(searched)
         problem = used.beside(values, equations)
     finish, found = ESTIMATORS[estimator].finish, solution(used, searched, values, equations)
     forms = [] if best is None else [_compared(used, best, index, one) for index, one in others]
     told = tuple(form for form in forms if form is not None)
     return replace(found if finish is None else finish(used, found), other_forms=told)
+
+
+def _with_scales(problem: Problem, structure: Structure) -> Structure:
+    """Return a structure at its most likely torque scales, by Gauss-Newton on theta and ln a, ln a ~ N(0, SPREAD^2)."""
+    joints = structure.scaled
+    if not joints:
+        return structure
+    theta, _, equations = problem.linear(structure)
+    scales = structure.scales
+    b = len(structure.base.columns)
+    alone = equations.phi[:, :b] / scales[equations.joint][:, None]
+    own = equations.phi[:, b:]
+    places = np.array(joints)
+    mine = equations.joint[:, None] == places
+    for _ in range(_ROUNDS):
+        factor = scales[equations.joint]
+        links = factor * (alone @ theta[:b])
+        jacobian = np.hstack([factor[:, None] * alone, own, links[:, None] * mine])
+        residual = equations.torque - links - own @ theta[b:]
+        white, right = problem.noise.weigh(jacobian), problem.noise.weigh(residual)
+        step = held_softly(white, right, -np.log(scales[places]), SPREAD)
+        change = np.clip(step[len(theta) :], -_STEP, _STEP)
+        theta = theta + step[: len(theta)]
+        scales[places] *= np.exp(change)
+        if np.abs(change).max() < _SETTLED:
+            break
+    effects = [
+        effect.at({"scale": float(np.clip(scales[effect.joint], effect.inner[0].lower, effect.inner[0].upper))})
+        if isinstance(effect, TorqueScale)
+        else effect
+        for effect in structure.effects
+    ]
+    return replace(structure, effects=tuple(effects))
 
 
 def _refuse_hidden(measurements: Sequence[Measurement], structure: Structure) -> None:

@@ -11,7 +11,7 @@ import numpy as np
 
 from robot_ident.errors import InputError
 from robot_ident.estimation.effort_checks import EffortChecks, contradictions, taken_as_declared
-from robot_ident.estimation.identify import fit
+from robot_ident.estimation.equations import fit
 from robot_ident.estimation.prediction import as_predicted, processing_of, with_payload_found, within_rate
 from robot_ident.model.model import Fit, Model
 from robot_ident.recording.checks import still_notes
@@ -35,32 +35,42 @@ def residual_on(model: Model, measured: Measurement) -> dict[str, Fit]:
     that of the model's recordings.
     """
     share = measured.low_pass.independent if measured.low_pass else 1.0
-    known = np.array([np.nan if v is None else v for v in model.noise.torque_variance]) * share
+    known = np.array(model.noise.torque_variance, dtype=float) * share  # None: nan
     noise = np.where(np.isfinite(measured.averaged_variance), measured.averaged_variance, known)
     torque, used = measured.passed(measured.torque), measured.used[measured.rows]
     error = measured.passed(measured.torque - model.predict(measured.motion))
+    return _fits(model.robot, error, torque, used, noise)
+
+
+def mean_square_errors(model: Model, measured: Measurement) -> Array:
+    """Return the mean square error [n] of a model on a measurement, (Nm)^2; 0 of a joint of which no row counts."""
+    fits = residual_on(model, measured)
+    return np.array([fits[joint].mse if joint in fits else 0.0 for joint in model.robot.joints])
+
+
+def _fits(robot: Robot, error: Array, torque: Array, counted: Mask, noise: Array) -> dict[str, Fit]:
+    """Return by joint what errors and torques [R, n] amount to over the rows that are counted, of those with some."""
     return {
         joint: fit(error[rows, k], torque[rows, k], np.full(np.count_nonzero(rows), noise[k]))
-        for k, (joint, rows) in enumerate(zip(model.robot.joints, used.T, strict=True))
+        for k, (joint, rows) in enumerate(zip(robot.joints, counted.T, strict=True))
         if rows.any()
     }
 
 
-def is_unusable(residual: Fit) -> bool:
-    """Return whether predicting no torque at all would err less: rms(tau - Phi theta) > rms(tau), beyond the noise."""
-    noise = residual.noise_variance or 0.0
-    return residual.relative is not None and residual.relative > 1.0 and residual.mse > _BEYOND_NOISE * noise
-
-
 def unusable(model: Model, source: str, residual: Mapping[str, Fit]) -> str | None:
-    """Return a line that says at which joints a model is worse than none on a recording, None where it is nowhere."""
-    worst = sorted((name for name, one in residual.items() if is_unusable(one)), key=lambda name: -residual[name].rms)
+    """Return a line that says at which joints a model is worse than none on a recording, None where it is nowhere:
+    where predicting no torque at all would err less, rms(tau - Phi theta) > rms(tau), beyond the noise.
+    """
+    beyond = {name: one for name, one in residual.items() if one.mse > _BEYOND_NOISE * (one.noise_variance or 0.0)}
+    worst = [name for name, one in beyond.items() if (one.relative or 0.0) > 1.0]
+    worst.sort(key=lambda name: -residual[name].rms)
     if not worst:
         return None
     words = []
     for name in worst[:_NAMED]:
         unit = model.robot.torque_unit(model.robot.joint_index(name))
-        words.append(f"{residual[name].rms:.3g} {unit} at {name}, which takes {_torque(residual[name]):.3g}")
+        takes = residual[name].rms / (residual[name].relative or 1.0)
+        words.append(f"{residual[name].rms:.3g} {unit} at {name}, which takes {takes:.3g}")
     more = f" and at {len(worst) - _NAMED} more joints" if len(worst) > _NAMED else ""
     bag = Path(source).name
     seen = ", ".join(dict.fromkeys(Path(one["source"]).name for one in model.recordings))
@@ -72,16 +82,9 @@ def unusable(model: Model, source: str, residual: Mapping[str, Fit]) -> str | No
 
 
 def unusable_on(model: Model, validation: Sequence[Measurement]) -> tuple[str, ...]:
-    """Return such a line for every recording kept aside on which the model is worse than none, before them one where it
-    can't follow its own.
-    """
+    """Return such a line for every validation recording, before them one where the model can't follow its own."""
     lines = (unusable(model, measured.source, residual_on(model, measured)) for measured in validation)
     return tuple(line for line in (model.trouble, *lines) if line)
-
-
-def _torque(residual: Fit) -> float:
-    """Return the rms torque [Nm] that a residual stands beside."""
-    return residual.rms / residual.relative if residual.relative else 0.0
 
 
 def refuse_foreign(measurements: Sequence[Measurement], robot: Robot) -> None:
@@ -152,20 +155,11 @@ def validate(model: Model, recording: Recording, *, low_pass: float | None = Non
     band = processing_of(model).band or 0.0
     cutoff = low_pass or max(within_rate(band, recording) if band else 0.0, DEFAULT_LOW_PASS)
     measured = _measured(model, recording, cutoff)
-    predicted = measured.passed(model.predict(measured.motion))
     torque = measured.passed(measured.torque)
+    error = torque - measured.passed(model.predict(measured.motion))
     noise = _noise(model, measured) if measured.cycles is None else _noise_of_cycles(model, measured)
     counted = moving_rows(measured)
-    moving, still = {}, {}
-    for joint, name in enumerate(model.robot.joints):
-        variance = np.full(len(torque), noise[joint])
-        residual = torque[:, joint] - predicted[:, joint]
-        rows = counted[:, joint]
-        if rows.any():
-            moving[name] = fit(residual[rows], torque[rows, joint], variance[rows])
-        rest = ~rows
-        if rest.any():
-            still[name] = fit(residual[rest], torque[rest, joint], variance[rest])
+    moving, still = (_fits(model.robot, error, torque, rows, noise) for rows in (counted, ~counted))
     if not moving:
         raise InputError(f"{recording.source}: no joint moves; nothing can be validated")
     return Validation(
@@ -174,9 +168,7 @@ def validate(model: Model, recording: Recording, *, low_pass: float | None = Non
 
 
 def moving_rows(measured: Measurement) -> Mask:
-    """Return the rows [R, n] that a validation counts: those at standstill, where stiction hides the torque, are left
-    out with the rows around into which the low pass carries it.
-    """
+    """Return the rows [R, n] that count: none at standstill, where stiction hides the torque, or filtered with it."""
     touched = measured.passed(measured.standstill.astype(float)) > _TOUCHED
     return np.asarray(measured.used[measured.rows] & ~touched)
 
@@ -217,21 +209,13 @@ def _noise(model: Model, measured: Measurement) -> Array:
     low_pass = measured.low_pass
     if not isinstance(low_pass, ZeroPhaseLowPass):
         raise TypeError("validation compares low-passed torques")
-    torque = np.array([np.nan if v is None else v for v in model.noise.torque_variance]) * low_pass.independent
-    position = np.array([0.0 if v is None else v for v in model.noise.position_variance])
+    torque = np.array(model.noise.torque_variance, dtype=float) * low_pass.independent
+    position = np.nan_to_num(np.array(model.noise.position_variance, dtype=float))
     return np.asarray(torque + _squared_inertia(model, measured.motion) @ position * low_pass.noise_gain(2) ** 2)
 
 
-def _squared_inertia(model: Model, motion: Motion, samples: int = 40) -> Array:
+def _squared_inertia(model: Model, motion: Motion) -> Array:
     """Return the mean square of every entry of the model's mass matrix M(q) along a motion [n, n]."""
-    n = model.robot.n
-    q = motion.q[:: max(1, motion.samples // samples)]
-    zero = np.zeros_like(q)
-    still = model.structure.rigid_columns(Motion(q, zero, zero))
-    rigid = model.linear[: still.shape[2]]
-    out = np.empty((n, n))
-    for joint in range(n):
-        push = zero.copy()
-        push[:, joint] = 1.0
-        out[:, joint] = np.mean(((model.structure.rigid_columns(Motion(q, zero, push)) - still) @ rigid) ** 2, axis=0)
-    return np.asarray(out * model.structure.scales[:, None] ** 2)
+    some = motion[:: max(1, motion.samples // 40)]
+    mass = model.structure.sensitivity(some, model.linear).inertia
+    return np.asarray(np.mean(mass**2, axis=0) * model.structure.scales[:, None] ** 2)

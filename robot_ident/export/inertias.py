@@ -17,8 +17,8 @@ from robot_ident.estimation.physical_consistency import (
     Nearest,
     inertial_scale,
     least_eigenvalues,
-    never_negative,
     pseudo_inertia_rows,
+    rotors_of,
     solve,
     violations,
 )
@@ -97,7 +97,7 @@ def _nearest(model: Model) -> tuple[Array, Array, float]:
     """Return what gives the nearest possible parameters [11 n], these [p], and how far they are, squared."""
     structure = model.structure
     p = len(structure.parameters)
-    program = Nearest.of(structure, model.linear, model.covariance[:p, :p], never_negative(structure))
+    program = Nearest.of(structure, model.linear, model.covariance[:p, :p])
     x, values = program.to(model.linear)
     return x, values, program.squared_distance(values - model.linear)
 
@@ -105,15 +105,10 @@ def _nearest(model: Model) -> tuple[Array, Array, float]:
 def _possible(model: Model) -> tuple[Array, Array]:
     """Return standard inertias and rotors of a model that was not asked to be possible; InputError where it isn't."""
     structure = model.structure
-    n = structure.robot.n
     x, _, squared = _nearest(model)
     if squared > NEAR:
         raise InputError(_refusal(structure, model.linear))
-    rotors = np.where(_free(structure), 0.0, x[10 * n : 11 * n])
-    for parameter, value in zip(structure.parameters, model.linear, strict=True):
-        if parameter.effect == "rotor_inertia" and parameter.joint is not None:
-            rotors[structure.robot.joint_index(parameter.joint)] = value
-    return x[: 10 * n], rotors
+    return x[: 10 * structure.robot.n], rotors_of(structure, x, model.linear)
 
 
 def _refusal(structure: Structure, values: Array) -> str:

@@ -17,8 +17,7 @@ from robot_ident.diagnosis.diagnose import diagnose
 from robot_ident.effects.effort_gain import EffortGain
 from robot_ident.errors import InputError
 from robot_ident.estimation.effort_checks import taken_as_declared
-from robot_ident.estimation.extend import extend
-from robot_ident.estimation.identify import identify
+from robot_ident.estimation.identify import extend, identify
 from robot_ident.estimation.prediction import measured_for
 from robot_ident.model.model import Model
 from robot_ident.robot.robot import Robot

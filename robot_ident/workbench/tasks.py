@@ -21,8 +21,7 @@ from robot_ident.diagnosis.progress import Tell, after, silent
 from robot_ident.effects import load_effects, make_effect, register
 from robot_ident.errors import InputError
 from robot_ident.estimation.effort_checks import contradictions
-from robot_ident.estimation.extend import extended, measured_anew
-from robot_ident.estimation.identify import with_base
+from robot_ident.estimation.identify import extended, measured_anew, with_base
 from robot_ident.estimation.prediction import measured_for
 from robot_ident.files import whole, write_text
 from robot_ident.model.model import Model

@@ -14,7 +14,7 @@ import numpy as np
 
 from robot_ident.bags import read_for
 from robot_ident.errors import InputError
-from robot_ident.estimation.extend import measured_anew
+from robot_ident.estimation.identify import measured_anew
 from robot_ident.estimation.prediction import Prediction, measured_for, predict_motion, refuse_elsewhere
 from robot_ident.estimation.validation import residual_on, unusable
 from robot_ident.files import refuse_twice

@@ -15,8 +15,8 @@ from robot_ident.diagnosis.progress import Tell, silent
 from robot_ident.effects import Effect
 from robot_ident.errors import InputError
 from robot_ident.estimation.effort_checks import taken_as_declared
-from robot_ident.estimation.extend import extended, mean_square_errors
-from robot_ident.estimation.validation import refuse_misdeclared, unusable_on
+from robot_ident.estimation.identify import extended
+from robot_ident.estimation.validation import mean_square_errors, refuse_misdeclared, unusable_on
 from robot_ident.model.model import Model
 from robot_ident.recording.measurement import Measurement
 from robot_ident.residuals.comparison import misfit_aside

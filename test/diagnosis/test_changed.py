@@ -14,8 +14,7 @@ import pytest
 
 from robot_ident.effects import make_effect
 from robot_ident.errors import InputError
-from robot_ident.estimation.extend import extend
-from robot_ident.estimation.identify import estimate
+from robot_ident.estimation.identify import estimate, extend
 from robot_ident.model.model import Model
 from robot_ident.model.model_file import write_model
 from robot_ident.model.structure import Structure

@@ -9,9 +9,8 @@ import numpy as np
 import pytest
 
 from robot_ident.estimation.base_model import Candidate, choose_base
-from robot_ident.estimation.extend import extend
 from robot_ident.estimation.held_out import FAINT, Fitted, Grams, held_out
-from robot_ident.estimation.identify import estimate, identify
+from robot_ident.estimation.identify import estimate, extend, identify
 from robot_ident.estimation.prediction import predict
 from robot_ident.estimation.validation import validate
 from robot_ident.export.exported import torque_of

@@ -14,9 +14,8 @@ from robot_ident.cli.identify import payload_tables
 from robot_ident.cli.main import main
 from robot_ident.effects import make_effect
 from robot_ident.errors import InputError
-from robot_ident.estimation.carried import solve_carrying
-from robot_ident.estimation.extend import extend
-from robot_ident.estimation.identify import identify
+from robot_ident.estimation.identify import extend, identify
+from robot_ident.estimation.payload import solve_carrying
 from robot_ident.estimation.prediction import measured_for, predict
 from robot_ident.estimation.problem import Problem
 from robot_ident.estimation.validation import validate

@@ -15,8 +15,7 @@ from robot_ident.cli.main import main
 from robot_ident.diagnosis.diagnose import diagnose
 from robot_ident.errors import InputError
 from robot_ident.estimation.drive_gains import Gains, estimate_gains
-from robot_ident.estimation.extend import extended_with_gains, tells_gains
-from robot_ident.estimation.identify import identify
+from robot_ident.estimation.identify import extended_with_gains, identify, tells_gains
 from robot_ident.model.model import Model
 from robot_ident.model.model_file import read_model, write_model
 from robot_ident.model.structure import Structure

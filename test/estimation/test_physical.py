@@ -118,7 +118,7 @@ def test_what_must_not_be_negative_is_not_even_by_the_solvers_tolerance(arm: Any
     friction = never_negative(structure)
     values = truth.copy()
     values[friction] = -1e-3 * np.arange(1, len(friction) + 1)
-    x, nearest = Nearest.of(structure, values, covariance, friction).to(values)
+    x, nearest = Nearest.of(structure, values, covariance).to(values)
     assert np.all(nearest[friction] >= 0.0)
     assert np.all(x[30:33] >= 0.0)
 
@@ -134,7 +134,7 @@ def test_intervals_hold_for_projected_parameters(arm: Any) -> None:
     """The truth lies one sigma from the border p15 >= p11: estimates are thrown beyond it and projected back."""
     structure, truth = arm.structure, arm.structure.true_values()
     covariance = solve([process(arm.record(0), arm.robot)], structure, "wls").covariance
-    program = Nearest.of(structure, truth, covariance, never_negative(structure))
+    program = Nearest.of(structure, truth, covariance)
     root, rng = np.linalg.cholesky(covariance), np.random.default_rng(5)
     inside, sharper = [], []
     for _ in range(12):
@@ -154,7 +154,7 @@ def test_covariance_far_from_any_border_is_that_of_the_data(arm: Any) -> None:
     structure, values = arm.structure, arm.structure.true_values().copy()
     values[structure.names.index("p11")] = 5.0
     covariance = np.diag((1e-3 * np.maximum(np.abs(values), 1.0)) ** 2)
-    program = Nearest.of(structure, values, covariance, never_negative(structure))
+    program = Nearest.of(structure, values, covariance)
     found = projected_covariance(program, values, covariance)
     assert found is not None
     np.testing.assert_allclose(found, covariance, atol=1e-5 * covariance.max())

@@ -27,7 +27,7 @@ from robot_ident.diagnosis.selection.select import Selection, select
 from robot_ident.diagnosis.unexplained import explain_by_variables, stiction_note
 from robot_ident.effects.torque_ripple import TorqueRipple
 from robot_ident.errors import InputError
-from robot_ident.estimation.carried import solve_carrying
+from robot_ident.estimation.payload import solve_carrying
 from robot_ident.model.structure import Structure
 from robot_ident.recording.measurement import Measurement
 from robot_ident.regression.evidence import Evidence, extended
