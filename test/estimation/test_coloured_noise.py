@@ -84,17 +84,17 @@ def test_colour_does_not_weigh_what_the_model_lacks(arm: Any) -> None:
 @pytest.mark.parametrize("estimator", ["wls", "ml"])
 def test_intervals_without_the_weight_of_colour_are_honest(arm: Any, estimator: str) -> None:
     """The weights are forced to be plain; the covariance still counts the colour."""
-    from robot_ident.estimation import row_noise
+    from robot_ident.estimation import least_squares
 
     truth, found = arm.structure.true_values(), []
-    before = row_noise._NOT_NOISE
-    row_noise._NOT_NOISE = 0.0
+    before = least_squares._NOT_NOISE
+    least_squares._NOT_NOISE = 0.0
     try:
         for recording in recordings(arm, 0.9, 0.0):
             solution = solve([process(recording, arm.robot)], arm.structure, estimator)
             error = solution.values - truth
             found.append(error @ np.linalg.solve(solution.covariance, error) / len(truth))
     finally:
-        row_noise._NOT_NOISE = before
+        least_squares._NOT_NOISE = before
     spread = 4 * np.sqrt(2 / (21 * RUNS))
     assert 1 - spread < np.mean(found) < 1.15 + spread
