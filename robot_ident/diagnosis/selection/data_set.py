@@ -134,6 +134,8 @@ class DataSet:
         ).swapaxes(0, 1)
         self.power = np.array([[y @ y for y in of_joint] for of_joint in self.y]).T
         self.dof, self.unseen = rows.dof, rows.unseen
+        sources = [id(t.measured) for t in self.folds[: self.training]]
+        self.of_measurement = [[f for f, one in enumerate(sources) if one == of] for of in dict.fromkeys(sources)]
         self.blocks = [_blocks(t) for t in self.folds]
         self.floor = rows.floor
         self.resolved = [

@@ -6,7 +6,7 @@ x'x - x'E (E'E)^-1 E'x of itself and gains r^2 / A, r = x'(y - E v) (Frisch and 
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass
 from functools import cached_property
 
@@ -148,12 +148,10 @@ class FittedSet:
         """
         data, fall, excess = self.data, 0.0, 0.0
         for number, fit in enumerate(self.fits):
+            errors = self._refitted(number, new)
             for f in (f for f in fit.predicts if f < data.training):
-                c, made = self.coefficients(number, new)
                 kept = data.kept(f, joint)
-                before = self._error(joint, f, fit.values)[kept]
-                after = self._error(joint, f, fit.values - made.projected @ c)[kept]
-                after = after - data.pools[joint].rows(f, new.at[joint])[kept] @ c
+                before, after = (error[kept] for error in errors(joint, f))
                 used = max(int(np.sum(data.folds[f].weight[:, joint] > 0.0)), 1)
                 excess += float(before @ before) - data.dof[f, joint] * kept.sum() / used
                 fall += float(before @ before) - float(after @ after)
@@ -289,20 +287,36 @@ class FittedSet:
         """
         data, size, spread = self.data, 0.0, 0.0
         for number, fit in enumerate(self.fits):
-            c, made = self.coefficients(number, new)
-            values = fit.values - made.projected @ c
+            errors = self._refitted(number, new)
             for f in fit.predicts:
                 together = np.zeros(int(data.blocks[f][-1]) + 1)
                 for j in range(data.n):
-                    before, after = self._error(j, f, fit.values), self._error(j, f, values)
-                    if j in new.at:
-                        after = after - data.pools[j].rows(f, new.at[j]) @ c
+                    before, after = errors(j, f)
                     torque, weight = before - after, 1.0 / self.dispersion[f, j]
                     torque = np.where(data.kept(f, j), torque, 0.0) if new.effect.name in TIMING else torque
                     size += weight * float(before @ torque)
                     together += weight * np.bincount(data.blocks[f], after * torque)
                 spread += float(together @ together)
         return float(np.sqrt(spread)) / size if size > 0.0 else np.inf
+
+    def colour(self, new: Hypothesis) -> float:
+        """Return how many times more the torque u of a further hypothesis gains by chance than of white noise, were
+        what the set leaves e noise of its own spectrum: sum_jk S_u S_e / sum_j sum_k S_u sum_k S_e / n_j, 1 at least,
+        over the lines k of both spectra, n_j independent rows; u is what base and set can't take of it.
+
+        What is missing has the motion's lines, as effects of the motion have; these then explain much of it by chance.
+        """
+        data, errors = self.data, self._refitted(-1, new)
+        both = apart = 0.0
+        for j in range(data.n):
+            pairs = [np.sum([errors(j, f) for f in folds], axis=0) for folds in data.of_measurement]
+            series = [np.stack([before, before - after]) for before, after in pairs]
+            mean = np.concatenate(series, axis=1).mean(axis=1, keepdims=True)  # has no phase that may be by chance
+            for folds, one in zip(data.of_measurement, series, strict=True):
+                e, u = np.abs(np.fft.fft(one - mean)) ** 2 / self.dispersion[0, j]
+                both += float(e @ u)
+                apart += float(e.sum() * u.sum()) / max(float(data.dof[folds, j].sum()), 1.0)
+        return max(1.0, both / apart) if apart > 0.0 else 1.0
 
     def residual(self, joint: int, fold: int) -> Array:
         """Return what the fit to all training folds leaves of a joint in a fold, whitened [N]."""
@@ -316,6 +330,19 @@ class FittedSet:
             if joint in h.at:
                 error = error - data.pools[joint].rows(fold, h.at[joint]) @ values[span]
         return np.asarray(error)
+
+    def _refitted(self, number: int, new: Hypothesis) -> Callable[[int, int], tuple[Array, Array]]:
+        """Return a function of joint and fold: the errors [N] of the fit of a number, without and with a hypothesis."""
+        c, made = self.coefficients(number, new)
+        values = self.fits[number].values
+        refitted = values - made.projected @ c
+
+        def errors(joint: int, fold: int) -> tuple[Array, Array]:
+            after = self._error(joint, fold, refitted)
+            own = self.data.pools[joint].rows(fold, new.at[joint]) @ c if joint in new.at else 0.0
+            return self._error(joint, fold, values), after - own
+
+        return errors
 
     def contribution(self, mine: Hypothesis) -> Array:
         """Return the squared torque [n] of a selected effect in the training folds, beside the base alone."""

@@ -164,7 +164,7 @@ class Search:
         given = self.given(beside)
         gain = given.held_out_gain(h)
         cost = self.cost(h)
-        if (gain / self.dispersion).sum() <= cost:
+        if (gain / self.dispersion).sum() <= cost or not (self.data.floor or self.stands_out(h, given)):
             return False
         counts = self.dispersion[0] < 0.1 * _WITHOUT_WEIGHT
         by_joint = np.minimum(gain.sum(axis=0), given.largest_excess()) * counts
@@ -176,6 +176,18 @@ class Search:
         if beyond.sum() <= cost or self._most_share(h, beside) < least:
             return False
         return self._makes_sense(h, given)
+
+    def stands_out(self, h: Hypothesis, given: FittedSet) -> bool:
+        """Return whether a hypothesis predicts more of what others leave than it would of noise of the same spectrum:
+        sum_j n_j ln(L_j / L_j') / r > 2 u ln H + k ln(sum_j n_j / r), r its `colour`, n_j independent rows.
+        """
+        training = slice(0, self.data.training)
+        before = given.loss[training].sum(axis=0)
+        after = np.maximum(before - given.held_out_gain(h)[training].sum(axis=0), 1e-12 * before)
+        known = [j for j in range(self.data.n) if j not in self.unknown]
+        rows = self.data.dof[training].sum(axis=0)[known] / given.colour(h)
+        gain = float(rows @ np.log(before / after)[known])
+        return gain > self._choices * h.causes + h.effect.size * np.log(max(2.0, float(rows.sum())))
 
     def _makes_sense(self, h: Hypothesis, given: FittedSet) -> bool:
         """Return whether the parameters of a hypothesis beside a set can be those of one cause."""
