@@ -257,20 +257,21 @@ def _noise(measurements: Sequence[Measurement]) -> NoiseLevel:
 
 def extend(model: Model, measurements: Sequence[Measurement], effects: Sequence[Effect]) -> list[Model]:
     """Return the model refitted as it is, then with one effect more each time."""
-    kept = [note for note in model.notes if taken_as_declared([note])]
     steps = []
     for count in range(len(effects) + 1):
         structure = model.structure.with_further(effects[:count])
         fitted = estimate(measurements, structure, estimator=model.estimator, processing=processing_of(model))
-        fitted = replace(fitted, notes=(*kept, *fitted.notes))
         steps.append(_of(model, fitted, [effect.label for effect in effects[:count]]))
     return steps
 
 
 def _of(model: Model, fitted: Model, labels: Sequence[str]) -> Model:
-    """Return a model that was fitted anew as what came of another one by further effects."""
+    """Return a model that was fitted anew as what came of another one by further effects; against a contradiction that
+    its user went on with, as that one.
+    """
+    kept = [note for note in model.notes if taken_as_declared([note])]
     provenance = {**model.provenance, "added": [*model.provenance.get("added", []), *labels]}
-    return with_scale_spread(replace(fitted, base=model.base, provenance=provenance))
+    return with_scale_spread(replace(fitted, base=model.base, provenance=provenance, notes=(*kept, *fitted.notes)))
 
 
 def tells_gains(model: Model, measurements: Sequence[Measurement]) -> bool:

@@ -15,6 +15,7 @@ from robot_ident.cli.main import main
 from robot_ident.diagnosis.diagnose import diagnose
 from robot_ident.errors import InputError
 from robot_ident.estimation.drive_gains import Gains, estimate_gains
+from robot_ident.estimation.effort_checks import taken_as_declared
 from robot_ident.estimation.identify import extended_with_gains, identify, tells_gains
 from robot_ident.model.model import Model
 from robot_ident.model.model_file import read_model, write_model
@@ -143,6 +144,8 @@ def test_gains_are_found_anew_with_what_was_missing(
     made = extended_with_gains(lacking, recordings, ["cable@shoulder_pan_joint"])
     assert made.structure.labels[-1] == "cable@shoulder_pan_joint"
     assert made.provenance["added"] == ["cable@shoulder_pan_joint"]
+    accepted = replace(lacking, notes=("shoulder_pan_joint: another unit; taken as declared",))
+    assert taken_as_declared(extended_with_gains(accepted, recordings, []).notes)
     before, after = ({one["joint"]: one for one in m.gains or ()}["shoulder_pan_joint"] for m in (lacking, made))
     assert abs(before["value"] - GAINS[0]) > 10 * after["std"], "or nothing would show here"
     assert abs(after["value"] - GAINS[0]) < 4 * after["std"]
