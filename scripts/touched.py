@@ -1,5 +1,6 @@
 """Prints the tests of what differs from a commit (default: HEAD), for `make check`: a changed test file; for a changed
-module the test file of its name, or all of its room where it has none. Those of the nodes take minutes: `make test`.
+module the test file of its name, or all of its room where it has none; always that every import names something. Those
+of the nodes take minutes: `make test`.
 """
 
 from __future__ import annotations
@@ -17,7 +18,7 @@ def changed(commit: str) -> set[str]:
 
 def tests(files: set[str]) -> set[str]:
     """Return the test files and folders of changed files."""
-    found = set()
+    found = {"test/test_house.py"} if files else set()
     for file in map(PurePosixPath, files):
         top, *rest = file.parts
         if top == "test" and file.name.startswith("test_") and file.suffix == ".py":

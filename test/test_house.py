@@ -3,9 +3,11 @@
 from __future__ import annotations
 
 import ast
+import json
 import subprocess
 import sys
 from collections.abc import Iterator
+from functools import cache
 from pathlib import Path
 
 import robot_ident
@@ -107,6 +109,45 @@ def test_cli_alone_prints() -> None:
         if name in (talk if room(module) == "nodes" else more)
     ]
     assert not wrong
+
+
+def test_what_tests_scripts_and_examples_import_exists(checkout: Path) -> None:
+    """A moved name that a function or notebook imports fails half an hour into a run: told here at once."""
+    sources = {
+        file: file.read_text(encoding="utf-8")
+        for folder in ("test", "acceptance", "benchmarks", "examples", "scripts")
+        for file in (checkout / folder).rglob("*.py")
+    }
+    for file in (checkout / "examples").glob("*.ipynb"):
+        cells = json.loads(file.read_text(encoding="utf-8"))["cells"]
+        sources[file] = "\n".join("".join(cell["source"]) for cell in cells if cell["cell_type"] == "code")
+    missing = [
+        f"{file}: {node.module}.{alias.name}"
+        for file, source in sources.items()
+        for node in ast.walk(ast.parse(source))
+        if isinstance(node, ast.ImportFrom) and (node.module or "").startswith("robot_ident.")
+        for alias in node.names
+        if f"{node.module}.{alias.name}" not in FILES and alias.name not in top_names(node.module or "")
+    ]
+    assert sources
+    assert not missing
+
+
+@cache
+def top_names(module: str) -> set[str]:
+    """Return the names that a module defines or imports outside its functions and classes."""
+    names: set[str] = set()
+    pending: list[ast.AST] = [TREES[module]] if module in TREES else []
+    while pending:
+        for node in ast.iter_child_nodes(pending.pop()):
+            if isinstance(node, ast.FunctionDef | ast.AsyncFunctionDef | ast.ClassDef):
+                names.add(node.name)
+            elif isinstance(node, ast.Import | ast.ImportFrom):
+                names |= {alias.asname or alias.name for alias in node.names}
+            else:
+                names |= {node.id} if isinstance(node, ast.Name) else set()
+                pending.append(node)
+    return names
 
 
 def test_no_wildcard_and_no_bare_except() -> None:

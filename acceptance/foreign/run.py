@@ -16,7 +16,7 @@ from robot_ident.recording import Recording, process
 from robot_ident.recording.measurement import Measurement
 from robot_ident.robot import load_robot
 from robot_ident.signals.motion import Array
-from robot_ident.testbed.trial import Outcome, outcome
+from robot_ident.testbed.trial import Outcome
 
 KINDS = {"known": "single", "unknown": "unknown", "null": "null"}
 
@@ -36,7 +36,7 @@ def run_case(seed: int, kind: str, files: list[Path]) -> Outcome:
         longer = Structure.build(robot, [finding.effect for finding in found.missing])
         before, after = (_errors(training, s, unseen) for s in (structure, longer))
         errors = (before, after)
-    return outcome(
+    return Outcome.of(
         found,
         robot,
         seed=seed,

@@ -24,7 +24,7 @@ from robot_ident.model.structure import Structure
 from robot_ident.recording import Recording, process
 from robot_ident.recording.measurement import Measurement
 from robot_ident.robot import load_robot
-from robot_ident.testbed.trial import Outcome, outcome
+from robot_ident.testbed.trial import Outcome
 
 ARMS = ("ur5", "panda")
 MOTIONS = 4
@@ -64,7 +64,7 @@ def run_case(seed: int, kind: str) -> Outcome:
         models = [estimate(training, s) for s in (structure, Structure.build(robot, columns))]
         before, after = (_errors(model, unseen) for model in models)
         errors = (before, after)
-    return outcome(
+    return Outcome.of(
         found, robot, seed=seed, kind="pair_other_joints" if kind == "pair" else kind, hidden=case.what,
         truth=case.truth, visible=case.visible, seconds=seconds, errors=errors,
         trouble=trouble,

@@ -145,6 +145,44 @@ class Outcome(AsData):
     probability: Mapping[str, float] = field(default_factory=dict)
     trouble: str = ""
 
+    @classmethod
+    def of(
+        cls,
+        found: Diagnosis,
+        robot: Robot,
+        *,
+        visible: Sequence[float] | Array,
+        errors: tuple[Array, Array] | None = None,
+        background: tuple[str, ...] = (),
+        **case: Any,
+    ) -> Self:
+        """Return what a diagnosis said of one case, of any simulator.
+
+        visible [n] Nm rms; errors: mean squares [n] (Nm)^2 before and after; case: seed, kind, hidden, truth, seconds,
+        and trouble where there was any.
+        """
+
+        def by_joint(values: Sequence[float] | Array) -> dict[str, float]:
+            return {joint: float(value) for joint, value in zip(robot.joints, values, strict=True)}
+
+        before, after = (None, None) if errors is None else map(by_joint, errors)
+        return cls(
+            **case,
+            background=background,
+            visible=by_joint(visible),
+            verdict=found.verdict,
+            named=tuple(s.label for s in found.missing),
+            tied=tuple(s.tied_with for s in found.missing),
+            explained=tuple(s.explained for s in found.missing),
+            others=tuple(s.label for s in found.others),
+            remaining_rms=dict(found.remaining_rms),
+            error_before=before,
+            error_after=after,
+            scale=by_joint(torque_scale(robot)),
+            tied_sets=found.tied_sets,
+            probability={s.label: s.probability for s in (*found.missing, *found.others) if s.probability is not None},
+        )
+
     @property
     def removed(self) -> float | None:
         """Share of the error on the unseen motion that adding what was named has removed; None where nothing was.
@@ -195,27 +233,8 @@ def run_case(case: Case, setting: Setting) -> Outcome:
     seconds = time.process_time() - started
     errors, trouble = (None, "") if unseen is None else _errors(measurements, structure, found, unseen)
 
-    def by_joint(values: Sequence[float] | Array) -> dict[str, float]:
-        return {joint: float(value) for joint, value in zip(robot.joints, values, strict=True)}
-
-    before, after = (None, None) if errors is None else map(by_joint, errors)
-    return Outcome(
-        seed=case.seed,
-        **hidden,
-        visible=by_joint(visible),
-        verdict=found.verdict,
-        named=tuple(s.label for s in found.missing),
-        tied=tuple(s.tied_with for s in found.missing),
-        explained=tuple(s.explained for s in found.missing),
-        others=tuple(s.label for s in found.others),
-        remaining_rms=dict(found.remaining_rms),
-        error_before=before,
-        error_after=after,
-        scale=by_joint(torque_scale(robot)),
-        seconds=seconds,
-        tied_sets=found.tied_sets,
-        probability={s.label: s.probability for s in (*found.missing, *found.others) if s.probability is not None},
-        trouble=trouble,
+    return Outcome.of(
+        found, robot, seed=case.seed, **hidden, visible=visible, seconds=seconds, errors=errors, trouble=trouble
     )
 
 

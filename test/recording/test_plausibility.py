@@ -9,6 +9,7 @@ import numpy as np
 import pytest
 
 from robot_ident.errors import InputError
+from robot_ident.estimation.equations import fit
 from robot_ident.estimation.identify import estimate
 from robot_ident.estimation.prediction import predict
 from robot_ident.estimation.validation import validate
@@ -45,6 +46,4 @@ def test_a_joint_that_stands_still_may_need_no_effort(arm: Any) -> None:
 
 
 def test_a_torque_of_nothing_has_no_relative_error() -> None:
-    from robot_ident.estimation.identify import fit
-
     assert fit(np.ones(5), np.zeros(5), np.ones(5)).relative is None
