@@ -7,7 +7,7 @@ bag that breaks off.
 
 from __future__ import annotations
 
-from robot_ident.bags.bag_writer import BagWriter
+from robot_ident.bags.bag_writer import BagWriter, Series, write_prediction, write_recording, write_series
 from robot_ident.bags.read import (
     BagInfo,
     RawMessage,
@@ -20,9 +20,8 @@ from robot_ident.bags.read import (
     topic_of_joints,
 )
 from robot_ident.bags.recover import BagGrowth, Recovery, recover
-from robot_ident.bags.rosbag2_metadata import Qos, qos_text
+from robot_ident.bags.rosbag2 import Qos, qos_text
 from robot_ident.bags.storage import JOINT_STATE, NUMBERS, Topic
-from robot_ident.bags.write import Series, write_prediction, write_recording, write_series
 
 __all__ = [
     "JOINT_STATE",

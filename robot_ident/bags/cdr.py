@@ -18,8 +18,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from robot_ident.bags import compression
-from robot_ident.bags.storage import JOINT_STATE, Batch, Bytes, Integers
+from robot_ident.bags.storage import JOINT_STATE, Batch, Bytes, Integers, decompressed
 from robot_ident.signals.motion import Array
 
 ENCAPSULATION = 4  # bytes before the body
@@ -169,7 +168,7 @@ def numbers_of(batch: Batch) -> tuple[Integers, Array]:
     found: dict[int, Array] = {}
     for k in range(len(batch)):
         with suppress(NotCdr):
-            found[k] = _numbers(compression.message(batch.payload(k)))
+            found[k] = _numbers(decompressed(batch.payload(k)))
     table = np.full((len(found), max(map(len, found.values()), default=0)), np.nan)
     for row, values in zip(table, found.values(), strict=True):
         row[: len(values)] = values

@@ -14,9 +14,8 @@ from dataclasses import dataclass, field, replace
 import numpy as np
 from numpy.typing import NDArray
 
-from robot_ident.bags import compression
 from robot_ident.bags.cdr import ENCAPSULATION, Layout, NotCdr, layout_of
-from robot_ident.bags.storage import Batch, Bytes, Integers, one_line, windows
+from robot_ident.bags.storage import ZSTD_MAGIC, Batch, Bytes, Integers, decompressed, one_line, windows
 from robot_ident.errors import InputError, did_you_mean
 from robot_ident.recording.recording import Recording
 from robot_ident.signals.motion import Array
@@ -60,8 +59,8 @@ class JointStateDecoder:
         """Yield the messages of one topic in pieces of equal layout."""
         index = np.arange(self._seen, self._seen + len(batch), dtype=np.int64)
         self._seen += len(batch)
-        if len(batch) and batch.payload(0)[:4] == compression.ZSTD_MAGIC:
-            payloads = [compression.message(batch.payload(number)) for number in range(len(batch))]
+        if len(batch) and batch.payload(0)[:4] == ZSTD_MAGIC:
+            payloads = [decompressed(batch.payload(number)) for number in range(len(batch))]
             batch = Batch.of(payloads, batch.topic, batch.log_time, batch.publish_time)
         long_enough = batch.size >= ENCAPSULATION
         if not long_enough.all():

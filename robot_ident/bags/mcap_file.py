@@ -21,8 +21,17 @@ from pathlib import Path
 import numpy as np
 from numpy.typing import NDArray
 
-from robot_ident.bags.compression import DECOMPRESSORS, LARGEST_CHUNK, most
-from robot_ident.bags.storage import Batch, Bytes, Integers, Topic, one_line, windows
+from robot_ident.bags.storage import (
+    DECOMPRESSORS,
+    LARGEST_CHUNK,
+    Batch,
+    Bytes,
+    Integers,
+    Topic,
+    most,
+    one_line,
+    windows,
+)
 from robot_ident.errors import InputError
 
 MAGIC = b"\x89MCAP0\r\n"

@@ -8,32 +8,26 @@ from __future__ import annotations
 
 import struct
 from collections import deque
-from collections.abc import Callable, Collection, Iterator, Sequence
+from collections.abc import Callable, Collection, Iterator, Mapping, Sequence
 from dataclasses import dataclass, replace
+from functools import cache
 from pathlib import Path
 
-from robot_ident.bags import compression
-from robot_ident.bags.efforts import with_efforts
-from robot_ident.bags.joint_states import JointStateDecoder, assemble
-from robot_ident.bags.rosbag2_folder import FILES, Rosbag2Directory, open_file
-from robot_ident.bags.storage import Storage, Topic, one_line
+import numpy as np
+
+from robot_ident.bags.cdr import numbers_of
+from robot_ident.bags.joint_states import JointStateDecoder, Piece, assemble, usual_delay
+from robot_ident.bags.rosbag2 import FILES, Rosbag2Directory, open_file
+from robot_ident.bags.storage import JOINT_STATE, NUMBERS, Integers, Storage, Topic, decompressed, one_line
 from robot_ident.bags.tables import read_csv, read_npz, refuse_unnamed
-from robot_ident.bags.topics import (
-    MOST_PEEKED,
-    candidates,
-    choose_topic,
-    faster,
-    joint_states,
-    listing,
-    named_topic,
-    peek,
-)
 from robot_ident.errors import InputError
 from robot_ident.recording.checks import refuse_payload
 from robot_ident.recording.conditions import read_conditions
+from robot_ident.recording.effort import EffortSeries
 from robot_ident.recording.recording import Recording
 from robot_ident.robot import Robot
 from robot_ident.robot.drives import EffortSource
+from robot_ident.signals.motion import Array
 
 TABLES: dict[str, Callable[[Path, Sequence[str] | None], Recording]] = {".csv": read_csv, ".npz": read_npz}
 # the first bytes of a file whose suffix says nothing
@@ -138,7 +132,7 @@ def raw_messages(storage: Storage, topics: Collection[str] | None = None) -> Ite
     for batch in storage.batches(wanted):
         places = (batch.topic.tolist(), batch.log_time.tolist(), batch.publish_time.tolist())
         for number, (index, log_time, publish_time) in enumerate(zip(*places, strict=True)):
-            yield RawMessage(known[index], compression.message(batch.payload(number)), log_time, publish_time)
+            yield RawMessage(known[index], decompressed(batch.payload(number)), log_time, publish_time)
 
 
 def read_for(path: Path | str, robot: Robot, *, topic: str | None = None) -> Recording:
@@ -278,3 +272,213 @@ def _text(data: bytes, source: str) -> str:
         return data[8 : 8 + size].rstrip(b"\0").decode("utf-8")
     except UnicodeDecodeError as error:
         raise InputError(f"{source}: not text ({error})") from error
+
+
+STATES = "joint_states"
+_PEEK = 64  # messages
+MOST_PEEKED = 100  # topics; a bag with more is looked at by name
+_FASTER = 1.5  # times the messages: a topic worth a word
+
+
+def listing(storage: Storage) -> str:
+    """Return the topics with type and number of messages, in one line for an error message."""
+    entries = []
+    for topic, count in zip(storage.topics, storage.counts, strict=True):
+        encoding = "" if topic.encoding == "cdr" else f" [{topic.encoding}]"
+        entries.append(one_line(f"{topic.name} {topic.type or 'of unknown type'}{encoding} ({count})"))
+    return f"topics: {', '.join(entries)}" if entries else "it holds no topic at all"
+
+
+def joint_states(storage: Storage) -> list[int]:
+    """Return the indices of the topics that hold JointState messages in the encoding of ROS 2, at least one each."""
+    return [index for index, count in enumerate(storage.counts) if count and _holds(storage.topics[index], JOINT_STATE)]
+
+
+def _holds(topic: Topic, kind: str) -> bool:
+    return topic.type == kind and topic.encoding == "cdr"
+
+
+def peek(storage: Storage, index: int) -> tuple[tuple[str, ...], bool]:
+    """Return the joints in a topic's first messages, and whether any of these messages reports efforts."""
+    decoder = JointStateDecoder()
+    names: dict[str, None] = {}
+    efforts = False
+    for batch in storage.batches([index]):
+        for piece in decoder.decode(batch.pick(np.arange(min(len(batch), _PEEK)))):
+            names.update(dict.fromkeys(piece.names))
+            efforts = efforts or piece.effort.shape[1] > 0
+        break
+    return tuple(names), efforts
+
+
+def choose_topic(storage: Storage, source: Path | str, topic: str | None) -> int:
+    """Return the index of the topic that was asked for, or of the only one that can hold the robot's states.
+
+    Without a name it is `joint_states` in whatever namespace; where several are called so, or none is, the one that
+    reports efforts. Command topics are never taken for states. InputError lists what is there.
+    """
+    if topic is not None:
+        return named_topic(storage, source, topic)
+    with_efforts = candidates(storage)
+    if len(with_efforts) == 1:
+        return with_efforts[0]
+    if len(with_efforts) > 1:
+        names = one_line(*(storage.topics[index].name for index in with_efforts[:MOST_PEEKED]))
+        raise InputError(f"{source}: several topics may hold the joint states ({names}); choose one with --topic")
+    if not sum(storage.counts):
+        raise InputError(f"{source}: the bag is empty{_because(storage)}; {listing(storage)}")
+    raise InputError(f"{source}: has no {JOINT_STATE} with efforts{_because(storage)}; {listing(storage)}")
+
+
+def candidates(storage: Storage) -> list[int]:
+    """Return the indices of the topics that may hold the robot's states: the only one called `joint_states`, else those
+    so called, or of any name where none is, that report efforts.
+    """
+    last = [known.name.rsplit("/", 1)[-1] for known in storage.topics]
+    states = [index for index in joint_states(storage) if "command" not in last[index]]
+    called = [index for index in states if last[index] == STATES]
+    if len(called) == 1:
+        return called
+    offered = called or states
+    return offered if len(offered) > MOST_PEEKED else [index for index in offered if peek(storage, index)[1]]
+
+
+def faster(storage: Storage, chosen: int) -> tuple[str, ...]:
+    """Return a line for every other topic that reports position and effort of the same joints more often."""
+    topics, counts = storage.topics, storage.counts
+    count = counts[chosen]
+    more = [k for k in joint_states(storage) if k != chosen and counts[k] >= _FASTER * count]
+    if not more or len(more) > MOST_PEEKED:
+        return ()
+    joints, out = set(peek(storage, chosen)[0]), []
+    for index in more:
+        names, efforts = peek(storage, index)
+        name = one_line(topics[index].name)
+        if efforts and joints and joints <= set(names) and "command" not in name.rsplit("/", 1)[-1]:
+            out.append(f"{name} reports the same joints {counts[index] / count:.3g} times as often (--topic {name})")
+    return tuple(out)
+
+
+def named_topic(storage: Storage, source: Path | str, topic: str, kind: str = JOINT_STATE) -> int:
+    """Return the index of a topic by its name, or its last words; InputError where none of this kind has messages."""
+    wanted = topic.strip("/")
+    named = [index for index, known in enumerate(storage.topics) if known.name.strip("/") == wanted]
+    named = named or [index for index, known in enumerate(storage.topics) if known.name.endswith(f"/{wanted}")]
+    usable = [index for index in named if _holds(storage.topics[index], kind)]
+    if len(usable) > 1:
+        names = one_line(*(storage.topics[index].name for index in usable))
+        raise InputError(f"{source}: topic {topic!r} may be any of {names}; give the whole name")
+    if not usable:
+        what = f"is no {kind}" if named else "is not in it"
+        raise InputError(f"{source}: topic {topic!r} {what}{_because(storage)}; {listing(storage)}")
+    if not storage.counts[usable[0]]:
+        raise InputError(f"{source}: topic {topic!r} has no messages{_because(storage)}; {listing(storage)}")
+    return usable[0]
+
+
+def _because(storage: Storage) -> str:
+    return f" ({'; '.join(storage.notes)})" if storage.notes else ""
+
+
+def with_efforts(
+    storage: Storage,
+    source: str,
+    topic: str | None,
+    sources: Mapping[str, EffortSource],
+    joints: Sequence[str],
+    wanted: Sequence[str] | None = None,
+) -> Recording:
+    """Return positions of one topic with the efforts that stand elsewhere, by joint in `sources`.
+
+    Efforts are interpolated at the positions' stamps, linearly; positions without any beside them are left out. Those
+    without a header count from their receipt, less the usual delay of the positions. source: the storage's name in
+    messages. topic: of the positions, None: the only one that may be it. joints: the robot's. wanted: those of the
+    recording, None: all that the positions' topic reports together. InputError where a place holds no effort.
+    """
+    chosen = choose_topic(storage, source, topic)
+    name = storage.topics[chosen].name
+    told = {joint: replace(one, topic=one.topic or name) for joint, one in sources.items()}
+    beside = {one.field for one in told.values() if one.topic and one.topic.strip("/") == name.strip("/")}
+    if "position" in beside:
+        raise InputError(f"{source}: effort.field = position: topic {one_line(name)} holds the positions themselves")
+    states = _pieces(storage, chosen)
+    filled = [_room_for_effort(piece, told, joints) for piece in states]
+    positions = assemble(filled, wanted, source, name, storage.notes, listing(storage))
+    delay = usual_delay(*(np.concatenate([getattr(piece, which) for piece in states]) for which in ("stamp", "log")))
+
+    @cache
+    def pieces_of(beside: str) -> list[Piece]:
+        return _pieces(storage, named_topic(storage, source, beside))
+
+    @cache
+    def tables_of(beside: str) -> list[tuple[Integers, Array]]:
+        index = named_topic(storage, source, beside, NUMBERS)
+        return [numbers_of(batch) for batch in storage.batches([index])]
+
+    tau, kept = positions.tau.copy(), np.ones(positions.samples, dtype=bool)
+    used = {joint: one for joint, one in told.items() if joint in positions.names}
+    for joint, place in used.items():
+        if place.index is None:
+            parts = list(_of_joint(pieces_of(place.topic or name), joint, place.field, delay))
+        else:
+            tables = [(log, table) for log, table in tables_of(place.topic or name) if table.shape[1] > place.index]
+            parts = [(log - delay, table[:, place.index]) for log, table in tables]
+        series = _joined(parts, source, place, joint)
+        tau[:, positions.names.index(joint)], there = series.at(positions.t, positions.start_ns)
+        kept &= there
+    notes = [*positions.notes, *_said(used, name)]
+    if not kept.any():
+        raise InputError(
+            f"{source}: no position of topic {one_line(name)} has an effort at its time; {listing(storage)}"
+        )
+    if not kept.all():
+        notes.append(f"{int((~kept).sum())} of {len(kept)} positions have no effort at their time and are left out")
+    whole = replace(positions, tau=tau, dq=None if "velocity" in beside else positions.dq)[kept]
+    return replace(whole, notes=tuple(notes))
+
+
+def _pieces(storage: Storage, index: int) -> list[Piece]:
+    decoder = JointStateDecoder()
+    return [piece for batch in storage.batches([index]) for piece in decoder.decode(batch)]
+
+
+def _room_for_effort(piece: Piece, elsewhere: Collection[str], joints: Sequence[str]) -> Piece:
+    """Return messages with zeros in place of efforts that stand elsewhere, of some joints or of all."""
+    if set(joints) <= set(elsewhere):
+        return replace(piece, effort=np.zeros_like(piece.position))
+    if piece.effort.shape[1] != len(piece.names):
+        return piece
+    return replace(piece, effort=np.where([name in elsewhere for name in piece.names], 0.0, piece.effort))
+
+
+def _said(used: Mapping[str, EffortSource], states: str) -> list[str]:
+    """Return a line for each topic that efforts were taken from."""
+    out = []
+    for topic in dict.fromkeys(one.topic for one in used.values()):
+        joints = {joint: one.field for joint, one in used.items() if one.topic == topic}
+        fields = ", ".join(dict.fromkeys(joints.values()))
+        out.append(one_line(f"effort of {', '.join(joints)} is {fields} of {topic}, at the stamps of {states}"))
+    return out
+
+
+def _of_joint(pieces: Sequence[Piece], joint: str, field: str, delay: int) -> Iterator[tuple[Integers, Array]]:
+    """Yield stamps and values of one joint; delay: from a stamp to the receipt, which stands in where there is none."""
+    for piece in pieces:
+        values: Array = getattr(piece, field)
+        if joint in piece.names and values.shape[1] == len(piece.names):
+            stamp = np.where(piece.stamp == 0, piece.log - delay, piece.stamp)
+            yield stamp, values[:, piece.names.index(joint)]
+
+
+def _joined(parts: Sequence[tuple[Integers, Array]], source: str, place: EffortSource, joint: str) -> EffortSeries:
+    """Return the parts as one series in order of time, numbers only and each stamp once."""
+    stamp = np.concatenate([part[0] for part in parts]) if parts else np.zeros(0, dtype=np.int64)
+    value = np.concatenate([part[1] for part in parts]) if parts else np.zeros(0)
+    there = np.isfinite(value)
+    stamp, first = np.unique(stamp[there], return_index=True)
+    if not len(stamp):
+        raise InputError(
+            f"{source}: topic {place.topic} holds no number for the effort of {joint} in field {place.field};"
+            " the robot YAML's effort.topic and effort.field say where it stands"
+        )
+    return EffortSeries(stamp, value[there][first])

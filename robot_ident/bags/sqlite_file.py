@@ -11,8 +11,7 @@ from pathlib import Path
 
 import numpy as np
 
-from robot_ident.bags.compression import ScratchFolder
-from robot_ident.bags.storage import Batch, Topic, one_line
+from robot_ident.bags.storage import Batch, ScratchFolder, Topic, one_line
 from robot_ident.errors import InputError
 
 _BATCH = 1 << 12  # messages

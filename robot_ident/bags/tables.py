@@ -15,9 +15,8 @@ from typing import Any
 
 import numpy as np
 
-from robot_ident.bags.compression import most
 from robot_ident.bags.joint_states import Samples, in_order
-from robot_ident.bags.storage import one_line
+from robot_ident.bags.storage import most, one_line
 from robot_ident.errors import InputError, did_you_mean
 from robot_ident.recording.recording import LONGEST, Recording
 from robot_ident.signals.motion import Array

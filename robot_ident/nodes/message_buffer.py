@@ -15,8 +15,8 @@ from rclpy.serialization import deserialize_message
 from sensor_msgs.msg import JointState
 
 from robot_ident.bags import JOINT_STATE, Topic
-from robot_ident.bags.efforts import with_efforts
 from robot_ident.bags.joint_states import JointStateDecoder, assemble
+from robot_ident.bags.read import with_efforts
 from robot_ident.bags.storage import Batch
 from robot_ident.errors import InputError
 from robot_ident.nodes.effort_topics import EffortMessage, EffortTopics, sources_of, topics_of

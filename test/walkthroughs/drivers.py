@@ -16,7 +16,7 @@ from pathlib import Path
 import numpy as np
 
 from robot_ident.bags.bag_writer import BagWriter
-from robot_ident.bags.rosbag2_metadata import Qos, qos_text
+from robot_ident.bags.rosbag2 import Qos, qos_text
 from robot_ident.bags.storage import JOINT_STATE, Topic
 from robot_ident.robot import Robot, load_robot
 from robot_ident.signals.motion import Array
