@@ -44,11 +44,10 @@ class Piece:
 class JointStateDecoder:
     """Decodes batch after batch; remembers the layouts that it met.
 
-    vectorised: False reads every message by itself. velocities: False leaves them out, as if none were reported.
+    velocities: False leaves them out, as if none were reported.
     unreadable: how many messages were no JointState, with the reason for the first.
     """
 
-    vectorised: bool = True
     velocities: bool = True
     unreadable: int = 0
     reason: str = ""
@@ -76,14 +75,13 @@ class JointStateDecoder:
         """Yield the pieces of messages that have the same size and representation."""
         bodies = windows(batch.data, batch.start + ENCAPSULATION, size, -(-max(size, 1) // 8) * 8)
         known = self._layouts[size, code]
-        rest = np.arange(len(batch))
-        for number in range(_MOST_LAYOUTS if self.vectorised else 0):
-            if not len(rest):
-                return
+        rest, number = np.arange(len(batch)), 0
+        while len(rest) and number < _MOST_LAYOUTS:
             if number == len(known):
-                layout, rest = self._next_layout(bodies, rest, size, code)
+                layout = self._layout_of(bodies[rest[0], :size], code)
                 if layout is None:
-                    return
+                    rest = rest[1:]
+                    continue
                 known.append(layout)
             same = known[number].matches(bodies[rest] if len(rest) < len(bodies) else bodies)
             if same.any():
@@ -91,32 +89,24 @@ class JointStateDecoder:
                 alike = bodies[rows] if len(rows) < len(bodies) else bodies
                 yield self._piece(known[number], alike, index[rows], batch.log_time[rows])
                 rest = rest[~same]
-        yield from self._one_by_one(bodies, rest, index, batch.log_time, size, code)
-
-    def _next_layout(self, bodies: Bytes, rest: Integers, size: int, code: int) -> tuple[Layout | None, Integers]:
-        """Return the layout of the first readable message among `rest`, and `rest` without the unreadable before it."""
-        for number, row in enumerate(rest):
-            try:
-                return layout_of(bodies[row, :size].tobytes(), code), rest[number:]
-            except NotCdr as error:
-                self._refuse(1, str(error))
-        return None, rest[:0]
-
-    def _one_by_one(
-        self, bodies: Bytes, rest: Integers, index: Integers, log: Integers, size: int, code: int
-    ) -> Iterator[Piece]:
-        """Yield messages whose layout is looked up singly, joined where names and lengths agree."""
-        alike: dict[tuple[object, ...], list[Piece]] = defaultdict(list)
+            number += 1
+        # the layouts of the others are looked up singly; what agrees in names and lengths is joined
+        agreeing: dict[tuple[object, ...], list[Piece]] = defaultdict(list)
         for row in rest:
-            try:
-                layout = layout_of(bodies[row, :size].tobytes(), code)
-            except NotCdr as error:
-                self._refuse(1, str(error))
-                continue
-            piece = self._piece(layout, bodies[row : row + 1], index[row : row + 1], log[row : row + 1])
-            alike[layout.names, layout.position[1], piece.velocity.shape[1], layout.effort[1]].append(piece)
-        for pieces in alike.values():
+            layout = self._layout_of(bodies[row, :size], code)
+            if layout is not None:
+                piece = self._piece(layout, bodies[[row]], index[[row]], batch.log_time[[row]])
+                agreeing[layout.names, layout.position[1], piece.velocity.shape[1], layout.effort[1]].append(piece)
+        for pieces in agreeing.values():
             yield _joined(pieces)
+
+    def _layout_of(self, body: Bytes, code: int) -> Layout | None:
+        """Return the layout of one body, None where it is no JointState, which is counted."""
+        try:
+            return layout_of(body.tobytes(), code)
+        except NotCdr as error:
+            self._refuse(1, str(error))
+            return None
 
     def _piece(self, layout: Layout, rows: Bytes, index: Integers, log: Integers) -> Piece:
         return Piece(

@@ -79,15 +79,13 @@ def read_recording(
     topic: str | None = None,
     joints: Sequence[str] | None = None,
     velocities: bool = True,
-    vectorised: bool = True,
 ) -> Recording:
     """Return the joint states of a recording in any form, sorted by stamp, t = 0 at the first sample.
 
     topic: of the JointState messages; None takes `joint_states` in whatever namespace, or the only one with efforts.
     joints: those wanted, in this order, matched by name; None takes all that the topic reports together. velocities:
     False leaves out those that messages report, which are a third of a long recording and which no model is fitted to.
-    vectorised: False reads every message singly, which gives the same and is slow. What was repaired or lost stands in
-    `notes`, what the sidecar `BAG.conditions.yaml` states in `conditions`.
+    What was repaired or lost stands in `notes`, what the sidecar `BAG.conditions.yaml` states in `conditions`.
     InputError in one line: no such file, no bag, no such topic or joint, no samples, NaN.
     """
     path = Path(path)
@@ -97,7 +95,7 @@ def read_recording(
         return replace(TABLES[form](path, joints), conditions=conditions)
     storage = open_storage(path)
     chosen = choose_topic(storage, path, topic)
-    decoder = JointStateDecoder(vectorised, velocities)
+    decoder = JointStateDecoder(velocities)
     pieces = [piece for batch in storage.batches([chosen]) for piece in decoder.decode(batch)]
     name = one_line(storage.topics[chosen].name)
     if not pieces:

@@ -9,8 +9,8 @@ from robot_ident.bags import read_for
 from robot_ident.cli.identify import to_the_digit
 from robot_ident.cli.output import print_json, say, table
 from robot_ident.errors import InputError
-from robot_ident.recording.filter_response import FrequencyResponse, between, identify_filter
 from robot_ident.recording.process import process
+from robot_ident.recording.torque_channel import FrequencyResponse, between, identify_filter
 from robot_ident.robot import load_robot
 
 

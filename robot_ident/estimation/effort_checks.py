@@ -37,9 +37,8 @@ from robot_ident.estimation.declaration import (
     scale_notes,
 )
 from robot_ident.recording.conditions import sidecar
-from robot_ident.recording.measurement import Measurement
-from robot_ident.recording.payload_torque import beyond_base, with_payload
-from robot_ident.recording.unsigned import EXPLAINED, folded_back, one_sided
+from robot_ident.recording.effort import EXPLAINED, folded_back, one_sided
+from robot_ident.recording.measurement import Measurement, beyond_base, with_payload
 from robot_ident.robot.robot import Robot
 from robot_ident.signals.motion import Array
 

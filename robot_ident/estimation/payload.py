@@ -34,8 +34,7 @@ from robot_ident.recording.conditions import (
     payload_columns,
     tensor,
 )
-from robot_ident.recording.measurement import Measurement
-from robot_ident.recording.payload_torque import less_payload
+from robot_ident.recording.measurement import Measurement, less_payload
 from robot_ident.robot.rigid_body import STANDARD
 from robot_ident.robot.robot import Robot
 from robot_ident.signals.motion import Array

@@ -20,10 +20,9 @@ from robot_ident.model.derivatives import torque_derivatives
 from robot_ident.model.model import Model
 from robot_ident.model.structure import Structure
 from robot_ident.recording.checks import STILL, held_angles, still_notes, still_part
-from robot_ident.recording.clock import read_clock, roughness
+from robot_ident.recording.clock import even_samples, read_clock, roughness
 from robot_ident.recording.conditions import KnownPayload
 from robot_ident.recording.measurement import Measurement, Processing
-from robot_ident.recording.non_periodic import even_samples
 from robot_ident.recording.process import process
 from robot_ident.recording.recording import Recording
 from robot_ident.signals.filters import ZeroPhaseLowPass

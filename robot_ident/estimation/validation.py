@@ -15,8 +15,7 @@ from robot_ident.estimation.equations import fit
 from robot_ident.estimation.prediction import as_predicted, processing_of, with_payload_found, within_rate
 from robot_ident.model.model import Fit, Model
 from robot_ident.recording.checks import still_notes
-from robot_ident.recording.measurement import Measurement
-from robot_ident.recording.non_periodic import DEFAULT_LOW_PASS
+from robot_ident.recording.measurement import DEFAULT_LOW_PASS, Measurement
 from robot_ident.recording.process import process
 from robot_ident.recording.recording import Recording
 from robot_ident.robot.robot import Robot

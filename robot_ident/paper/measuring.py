@@ -13,8 +13,8 @@ from robot_ident.model.structure import Structure
 from robot_ident.paper import printed
 from robot_ident.paper.friction import PERIODS
 from robot_ident.planning.blends import Playback
-from robot_ident.recording.filter_response import FrequencyResponse, IdentifiedFilter, identify_filter
 from robot_ident.recording.process import process
+from robot_ident.recording.torque_channel import FrequencyResponse, IdentifiedFilter, identify_filter
 from robot_ident.robot.anti_alias import AntiAlias
 from robot_ident.robot.robot import Robot
 from robot_ident.signals.motion import Array

@@ -1,4 +1,5 @@
-"""The mean period of a recording: samples of the same phase averaged, or Fourier lines fitted to them.
+"""The mean period of a recording: samples of the same phase averaged, or Fourier lines fitted to them; the mean cycle
+of production data, its moves aligned to a part of a sample.
 
 Periods that are not like the others are left out: somebody leant on the arm, a message burst was lost, a contact.
 """
@@ -9,7 +10,8 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
-from robot_ident.recording.clock import Clock, even_positions, roughness
+from robot_ident.recording.clock import Clock, even_positions, even_samples, roughness
+from robot_ident.recording.cycles import Cycles
 from robot_ident.recording.noise_spectrum import OffClock, mean_of_periods, off_clock
 from robot_ident.recording.period import Steady, steady_part
 from robot_ident.recording.recording import Recording
@@ -183,3 +185,36 @@ def _at(c: Lines, t: Array, frequency: float) -> Array:
         phase = np.exp(2j * np.pi * frequency * np.outer(t[rows], np.arange(len(c))))
         out[rows] = np.real(phase @ c)
     return out
+
+
+def mean_cycle(recording: Recording, clock: Clock, cycles: Cycles) -> Average:
+    """Return the mean of the cycles with the scatter about it.
+
+    Positions are interpolated by a quintic spline, torque by a local cubic one, since noise must not ring; samples
+    beside a gap don't count.
+    """
+    from scipy.interpolate import CubicHermiteSpline, make_interp_spline
+
+    q, tau, present = even_samples(recording, clock)
+    grid = clock.t[0] + clock.dt * np.arange(len(q))
+    times = cycles.times
+    there = np.interp(times, grid, present.astype(float)) > 0.999
+    table = make_interp_spline(grid, q, k=5)(times)
+    torque = CubicHermiteSpline(grid, tau, np.gradient(tau, clock.dt, axis=0))(times)
+    if not there.all():
+        enough = there.sum(axis=0) >= 2
+        hidden = ~there & enough
+        table[hidden], torque[hidden] = np.nan, np.nan
+    return mean_of(table, torque)
+
+
+def cycle_notes(cycles: Cycles, mean: Average) -> tuple[str, ...]:
+    """Return what was found, in words."""
+    moves = len(cycles.samples)
+    found = (
+        f"{mean.periods} cycles of {moves} move{'s' if moves > 1 else ''}, {cycles.length:.4g} s each, found and"
+        " aligned move by move; they count as periods"
+    )
+    if not cycles.pieces:
+        return (found,)
+    return (found, f"{cycles.pieces} of {cycles.moves} moves belong to no whole cycle and are left out")

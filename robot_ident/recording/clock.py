@@ -14,7 +14,7 @@ import numpy as np
 
 from robot_ident.errors import InputError
 from robot_ident.recording.recording import Recording
-from robot_ident.signals.motion import Array
+from robot_ident.signals.motion import Array, Mask
 
 _EVEN = 2e-3  # jitter below this share of the sample time is of no consequence
 _TWO_RATES = 1.5  # ratio of sample times within one recording that no jitter or loss explains
@@ -266,3 +266,19 @@ def rate_note(q: Array, dt: float, joints: tuple[str, ...]) -> str:
         f"{1.0 / dt:.4g} Hz is too low a rate for the motion of {', '.join(slow)}: their acceleration changes"
         " between samples, so that inertia is seen blurred; record faster, or move more gently"
     )
+
+
+def even_samples(recording: Recording, clock: Clock) -> tuple[Array, Array, Mask]:
+    """Return positions, torques and which samples are real, on an even grid."""
+    if clock.index is not None:
+        present = np.zeros(clock.index[-1] - clock.index[0] + 1, dtype=bool)
+        present[clock.index - clock.index[0]] = True
+        return fill(recording.q, clock.index), fill(recording.tau, clock.index), present
+    from scipy.interpolate import make_interp_spline
+
+    grid = np.arange(clock.t[0], clock.t[-1], clock.dt)
+    both = make_interp_spline(clock.t, np.hstack([recording.q, recording.tau]), k=3)(grid)
+    nearest = np.searchsorted(clock.t, grid).clip(1, len(clock.t) - 1)
+    present = clock.t[nearest] - clock.t[nearest - 1] < 2.5 * clock.dt
+    n = recording.q.shape[1]
+    return both[:, :n], both[:, n:], present

@@ -1,4 +1,4 @@
-"""Periods averaged: the noise without a model, velocity and acceleration from the Fourier lines."""
+"""Periods or cycles averaged: the noise without a model, velocity and acceleration from the Fourier lines."""
 
 from __future__ import annotations
 
@@ -7,16 +7,17 @@ from dataclasses import replace
 
 import numpy as np
 
-from robot_ident.recording.averaging import Average, average, grid_of_lines
+from robot_ident.recording.averaging import Average, average, cycle_notes, grid_of_lines, mean_cycle
 from robot_ident.recording.clock import Clock
-from robot_ident.recording.measurement import Measurement, Processing
+from robot_ident.recording.cycles import Cycles
+from robot_ident.recording.measurement import DEFAULT_LOW_PASS, Measurement, Processing
 from robot_ident.recording.noise_spectrum import NoiseSpectrum, noise_spectrum
 from robot_ident.recording.period import AT_REST
 from robot_ident.recording.recording import Recording
 from robot_ident.recording.resolution import position_step
 from robot_ident.recording.torque_channel import Chain, chain_of
 from robot_ident.robot.robot import Robot
-from robot_ident.signals.filters import PeriodicLowPass
+from robot_ident.signals.filters import PeriodicLowPass, SoftPeriodicLowPass
 from robot_ident.signals.fourier import above_noise, evaluate, lines_of_grid, share_of_motion
 from robot_ident.signals.motion import Array, Mask, Motion
 
@@ -318,3 +319,38 @@ def _quantum(x: Array) -> Array:
         steps = steps[steps > 1e-7 * np.ptp(column)]
         out[joint] = steps.min() if len(steps) else 0.0
     return out
+
+
+_ROWS = 5.0  # a second per Hz of the low pass: it leaves 7e-4 of what lies beyond half of that
+_TOUCHED = 0.02  # of a filtered row: the share of standstill from which on it counts as standstill
+
+
+def averaged_cycles(
+    recording: Recording, clock: Clock, cycles: Cycles, robot: Robot, processing: Processing
+) -> Measurement:
+    """Return the mean cycle of a recording; torque and columns pass a low pass, as those of one pass do.
+
+    A robot's moves begin and end at rest with acceleration that jumps: more than the positions can tell. Rows that
+    the low pass mixes with standstill, where stiction hides the torque, don't count; of the others as many are kept
+    as tell anything new, columns being computed at every sample before they pass it.
+    """
+    mean = mean_cycle(recording, clock, cycles)
+    samples = sum(cycles.samples)
+    made = of_mean(recording, mean, samples, 1.0 / clock.dt, robot, replace(processing, low_pass=None))
+    cutoff = processing.low_pass or min(DEFAULT_LOW_PASS, 0.2 / clock.dt)
+    if made.low_pass is not None:
+        cutoff = min(cutoff, made.low_pass.cutoff)
+    low_pass = SoftPeriodicLowPass(cutoff, 1.0 / cycles.length, made.motion.samples)
+    touched = low_pass.apply(made.standstill.astype(float)) > _TOUCHED
+    began = tuple(
+        float(begin - clock.t[0]) for k, begin in enumerate(cycles.begins[:, 0]) if k + 1 not in mean.left_out
+    )
+    return replace(
+        made,
+        motion=replace(made.motion, began=began),
+        used=made.used & ~touched,
+        low_pass=low_pass,
+        decimate=max(made.decimate, int(1.0 / (_ROWS * cutoff * made.dt))),
+        cycles=cycles,
+        notes=(*cycle_notes(cycles, mean), f"low-passed at {cutoff:g} Hz", *made.notes),
+    )

@@ -1,6 +1,7 @@
 """From a recording to a measurement: checked, put on its clock, periods or cycles averaged, or one pass low-passed.
 
-Whether it repeats as a whole, or only its commanded motion does, is decided by what would be left over.
+Whether it repeats as a whole, or only its commanded motion does, is decided by what would be left over. What doesn't
+repeat is differentiated and low-passed without phase.
 """
 
 from __future__ import annotations
@@ -11,20 +12,19 @@ import numpy as np
 
 from robot_ident.errors import InputError
 from robot_ident.recording.checks import check_efforts, check_plausible, check_samples, without_leaps
-from robot_ident.recording.clock import Clock, even_positions, rate_note, read_clock, roughness
-from robot_ident.recording.cycle_average import averaged_cycles
+from robot_ident.recording.clock import Clock, even_positions, even_samples, rate_note, read_clock, roughness
 from robot_ident.recording.cycles import find_cycles
 from robot_ident.recording.effort import at_the_joints
-from robot_ident.recording.measurement import Measurement, Processing, time_scale
-from robot_ident.recording.non_periodic import low_passed
-from robot_ident.recording.payload_torque import arm_alone
+from robot_ident.recording.measurement import DEFAULT_LOW_PASS, Measurement, Processing, arm_alone, time_scale
 from robot_ident.recording.period import find_period, refine_period, steady_part
-from robot_ident.recording.periodic import averaged
+from robot_ident.recording.periodic import at_rest, averaged, averaged_cycles, trusted
 from robot_ident.recording.recording import Recording
 from robot_ident.recording.resolution import coarse_notes
 from robot_ident.recording.saturation import find_clipped, without_clipped
+from robot_ident.recording.torque_channel import chain_of
 from robot_ident.robot.robot import Robot
-from robot_ident.signals.motion import Array
+from robot_ident.signals.filters import ZeroPhaseLowPass
+from robot_ident.signals.motion import Array, Motion
 
 _STRAY = 30.0  # times its noise: how far the position may stray from one period to the next
 _BURSTS = 8.0  # kurtosis of the torque's scatter about the mean period; noise has 3, coloured noise little more
@@ -175,3 +175,46 @@ def _period(recording: Recording, clock: Clock, q: Array, processing: Processing
             f" trajectory; --trajectory EXCITATION tells, or give --base-frequency {1 / (found * clock.dt):.6g}"
         )
     return (refined if abs(refined - given) < 0.005 * given else given), ""
+
+
+def low_passed(recording: Recording, clock: Clock, robot: Robot, processing: Processing) -> Measurement:
+    """Return a non-periodic recording with the derivatives of its low-passed positions.
+
+    Positions pass a wider low pass (4 times the cutoff unless told) before they are differentiated; torque and
+    columns then pass the same cutoff. Rows near gaps and near the ends, where the filter has no data, don't count.
+    """
+    q, tau, present = even_samples(recording, clock)
+    nyquist = 0.5 / clock.dt
+    cutoff = processing.low_pass or min(DEFAULT_LOW_PASS, 0.4 * nyquist)
+    wide = processing.derivative_bandwidth or min(4.0 * cutoff, 0.8 * nyquist)
+    chain = chain_of(robot, processing.anti_alias, recording.source, 1.0 / clock.dt, 1.0 / (len(q) * clock.dt))
+    if not chain.trivial:
+        chain.check_low_pass(cutoff, recording.source)
+        tau = chain.undone(tau, 1.0 / clock.dt)
+    smoother = ZeroPhaseLowPass(wide, clock.dt, len(q))
+    motion = Motion(smoother.apply(q), smoother.apply(q, 1), smoother.apply(q, 2), dt=clock.dt)
+    low_pass = ZeroPhaseLowPass(cutoff, clock.dt, len(q))
+    speed_noise = roughness(q) * smoother.noise_gain(1)
+    reach = low_pass.smear()
+    missing = np.concatenate([[0], np.ones(reach), ~present, np.ones(reach)]).cumsum()  # beyond both ends as well
+    whole = (missing[2 * reach + 1 :] - missing[: -2 * reach - 1] < 0.5)[:, None]  # no missing sample within reach
+    notes = [f"taken as one pass, not by periods: low-passed at {cutoff:g} Hz, differentiated to {wide:g} Hz"]
+    if chain.note:
+        notes.append(chain.note)
+    if not present.all():
+        notes.append(f"{int((~whole).sum())} rows near gaps and ends left out")
+    return Measurement(
+        source=recording.source,
+        joints=recording.names,
+        dt=clock.dt,
+        motion=motion,
+        torque=tau,
+        used=trusted(motion, robot, processing, speed_noise) & whole,
+        standstill=at_rest(motion, robot),
+        torque_variance=np.full(robot.n, np.nan),
+        position_variance=np.full(robot.n, np.nan),
+        low_pass=low_pass,
+        samples_per_period=len(q),
+        decimate=processing.decimate,
+        notes=tuple(notes),
+    )

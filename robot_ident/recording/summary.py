@@ -12,10 +12,9 @@ from typing import Any
 import numpy as np
 
 from robot_ident.errors import InputError
-from robot_ident.recording.averaging import average
+from robot_ident.recording.averaging import average, cycle_notes, mean_cycle
 from robot_ident.recording.checks import silent_efforts, silent_note, without_leaps
 from robot_ident.recording.clock import Stamps, even_positions, rate_note, read_clock
-from robot_ident.recording.cycle_average import cycle_notes, mean_cycle
 from robot_ident.recording.cycles import Cycles, find_cycles
 from robot_ident.recording.period import find_period
 from robot_ident.recording.process import better, doubtful

@@ -13,8 +13,8 @@ from robot_ident.errors import InputError
 from robot_ident.estimation.identify import estimate
 from robot_ident.model.structure import Structure
 from robot_ident.planning.blends import Playback
-from robot_ident.recording.filter_response import FrequencyResponse, between, identify_filter
 from robot_ident.recording.process import process
+from robot_ident.recording.torque_channel import FrequencyResponse, between, identify_filter
 from robot_ident.robot.anti_alias import AntiAlias
 from robot_ident.testbed.simulation import simulate
 from robot_ident.trajectories.excitation import Excitation
