@@ -62,7 +62,7 @@ def write_bag(joints: int, messages: int, folder: Path, rate: float = RATE, seed
     """Write a recording of the chain that repeats every 10 s, with viscous friction and noise, block by block."""
     import pinocchio as pin
 
-    from robot_ident.bags import BagWriter
+    from robot_ident.bags import BagWriter, Series
     from robot_ident.bags.storage import JOINT_STATE, Topic
 
     model = pin.buildModelFromUrdf(str(folder / "chain.urdf"))
@@ -83,14 +83,15 @@ def write_bag(joints: int, messages: int, folder: Path, rate: float = RATE, seed
         for first in range(0, messages, BLOCK):
             number = np.arange(first, min(first + BLOCK, messages))
             phase = number % period
-            bag.write_joint_states(
+            for stamp, topic, row in Series(
                 "/joint_states",
                 names,
                 1_700_000_000_000_000_000 + np.rint(number * 1e9 / rate).astype(np.int64),
                 q[phase] + 1e-5 * rng.standard_normal((len(number), joints)),
                 dq[phase],
                 tau[phase] + noise * rng.standard_normal((len(number), joints)),
-            )
+            ).messages():
+                bag.write(topic, row, stamp)
     return path
 
 

@@ -16,7 +16,7 @@ from pathlib import Path
 
 import numpy as np
 
-from robot_ident.bags import JOINT_STATE, BagWriter, Topic, read_recording
+from robot_ident.bags import JOINT_STATE, BagWriter, Series, Topic, read_recording
 from robot_ident.signals.motion import Array
 
 
@@ -29,7 +29,8 @@ def write_bag(path: Path, messages: int, joints: int, *, compress: bool, every: 
             count = min(every, messages - first)
             stamps = 1_700_000_000_000_000_000 + 1_000_000 * np.arange(first, first + count)
             values: list[Array] = [random.normal(size=(count, joints)) for _ in range(3)]
-            bag.write_joint_states("/joint_states", names, stamps, *values)
+            for stamp, topic, row in Series("/joint_states", names, stamps, *values).messages():
+                bag.write(topic, row, stamp)
             bag.flush()
 
 

@@ -245,20 +245,6 @@ class BagWriter:
         with self._lock, self._guarded():
             self._file.add_message(topic, data, log_time_ns, publish, sequence)
 
-    def write_joint_states(
-        self,
-        topic: str,
-        names: tuple[str, ...],
-        stamps: Integers,
-        position: Array | None = None,
-        velocity: Array | None = None,
-        effort: Array | None = None,
-    ) -> None:
-        """Append N JointStates: stamps [N] ns (also as receive and send time), position, velocity, effort [N, n]."""
-        messages = cdr.serialise(names, stamps, position, velocity, effort)
-        for message, stamp in zip(messages, np.asarray(stamps).tolist(), strict=True):
-            self.write(topic, message.tobytes(), stamp)
-
     def flush(self) -> None:
         """Hand all messages to the kernel; `metadata.yaml` names all topics and files."""
         with self._lock, self._guarded():

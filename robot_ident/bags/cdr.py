@@ -137,17 +137,16 @@ def message_types() -> Any:
 def serialise(
     names: tuple[str, ...],
     stamps: Integers,
-    position: Array | None = None,
-    velocity: Array | None = None,
-    effort: Array | None = None,
-    frame_id: str = "",
+    position: Array | None,
+    velocity: Array | None,
+    effort: Array | None,
 ) -> Bytes:
     """Return N JointStates as rows of bytes [N, size], encapsulation included (little-endian XCDR1, as ROS 2 writes).
 
     stamps [N] ns. position, velocity, effort [N, n], or None for an empty sequence.
     """
     store = message_types()
-    header = store.types["std_msgs/msg/Header"](store.types["builtin_interfaces/msg/Time"](0, 0), frame_id)
+    header = store.types["std_msgs/msg/Header"](store.types["builtin_interfaces/msg/Time"](0, 0), "")
     fields = (position, velocity, effort)
     zeros = [np.zeros(0 if values is None else values.shape[1]) for values in fields]
     message = bytes(store.serialize_cdr(store.types[JOINT_STATE](header, list(names), *zeros), JOINT_STATE))

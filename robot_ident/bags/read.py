@@ -23,7 +23,7 @@ from robot_ident.bags.tables import read_csv, read_npz, refuse_unnamed
 from robot_ident.errors import InputError
 from robot_ident.recording.checks import refuse_payload
 from robot_ident.recording.conditions import read_conditions
-from robot_ident.recording.effort import EffortSeries
+from robot_ident.recording.effort import effort_at
 from robot_ident.recording.recording import Recording
 from robot_ident.robot import Robot
 from robot_ident.robot.drives import EffortSource
@@ -100,8 +100,7 @@ def read_recording(
     name = one_line(storage.topics[chosen].name)
     if not pieces:
         reason = f"; {decoder.unreadable} messages are no JointState: {decoder.reason}" if decoder.unreadable else ""
-        lost = f" ({'; '.join(storage.notes)})" if storage.notes else ""
-        raise InputError(f"{path}: topic {name} has no message that can be read{reason}{lost}")
+        raise InputError(f"{path}: topic {name} has no message that can be read{reason}{_because(storage)}")
     losses = (*storage.notes, *faster(storage, chosen))
     if decoder.unreadable:
         losses += (f"{decoder.unreadable} messages of {name} are no JointState and left out ({decoder.reason})",)
@@ -422,7 +421,7 @@ def with_efforts(
             tables = [(log, table) for log, table in tables_of(place.topic or name) if table.shape[1] > place.index]
             parts = [(log - delay, table[:, place.index]) for log, table in tables]
         series = _joined(parts, source, place, joint)
-        tau[:, positions.names.index(joint)], there = series.at(positions.t, positions.start_ns)
+        tau[:, positions.names.index(joint)], there = effort_at(positions.t, positions.start_ns, *series)
         kept &= there
     notes = [*positions.notes, *_said(used, name)]
     if not kept.any():
@@ -468,7 +467,9 @@ def _of_joint(pieces: Sequence[Piece], joint: str, field: str, delay: int) -> It
             yield stamp, values[:, piece.names.index(joint)]
 
 
-def _joined(parts: Sequence[tuple[Integers, Array]], source: str, place: EffortSource, joint: str) -> EffortSeries:
+def _joined(
+    parts: Sequence[tuple[Integers, Array]], source: str, place: EffortSource, joint: str
+) -> tuple[Integers, Array]:
     """Return the parts as one series in order of time, numbers only and each stamp once."""
     stamp = np.concatenate([part[0] for part in parts]) if parts else np.zeros(0, dtype=np.int64)
     value = np.concatenate([part[1] for part in parts]) if parts else np.zeros(0)
@@ -479,4 +480,4 @@ def _joined(parts: Sequence[tuple[Integers, Array]], source: str, place: EffortS
             f"{source}: topic {place.topic} holds no number for the effort of {joint} in field {place.field};"
             " the robot YAML's effort.topic and effort.field say where it stands"
         )
-    return EffortSeries(stamp, value[there][first])
+    return stamp, value[there][first]

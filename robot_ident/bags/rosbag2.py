@@ -15,7 +15,7 @@ import numpy as np
 from robot_ident.bags.cdr import message_types
 from robot_ident.bags.mcap_file import McapFile
 from robot_ident.bags.sqlite_file import SqliteFile
-from robot_ident.bags.storage import Batch, Extent, ScratchFolder, Storage, Topic, one_line, unpack_file
+from robot_ident.bags.storage import Batch, Extent, Storage, Topic, one_line, scratch_folder, unpack_file
 from robot_ident.errors import InputError
 
 _LONGEST_QOS = 1 << 16  # characters; a profile takes 400
@@ -162,13 +162,13 @@ class UnpackedFile:
 
     def __init__(self, path: Path) -> None:
         """Unpack and open it."""
-        self._scratch = ScratchFolder()
-        place = self._scratch.path / path.stem
+        scratch = scratch_folder(self)
+        place = scratch / path.stem
         try:
             note = unpack_file(path, place)
             self._inner = open_file(place, path)
         except OSError as error:
-            raise InputError(f"{path}: can't be unpacked into {self._scratch.path} ({error.strerror})") from error
+            raise InputError(f"{path}: can't be unpacked into {scratch} ({error.strerror})") from error
         except InputError as error:
             raise InputError(str(error).replace(str(place), str(path))) from error
         self._notes = (note,) if note else ()

@@ -11,7 +11,7 @@ from pathlib import Path
 
 import numpy as np
 
-from robot_ident.bags.storage import Batch, ScratchFolder, Topic, one_line
+from robot_ident.bags.storage import Batch, Topic, one_line, scratch_folder
 from robot_ident.errors import InputError
 
 _BATCH = 1 << 12  # messages
@@ -31,7 +31,6 @@ class SqliteFile:
     def __init__(self, path: Path) -> None:
         """Read the topics; InputError when this is no bag or too damaged to list them."""
         self.path = path
-        self._scratch: ScratchFolder | None = None
         self._place = path
         self._lost = ""
         self._damaged: set[tuple[int, int]] = set()  # topic and place, so that a second reading counts them once
@@ -58,8 +57,7 @@ class SqliteFile:
 
     def _roll_back(self) -> None:
         """Work an unfinished journal into a copy, since the original is never written to."""
-        self._scratch = ScratchFolder()
-        self._place = self._scratch.path / self.path.name
+        self._place = scratch_folder(self) / self.path.name
         for end in ("", *_SIDECARS):
             if Path(f"{self.path}{end}").exists():
                 shutil.copyfile(f"{self.path}{end}", f"{self._place}{end}")

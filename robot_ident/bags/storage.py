@@ -237,13 +237,13 @@ def unpack_file(path: Path, to: Path) -> str:
     return ""
 
 
-class ScratchFolder:
-    """A folder under the system's temporary one, removed with this object or at the end of the process."""
-
-    def __init__(self) -> None:
-        """Make it; InputError when the disk refuses."""
-        try:
-            self.path = Path(tempfile.mkdtemp(prefix="robot_ident_"))
-        except OSError as error:
-            raise InputError(f"{tempfile.gettempdir()}: no temporary folder can be made ({error.strerror})") from error
-        weakref.finalize(self, shutil.rmtree, self.path, ignore_errors=True)
+def scratch_folder(owner: object) -> Path:
+    """Make a folder under the system's temporary one, removed with its owner or at the end of the process; InputError
+    when the disk refuses.
+    """
+    try:
+        path = Path(tempfile.mkdtemp(prefix="robot_ident_"))
+    except OSError as error:
+        raise InputError(f"{tempfile.gettempdir()}: no temporary folder can be made ({error.strerror})") from error
+    weakref.finalize(owner, shutil.rmtree, path, ignore_errors=True)
+    return path

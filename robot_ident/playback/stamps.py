@@ -10,7 +10,7 @@ from dataclasses import dataclass, field
 
 import numpy as np
 
-from robot_ident.recording.effort import EffortSeries
+from robot_ident.recording.effort import effort_at
 from robot_ident.signals.motion import Array
 
 _LEARN = 32  # intervals from which the usual one is learnt
@@ -206,6 +206,6 @@ class Pairing:
         tau, kept = np.array([effort for _, _, effort in ready]), np.ones(len(ready), dtype=bool)
         for joint, series in self._efforts.items():
             stamps, values = zip(*series, strict=True)
-            tau[:, self._places[joint]], there = EffortSeries(np.array(stamps), np.array(values)).at(t, start)
+            tau[:, self._places[joint]], there = effort_at(t, start, np.array(stamps), np.array(values))
             kept &= there
         return [Paired(stamp, q, row) for (stamp, q, _), row, there in zip(ready, tau, kept, strict=True) if there]

@@ -11,7 +11,7 @@ from dataclasses import dataclass, replace
 import numpy as np
 
 from robot_ident.recording.clock import Clock, even_positions, even_samples, roughness
-from robot_ident.recording.cycles import Cycles
+from robot_ident.recording.cycles import Cycles, find_cycles
 from robot_ident.recording.noise_spectrum import OffClock, mean_of_periods, off_clock
 from robot_ident.recording.period import Steady, steady_part
 from robot_ident.recording.recording import Recording
@@ -218,3 +218,31 @@ def cycle_notes(cycles: Cycles, mean: Average) -> tuple[str, ...]:
     if not cycles.pieces:
         return (found,)
     return (found, f"{cycles.pieces} of {cycles.moves} moves belong to no whole cycle and are left out")
+
+
+_STRAYS = 3.0  # times its noise: how far the position may stray from period to period without a second look
+_KEPT = 0.5  # of the recording that periods should hold
+_CALMER, _MORE = 0.25, 1.5  # variance of the positions, and share of the recording, for which cycles are preferred
+
+
+def cycles_instead(recording: Recording, clock: Clock, q: Array, mean: Average | None) -> tuple[Cycles, Average] | None:
+    """Return the cycles of a recording with their mean, None where there are none or the periods of `mean` serve as
+    well; q [N, n]: its positions on the even grid.
+
+    Cycles that start when they may look like periods that are not quite kept: positions stray more from period to
+    period than noise does, or periods hold few of the samples. Aligned cycles repeat far better, or hold far more.
+    """
+    samples = 0 if mean is None else mean.scatter[:, :, 0].size
+    if mean is not None and samples >= _KEPT * len(q):
+        strays = np.sqrt(mean.q_variance) > _STRAYS * np.maximum(roughness(q), 1e-12)
+        if not strays.any():
+            return None
+    cycles = find_cycles(q, clock.dt, float(clock.t[0]))
+    if cycles is None:
+        return None
+    aligned = mean_cycle(recording, clock, cycles)
+    if mean is not None and aligned.scatter[:, :, 0].size <= _MORE * samples:
+        calmer = float(np.mean(aligned.q_variance / np.maximum(mean.q_variance, 1e-300))) < _CALMER
+        if not calmer:
+            return None
+    return cycles, aligned

@@ -8,9 +8,9 @@ same course get one letter; the sequence of letters whose repetition covers the 
 from __future__ import annotations
 
 from collections import Counter
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass
-from typing import Any
+from typing import Any, NamedTuple
 
 import numpy as np
 
@@ -101,7 +101,10 @@ def find_cycles(q: Array, dt: float, start: float = 0.0) -> Cycles | None:
     moves = _moves(q, dt)
     if len(moves) < 2:
         return None
-    curve = _Curve(q)
+    from scipy.interpolate import make_interp_spline
+
+    spline = make_interp_spline(np.arange(float(len(q))), q, k=5)
+    curve = _Curve(spline, spline.derivative())
     tolerance = _SAME * np.ptp(q, axis=0) + _NOISE * roughness(q) + _ROUNDING
     labels = _labels(moves, curve, q, tolerance)
     found = _motif(labels, moves, q, tolerance)
@@ -138,20 +141,11 @@ def _moves(q: Array, dt: float) -> list[_Move]:
     return [_Move(first, last, first - rests[0][k], rests[1][k + 1] - last) for k, (first, last) in enumerate(moves)]
 
 
-class _Curve:
+class _Curve(NamedTuple):
     """Positions [N, n] as a spline of the sample number, and its slope."""
 
-    def __init__(self, q: Array) -> None:
-        from scipy.interpolate import make_interp_spline
-
-        self._spline = make_interp_spline(np.arange(float(len(q))), q, k=5)
-        self._slope = self._spline.derivative()
-
-    def __call__(self, place: Array) -> Array:
-        return np.asarray(self._spline(place))
-
-    def slope(self, place: Array) -> Array:
-        return np.asarray(self._slope(place))
+    at: Callable[[Array], Array]
+    slope: Callable[[Array], Array]
 
 
 def _labels(moves: Sequence[_Move], curve: _Curve, q: Array, tolerance: Array) -> list[int]:
@@ -178,8 +172,8 @@ def _labels(moves: Sequence[_Move], curve: _Curve, q: Array, tolerance: Array) -
 def _alike(model: _Move, move: _Move, curve: _Curve, tolerance: Array) -> bool:
     """Return whether two moves take the same course once they are aligned."""
     grid = np.arange(model.first, model.last, dtype=float)
-    begin = _shifted(curve(grid), grid - model.first, float(move.first), curve, 1.0 / np.maximum(tolerance, 1e-12))
-    stray = np.sqrt(np.mean((curve(grid - model.first + begin) - curve(grid)) ** 2, axis=0))
+    begin = _shifted(curve.at(grid), grid - model.first, float(move.first), curve, 1.0 / np.maximum(tolerance, 1e-12))
+    stray = np.sqrt(np.mean((curve.at(grid - model.first + begin) - curve.at(grid)) ** 2, axis=0))
     return bool(np.all(stray < tolerance))
 
 
@@ -191,7 +185,7 @@ def _shifted(model: Array, place: Array, begin: float, curve: _Curve, weight: Ar
     first = begin
     for _ in range(6):
         v = curve.slope(place + begin) * weight
-        gap = (curve(place + begin) - model) * weight
+        gap = (curve.at(place + begin) - model) * weight
         power = float(np.sum(v * v))
         step = -float(np.sum(v * gap)) / power if power > 0.0 else 0.0
         begin += float(np.clip(step, -4.0, 4.0))
@@ -210,7 +204,10 @@ def _motif(labels: Sequence[int], moves: Sequence[_Move], q: Array, tolerance: A
         best: tuple[float, list[int]] = 0.0, []
         words = Counter(tuple(labels[k : k + size]) for k in range(len(labels) - size + 1))
         for word in (word for word, count in words.items() if count > 1):
-            starts = _occurrences(labels, word)
+            starts: list[int] = []
+            for place in range(len(labels) - size + 1):
+                if (not starts or place >= starts[-1] + size) and tuple(labels[place : place + size]) == word:
+                    starts.append(place)
             if len(starts) < 2:
                 continue
             first, last = moves[starts[0]].first, moves[starts[0] + size - 1].last - 1
@@ -228,16 +225,6 @@ def _motif(labels: Sequence[int], moves: Sequence[_Move], q: Array, tolerance: A
     most = max(option[0] for option in options)
     _, size, starts = next(option for option in options if option[0] >= 0.9 * most)
     return starts, size
-
-
-def _occurrences(labels: Sequence[int], word: tuple[int, ...]) -> list[int]:
-    """Return where a word begins among the labels, without overlap."""
-    out: list[int] = []
-    for place in range(len(labels) - len(word) + 1):
-        free = not out or place >= out[-1] + len(word)
-        if free and tuple(labels[place : place + len(word)]) == word:
-            out.append(place)
-    return out
 
 
 def _aligned(
@@ -268,8 +255,8 @@ def _together(column: Sequence[_Move], curve: _Curve, weight: Array) -> tuple[Ar
     first = column[0]
     place = np.arange(float(first.samples))
     begin = np.array([float(move.first) for move in column])
-    model = curve(place + first.first)
+    model = curve.at(place + first.first)
     for _ in range(2):
         begin = np.array([_shifted(model, place, one, curve, weight) for one in begin])
-        model = np.mean([curve(place + one) for one in begin], axis=0)
+        model = np.mean([curve.at(place + one) for one in begin], axis=0)
     return begin, first.samples

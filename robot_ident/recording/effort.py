@@ -4,7 +4,7 @@ driver reports without their sign, and the sign that the motion gives them back.
 
 from __future__ import annotations
 
-from dataclasses import dataclass, replace
+from dataclasses import replace
 
 import numpy as np
 from numpy.typing import NDArray
@@ -14,7 +14,7 @@ from robot_ident.recording.clock import even_positions, read_clock
 from robot_ident.recording.recording import Recording
 from robot_ident.robot.robot import Robot
 from robot_ident.signals.filters import ZeroPhaseLowPass
-from robot_ident.signals.motion import Array, Motion
+from robot_ident.signals.motion import Array, Mask, Motion
 
 
 def at_the_joints(recording: Recording, robot: Robot, *, motion_only: bool = False) -> Recording:
@@ -126,25 +126,19 @@ def _notes(robot: Robot, removed: Array) -> list[str]:
 _GAP = 5.0  # times the usual step between two efforts: what lies further apart is not interpolated
 
 
-@dataclass(frozen=True)
-class EffortSeries:
-    """The effort of one joint: stamps [k] ns, increasing, and values [k], in the unit in which it is reported."""
+def effort_at(t: Array, start: int, stamp: NDArray[np.int64], value: Array) -> tuple[Array, Mask]:
+    """Return an effort at instants t [N] s since `start` ns, linear between its increasing stamps [k] ns and their
+    values [k], and whether it is known there.
 
-    stamp: NDArray[np.int64]
-    value: Array
-
-    def at(self, t: Array, start: int) -> tuple[Array, NDArray[np.bool_]]:
-        """Return it at instants t [N] s since `start` ns, linear between stamps, and whether it is known there.
-
-        It is where there are efforts on both sides, no further apart than `_GAP` usual steps, or one at the instant; up
-        to half a step beyond either end it stays what it is there.
-        """
-        own = (self.stamp - start) / 1e9
-        usual = np.median(np.diff(own)) if len(own) > 1 else 0.0
-        right = np.clip(np.searchsorted(own, t), 0, len(own) - 1)
-        left = np.where(own[right] <= t, right, np.maximum(right - 1, 0))
-        inside = (t >= own[0] - 0.5 * usual) & (t <= own[-1] + 0.5 * usual)
-        return np.interp(t, own, self.value), inside & (own[right] - own[left] <= _GAP * usual)
+    It is where there are efforts on both sides, no further apart than `_GAP` usual steps, or one at the instant; up to
+    half a step beyond either end it stays what it is there.
+    """
+    own = (stamp - start) / 1e9
+    usual = np.median(np.diff(own)) if len(own) > 1 else 0.0
+    right = np.clip(np.searchsorted(own, t), 0, len(own) - 1)
+    left = np.where(own[right] <= t, right, np.maximum(right - 1, 0))
+    inside = (t >= own[0] - 0.5 * usual) & (t <= own[-1] + 0.5 * usual)
+    return np.interp(t, own, value), inside & (own[right] - own[left] <= _GAP * usual)
 
 
 EXPLAINED = 0.8

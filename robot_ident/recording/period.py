@@ -26,13 +26,10 @@ _SMOOTH = 0.04  # share of a period over which the mismatch of successive period
 
 @dataclass(frozen=True)
 class Steady:
-    """The steady part of a recording on the even grid: samples [first, last], M whole periods of `period` samples up
-    to `last`.
-    """
+    """The steady part of a recording on the even grid: M whole periods of `period` samples up to sample `last`."""
 
     period: float
     periods: int
-    first: int
     last: int
 
 
@@ -157,7 +154,7 @@ def steady_part(q: Array, period: float, step: Array, source: str) -> Steady:
             f"{source}: only {found:.1f} steady periods of {period:.0f} samples found;"
             " at least 2 are needed where periods are averaged"
         )
-    return Steady(period, periods, first, last)
+    return Steady(period, periods, last)
 
 
 def _moving(q: Array) -> Mask:

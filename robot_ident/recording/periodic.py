@@ -7,12 +7,12 @@ from dataclasses import replace
 
 import numpy as np
 
-from robot_ident.recording.averaging import Average, average, cycle_notes, grid_of_lines, mean_cycle
+from robot_ident.recording.averaging import Average, cycle_notes, grid_of_lines
 from robot_ident.recording.clock import Clock
 from robot_ident.recording.cycles import Cycles
 from robot_ident.recording.measurement import DEFAULT_LOW_PASS, Measurement, Processing
 from robot_ident.recording.noise_spectrum import NoiseSpectrum, noise_spectrum
-from robot_ident.recording.period import AT_REST
+from robot_ident.recording.period import AT_REST, Steady
 from robot_ident.recording.recording import Recording
 from robot_ident.recording.resolution import position_step
 from robot_ident.recording.torque_channel import Chain, chain_of
@@ -27,34 +27,24 @@ _MANY = 2.0  # periods of motion before those that are averaged, from which on i
 _PAUSE = 1.0  # s without samples that are named
 
 
-def set_aside(clock: Clock, period: float, before: float, after: float) -> list[str]:
-    """Return a line each on `before` and `after` the averaged periods [s], of a recording on a clock; period [s].
+def _set_aside(t: Array, end: float, length: float, period: float, where: str, what: str) -> list[str]:
+    """Return a line, if anything is to be said, on so much of a recording up to `end` [s] beside the averaged periods.
 
-    Motion of two periods and more before them isn't the way in: it repeats, but not as they do, or not in step.
+    Motion of two periods and more isn't the way in: it repeats, but not as they do, or not in step.
     """
-    t = clock.t - clock.t[0]
-    first = _told(t, 0.0, before, period, "before the periods")
-    if before > 0 and not first:
-        first = f"{before:.3g} s of approach and transient left out"
-    last = _told(t, float(t[-1]) - after, float(t[-1]), period, "after the periods")
-    if after > 0 and not last:
-        last = f"{after:.3g} s after the periods left out"
-    return [line for line in (first, last) if line]
-
-
-def _told(t: Array, start: float, end: float, period: float, where: str) -> str:
-    """Return what lies between two times, where there is a pause or much motion."""
+    start = end - length
     steps = np.diff(t)
     pauses = np.flatnonzero((steps > _PAUSE) & (t[1:] > start) & (t[:-1] < end))
-    silent = float(steps[pauses].sum())
-    moving = max(end - start - silent, 0.0)
+    moving = max(end - start - float(steps[pauses].sum()), 0.0)
     said = [f"no samples for {steps[k]:.4g} s from {t[k]:.4g} s on" for k in pauses[:3]]
     if moving >= _MANY * period:
         said.append(
             f"{int(moving / period)} periods that are not in step with the others (a pause, another motion, or a clock"
             " that drifts or jumps)"
         )
-    return f"{end - start:.4g} s {where} left out: {'; '.join(said)}" if said else ""
+    if said:
+        return [f"{end - start:.4g} s {where} left out: {'; '.join(said)}"]
+    return [f"{length:.3g} s {what} left out"] if length > 0 else []
 
 
 STANDSTILL = 0.02  # rad/s: below it, stiction leaves the torque undetermined
@@ -65,16 +55,20 @@ _CHANCE = 1e-4  # of a drift of the mean effort where there is none
 _REVERSAL = 2e-3  # share of the top speed within which the sign of a sampled velocity is not trusted
 
 
-def averaged(recording: Recording, clock: Clock, period: float, robot: Robot, processing: Processing) -> Measurement:
-    """Return the mean period of a recording's steady part.
+def averaged(
+    recording: Recording, clock: Clock, steady: Steady, mean: Average, robot: Robot, processing: Processing
+) -> Measurement:
+    """Return the measurement of the mean period of a recording's steady part.
 
     The variance of one sample is the scatter about the mean period, divided by M N - N (not by M N - 1, which is 1 /
     M too small).
     """
-    steady, mean = average(recording, clock, period)
+    period = steady.period
     start = steady.last - int(steady.periods * period + 1e-6) + 1
     notes = [f"{mean.periods} periods of {period * clock.dt:.6g} s averaged"]
-    notes += set_aside(clock, period * clock.dt, max(start, 0) * clock.dt, max(mean.after, 0) * clock.dt)
+    t, before, after = clock.t - clock.t[0], max(start, 0) * clock.dt, max(mean.after, 0) * clock.dt
+    notes += _set_aside(t, before, before, period * clock.dt, "before the periods", "of approach and transient")
+    notes += _set_aside(t, float(t[-1]), after, period * clock.dt, "after the periods", "after the periods")
     out = of_mean(recording, mean, period, 1.0 / clock.dt, robot, processing)
     notes += out.notes
     if processing.derivative_bandwidth is not None:
@@ -326,15 +320,14 @@ _TOUCHED = 0.02  # of a filtered row: the share of standstill from which on it c
 
 
 def averaged_cycles(
-    recording: Recording, clock: Clock, cycles: Cycles, robot: Robot, processing: Processing
+    recording: Recording, clock: Clock, cycles: Cycles, mean: Average, robot: Robot, processing: Processing
 ) -> Measurement:
-    """Return the mean cycle of a recording; torque and columns pass a low pass, as those of one pass do.
+    """Return the measurement of the mean cycle; torque and columns pass a low pass, as those of one pass do.
 
     A robot's moves begin and end at rest with acceleration that jumps: more than the positions can tell. Rows that
     the low pass mixes with standstill, where stiction hides the torque, don't count; of the others as many are kept
     as tell anything new, columns being computed at every sample before they pass it.
     """
-    mean = mean_cycle(recording, clock, cycles)
     samples = sum(cycles.samples)
     made = of_mean(recording, mean, samples, 1.0 / clock.dt, robot, replace(processing, low_pass=None))
     cutoff = processing.low_pass or min(DEFAULT_LOW_PASS, 0.2 / clock.dt)

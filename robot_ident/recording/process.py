@@ -11,16 +11,16 @@ from dataclasses import replace
 import numpy as np
 
 from robot_ident.errors import InputError
+from robot_ident.recording.averaging import average, cycles_instead
 from robot_ident.recording.checks import check_efforts, check_plausible, check_samples, without_leaps
 from robot_ident.recording.clock import Clock, even_positions, even_samples, rate_note, read_clock, roughness
-from robot_ident.recording.cycles import find_cycles
 from robot_ident.recording.effort import at_the_joints
 from robot_ident.recording.measurement import DEFAULT_LOW_PASS, Measurement, Processing, arm_alone, time_scale
-from robot_ident.recording.period import find_period, refine_period, steady_part
+from robot_ident.recording.period import find_period, refine_period
 from robot_ident.recording.periodic import at_rest, averaged, averaged_cycles, trusted
 from robot_ident.recording.recording import Recording
 from robot_ident.recording.resolution import coarse_notes
-from robot_ident.recording.saturation import find_clipped, without_clipped
+from robot_ident.recording.saturation import without_clipped
 from robot_ident.recording.torque_channel import chain_of
 from robot_ident.robot.robot import Robot
 from robot_ident.signals.filters import ZeroPhaseLowPass
@@ -29,24 +29,6 @@ from robot_ident.signals.motion import Array, Motion
 _STRAY = 30.0  # times its noise: how far the position may stray from one period to the next
 _BURSTS = 8.0  # kurtosis of the torque's scatter about the mean period; noise has 3, coloured noise little more
 _SMOOTH = 0.5  # correlation of that scatter from one sample to the next; bursts last longer than a sample
-_STRAYS = 3.0  # times its noise: how far the position may stray from period to period without a second look
-_KEPT = 0.5  # of the recording that periods should hold
-_CALMER, _MORE = 0.25, 1.5  # variance of the positions, and share of the recording, for which cycles are preferred
-
-
-def doubtful(variance: Array, samples: int, q: Array) -> bool:
-    """Return whether the positions q [N, n] stray more from period to period than noise does, by their variance [n]
-    about the mean, or whether periods hold few of the samples: cycles that start when they may look like periods that
-    are not quite kept.
-    """
-    strays = np.sqrt(variance) > _STRAYS * np.maximum(roughness(q), 1e-12)
-    return bool(strays.any()) or samples < _KEPT * len(q)
-
-
-def better(variance: Array, samples: int, beside: Array, samples_beside: int) -> bool:
-    """Return whether aligned cycles repeat far better than periods, or hold far more samples; see `doubtful`."""
-    calmer = float(np.mean(variance / np.maximum(beside, 1e-300))) < _CALMER
-    return calmer or samples > _MORE * samples_beside
 
 
 def disturbed(measured: Measurement, step: Array) -> tuple[int, ...]:
@@ -100,7 +82,7 @@ def process(
     if made is None:
         made = low_passed(recording, clock, robot, processing)
     if not motion_only and robot.effort.coupling is None:
-        made = without_clipped(made, published, find_clipped(published), clock)
+        made = without_clipped(made, published, clock)
     coarse = coarse_notes(recording.q, robot.drives.encoder_step, robot.joints)
     found = (line for line in (rate_note(q, clock.dt, robot.joints), *coarse, note) if line)
     made = replace(
@@ -124,14 +106,21 @@ def _averaged(
     """
     if processing.periodic is False:
         return None, ""
-    period, note = _period(recording, clock, q, processing)
-    made = None if period is None else averaged(recording, clock, period, robot, processing)
     free = processing.base_frequency is None
-    if free and (made is None or doubtful(*_repeats(made), q)):
-        cycles = find_cycles(q, clock.dt, float(clock.t[0]))
-        other = None if cycles is None else averaged_cycles(recording, clock, cycles, robot, processing)
-        if other is not None and (made is None or better(*_repeats(other), *_repeats(made))):
-            made, note = other, ""
+    period = _period(recording, clock, q, processing)
+    steady, mean, made, note = None, None, None, ""
+    if period is not None:
+        try:
+            steady, mean = average(recording, clock, period)
+        except InputError:
+            if processing.periodic or not free:
+                raise
+            note = f"the motion repeats every {period * clock.dt:.4g} s, but for less than 2 periods"
+    found = cycles_instead(recording, clock, q, mean) if free else None
+    if found is not None:
+        made, note = averaged_cycles(recording, clock, *found, robot, processing), ""
+    elif steady is not None and mean is not None:
+        made = averaged(recording, clock, steady, mean, robot, processing)
     if made is None and processing.periodic:
         raise InputError(f"{recording.source}: no period found; give --base-frequency, or record at least 2 periods")
     if made is not None and free and processing.periodic is None:
@@ -143,23 +132,10 @@ def _averaged(
     return made, note
 
 
-def _repeats(made: Measurement) -> tuple[Array, int]:
-    """Return the variance of the positions about their mean [n], and how many samples it stands for."""
-    return made.position_variance, made.periods * made.samples_per_period
-
-
-def _period(recording: Recording, clock: Clock, q: Array, processing: Processing) -> tuple[float | None, str]:
-    """Return the period in samples, None where none is found, and why it is not used."""
+def _period(recording: Recording, clock: Clock, q: Array, processing: Processing) -> float | None:
+    """Return the period in samples, None where none is found."""
     if processing.base_frequency is None:
-        period = find_period(q, clock.dt)
-        if period is not None:
-            try:
-                steady_part(q, period, roughness(q), recording.source)
-            except InputError:
-                if processing.periodic:
-                    raise
-                return None, f"the motion repeats every {period * clock.dt:.4g} s, but for less than 2 periods"
-        return period, ""
+        return find_period(q, clock.dt)
     given = 1.0 / (processing.base_frequency * clock.dt)
     if len(q) < 2 * given - 2:
         raise InputError(
@@ -174,7 +150,7 @@ def _period(recording: Recording, clock: Clock, q: Array, processing: Processing
             f" not every {1 / processing.base_frequency:.4g} s: at {100 * given / found:.4g} % of its speed, or another"
             f" trajectory; --trajectory EXCITATION tells, or give --base-frequency {1 / (found * clock.dt):.6g}"
         )
-    return (refined if abs(refined - given) < 0.005 * given else given), ""
+    return refined if abs(refined - given) < 0.005 * given else given
 
 
 def low_passed(recording: Recording, clock: Clock, robot: Robot, processing: Processing) -> Measurement:

@@ -7,7 +7,7 @@ those that noise happened to hold below the bound would bend the mean.
 
 from __future__ import annotations
 
-from dataclasses import dataclass, replace
+from dataclasses import replace
 
 import numpy as np
 
@@ -27,36 +27,22 @@ _TOUCHED = 0.02  # of a low-passed row
 _ENOUGH = 0.25  # of a joint's rows, which have to be left
 
 
-@dataclass(frozen=True)
-class Clipped:
-    """Which samples [N, n] stand at a bound, and the bounds by joint, in the recording's unit."""
-
-    at: Mask
-    bounds: dict[str, tuple[float, ...]]
-
-
-def find_clipped(recording: Recording) -> Clipped:
-    """Return where the efforts of a recording, as published, are cut off."""
+def find_clipped(recording: Recording) -> tuple[Mask, dict[int, str]]:
+    """Return which efforts [N, n] of a recording, as published, are cut off, and what is said of each such joint."""
     at: Mask = np.zeros(recording.tau.shape, dtype=bool)
-    bounds: dict[str, tuple[float, ...]] = {}
+    said: dict[int, str] = {}
     if recording.samples <= _WINDOW:
-        return Clipped(at, bounds)
+        return at, said
     for joint, (name, effort, q) in enumerate(zip(recording.names, recording.tau.T, recording.q.T, strict=True)):
         moves = _moves(q)
-        found = [bound for bound in (float(effort.max()), float(effort.min())) if _cut_off(effort, bound, moves)]
-        if found:
-            bounds[name] = tuple(found)
-            at[:, joint] = np.isin(effort, found)
-    return Clipped(at, bounds)
-
-
-def clipped_notes(recording: Recording, clipped: Clipped) -> dict[str, str]:
-    """Return what is said of each joint whose effort is clipped."""
-    return {
-        name: f"the effort of {name} stands at {' and '.join(f'{b:g}' for b in bounds)} in"
-        f" {100.0 * clipped.at[:, recording.names.index(name)].mean():.2g} % of the samples: clipped by its driver"
-        for name, bounds in clipped.bounds.items()
-    }
+        bounds = [bound for bound in (float(effort.max()), float(effort.min())) if _cut_off(effort, bound, moves)]
+        if bounds:
+            at[:, joint] = np.isin(effort, bounds)
+            said[joint] = (
+                f"the effort of {name} stands at {' and '.join(f'{b:g}' for b in bounds)} in"
+                f" {100.0 * at[:, joint].mean():.2g} % of the samples: clipped by its driver"
+            )
+    return at, said
 
 
 def _moves(q: Array) -> Mask:
@@ -79,20 +65,19 @@ def _cut_off(effort: Array, bound: float, moves: Mask) -> bool:
     return bool(count > _OFTEN * beside.max(initial=1))
 
 
-def without_clipped(made: Measurement, recording: Recording, clipped: Clipped, clock: Clock) -> Measurement:
+def without_clipped(made: Measurement, recording: Recording, clock: Clock) -> Measurement:
     """Return a measurement less the rows near what was cut off in any of its periods, its noise that of the rest.
 
-    Raises InputError where too little of a joint is left.
+    recording: as published. Raises InputError where too little of a joint is left.
     """
-    said = clipped_notes(recording, clipped)
+    at, said = find_clipped(recording)
     if not said:
         return made
-    touched = _near(made, clipped.at, clock)
+    touched = _near(made, at, clock)
     if made.low_pass is not None:
         touched = np.abs(made.low_pass.apply(touched.astype(float))) > _TOUCHED
     used = made.used & ~touched
-    for name, words in said.items():
-        joint = recording.names.index(name)
+    for joint, words in said.items():
         if used[:, joint].sum() < _ENOUGH * made.used[:, joint].sum():
             raise InputError(
                 f"{recording.source}: {words}, and too little of the motion is left beside it; record one that needs"

@@ -12,15 +12,14 @@ from typing import Any
 import numpy as np
 
 from robot_ident.errors import InputError
-from robot_ident.recording.averaging import average, cycle_notes, mean_cycle
+from robot_ident.recording.averaging import average, cycle_notes, cycles_instead
 from robot_ident.recording.checks import silent_efforts, silent_note, without_leaps
 from robot_ident.recording.clock import Stamps, even_positions, rate_note, read_clock
-from robot_ident.recording.cycles import Cycles, find_cycles
+from robot_ident.recording.cycles import Cycles
 from robot_ident.recording.period import find_period
-from robot_ident.recording.process import better, doubtful
 from robot_ident.recording.recording import Recording
 from robot_ident.recording.resolution import position_step
-from robot_ident.recording.saturation import clipped_notes, find_clipped
+from robot_ident.recording.saturation import find_clipped
 from robot_ident.signals.motion import Array
 
 
@@ -87,20 +86,16 @@ def summarise(recording: Recording) -> Summary:
     period, mean, periods, notes = find_period(q, clock.dt), None, None, [*recording.notes, *clock.notes]
     cycles, trouble = None, ""
     said = (rate_note(q, clock.dt, recording.names), silent_note(silent_efforts(recording)))
-    notes += [line for line in (*said, *clipped_notes(recording, find_clipped(recording)).values()) if line]
+    notes += [line for line in (*said, *find_clipped(recording)[1].values()) if line]
     if period is not None:
         try:
             steady, mean = average(recording, clock, period)
             periods = steady.periods
         except InputError as error:
             trouble = str(error)
-    samples = mean.periods * round(period) if mean is not None and period is not None else 0
-    if mean is None or doubtful(mean.q_variance, samples, q):
-        found = find_cycles(q, clock.dt, float(clock.t[0]))
-        other = None if found is None else mean_cycle(recording, clock, found)
-        size = 0 if other is None else other.periods * len(other.q)
-        if other is not None and (mean is None or better(other.q_variance, size, mean.q_variance, samples)):
-            cycles, mean, period, periods, trouble = found, other, None, None, ""
+    found = cycles_instead(recording, clock, q, mean)
+    if found is not None:
+        (cycles, mean), period, periods, trouble = found, None, None, ""
     if trouble:
         notes.append(trouble)
     if cycles is not None and mean is not None:
@@ -152,18 +147,15 @@ def mean_path(recording: Recording) -> tuple[float | None, Array | None]:
 
 
 def speed_scale(
-    recording: Recording,
-    path: Callable[[Array], Array],
-    base_frequency: float,
-    mean: tuple[float | None, Array | None] | None = None,
+    source: str, mean: tuple[float | None, Array | None], path: Callable[[Array], Array], base_frequency: float
 ) -> float | None:
     """Return at which share of its speed a periodic motion was run, q(t) = path(s t); None where it is no such motion.
 
     path: positions [N, n] of the recording's joints at instants [N] s of the commanded motion, whose period is 1 /
     base_frequency. The measured mean period is shifted along the commanded one until they agree best. InputError where
-    it has that period and is another path. mean: what `mean_path` says of the recording, where it is known.
+    it has that period and is another path. source: the recording; mean: what `mean_path` says of it.
     """
-    period, q = mean_path(recording) if mean is None else mean
+    period, q = mean
     if period is None:
         return None
     scale = 1.0 / (period * base_frequency)
@@ -173,7 +165,7 @@ def speed_scale(
     apart = _apart(q, path(np.arange(len(q)) / len(q) / base_frequency))
     if same and apart > _OTHER:
         raise InputError(
-            f"{recording.source}: not the motion of the trajectory, though it has its period: the path differs by"
+            f"{source}: not the motion of the trajectory, though it has its period: the path differs by"
             f" {100 * apart:.0f} % of what its joints move (rms); name the trajectory that was played"
         )
     if same:

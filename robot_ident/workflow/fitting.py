@@ -46,7 +46,7 @@ def at_its_speed(
     moving = [one.with_joints(played.joints) for one, played in zip(recordings, excitations, strict=True)]
     means = [mean_path(one) for one in moving]
     scales = [
-        speed_scale(one, _path(played), played.base_frequency, mean)
+        speed_scale(one.source, mean, _path(played), played.base_frequency)
         for one, played, mean in zip(moving, excitations, means, strict=True)
     ]
     recordings = [

@@ -10,7 +10,7 @@ import numpy as np
 import pytest
 import yaml
 
-from robot_ident.bags import BagWriter, Topic, read_for
+from robot_ident.bags import BagWriter, Series, Topic, read_for
 from robot_ident.bags.storage import JOINT_STATE, NUMBERS
 from robot_ident.errors import InputError
 from robot_ident.robot import Robot, load_robot
@@ -121,7 +121,10 @@ def test_a_field_beside_the_positions_is_taken_as_it_is(declared: Robots, tmp_pa
     t = np.arange(0.0, SECONDS, 1 / RATE)
     with BagWriter(path, [Topic("/joint_states", JOINT_STATE)]) as writer:
         stamps = START + np.round(t * 1e9).astype(np.int64)
-        writer.write_joint_states("/joint_states", JOINTS, stamps, effort(t), 3 * effort(t), effort(2 * t))
+        for stamp, topic, row in Series(
+            "/joint_states", JOINTS, stamps, effort(t), 3 * effort(t), effort(2 * t)
+        ).messages():
+            writer.write(topic, row, stamp)
     recording = read_for(path, declared({}, joint_2={"field": "velocity"}))
     np.testing.assert_array_equal(recording.tau[:, 1], 3 * effort(t)[:, 1])
     np.testing.assert_array_equal(recording.tau[:, [0, 2]], effort(2 * t)[:, [0, 2]])

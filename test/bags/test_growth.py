@@ -7,7 +7,7 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from robot_ident.bags import JOINT_STATE, BagGrowth, BagWriter, Topic
+from robot_ident.bags import JOINT_STATE, BagGrowth, BagWriter, Series, Topic
 
 STATES, COMMANDS = Topic("/joint_states", JOINT_STATE), Topic("/joint_command", JOINT_STATE)
 BEGUN = 1_700_000_000_000_000_000
@@ -15,7 +15,8 @@ BEGUN = 1_700_000_000_000_000_000
 
 def send(bag: BagWriter, topic: str, t: list[float]) -> None:
     stamps = BEGUN + np.rint(1e9 * np.array(t)).astype(np.int64)
-    bag.write_joint_states(topic, ("joint_1",), stamps, np.zeros((len(t), 1)))
+    for stamp, _, row in Series(topic, ("joint_1",), stamps, np.zeros((len(t), 1))).messages():
+        bag.write(topic, row, stamp)
     bag.flush()
 
 

@@ -10,7 +10,7 @@ from typing import Any
 import numpy as np
 import pytest
 
-from robot_ident.bags import BagWriter, Qos, Topic, qos_text
+from robot_ident.bags import BagWriter, Qos, Series, Topic, qos_text
 from robot_ident.provenance import config_file
 from robot_ident.recording.resolution import position_step
 from robot_ident.robot import load_robot
@@ -66,7 +66,10 @@ def bag(tmp_path: Path) -> Path:
     with BagWriter(path, topics, shown_as=path) as writer:
         message = b"\0\1\0\0" + struct.pack("<I", len(text)) + text
         writer.write(description, message, int(stamps[0]), int(stamps[0]), 1)
-        writer.write_joint_states(states, ("joint_2", "joint_1", "grip"), stamps, q, None, np.ones_like(q))
+        for stamp, topic, row in Series(
+            states, ("joint_2", "joint_1", "grip"), stamps, q, None, np.ones_like(q)
+        ).messages():
+            writer.write(topic, row, stamp)
     return path
 
 
@@ -89,7 +92,8 @@ def two_states(path: Path) -> Path:
     with BagWriter(path, topics, shown_as=path) as writer:
         for name, joints in names.items():
             q = np.sin(t)[:, None] * np.linspace(0.1, 0.3, len(joints))
-            writer.write_joint_states(name, joints, stamps, q, None, np.ones_like(q))
+            for stamp, topic, row in Series(name, joints, stamps, q, None, np.ones_like(q)).messages():
+                writer.write(topic, row, stamp)
     return path
 
 

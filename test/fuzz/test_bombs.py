@@ -155,11 +155,12 @@ def test_pages_that_point_at_each_other(reader: Any, tmp_path: Path) -> None:
 
 def test_a_robot_at_rest_is_no_bomb(tmp_path: Path) -> None:
     """The most that a real recording compresses: values that never change, in the recorder's own chunks."""
-    from robot_ident.bags import BagWriter, Topic
+    from robot_ident.bags import BagWriter, Series, Topic
 
     stamps = 1_700_000_000_000_000_000 + 1_000_000 * np.arange(100_000)
     names, still = tuple(f"joint_{k}" for k in range(7)), np.zeros((len(stamps), 7))
     with BagWriter(tmp_path / "bag", [Topic("/joint_states", JOINT_STATE)]) as bag:
-        bag.write_joint_states("/joint_states", names, stamps, still, still, still)
+        for stamp, topic, row in Series("/joint_states", names, stamps, still, still, still).messages():
+            bag.write(topic, row, stamp)
     recording = read_recording(tmp_path / "bag")
     assert recording.samples == len(stamps) and recording.notes == ()

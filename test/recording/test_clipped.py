@@ -49,7 +49,7 @@ def test_where_too_little_is_left(arm: Any) -> None:
 def test_one_pass(arm: Any) -> None:
     cut = clipped(arm.record(1, periods=4, noise=0.2), 0.8)
     measured = process(cut, arm.robot, Processing(periodic=False))
-    at = find_clipped(cut).at
+    at, _ = find_clipped(cut)
     assert at.any(axis=0).all()
     assert not (measured.used & at).any()
 
@@ -59,7 +59,7 @@ def test_whole_efforts_are_not_clipped(arm: Any, step: float) -> None:
     """Neither as they are, nor rounded, nor with a brake on that leaves no effort."""
     recording = arm.record(1, periods=4)
     tau = np.round(recording.tau / step) * step if step else np.array(recording.tau)
-    assert find_clipped(replace(recording, tau=tau)).bounds == {}
+    assert find_clipped(replace(recording, tau=tau))[1] == {}
     q = np.array(recording.q)
     q[:2000], tau[:2000] = q[0], tau.max(axis=0) + 5.0
-    assert find_clipped(replace(recording, q=q, tau=tau)).bounds == {}
+    assert find_clipped(replace(recording, q=q, tau=tau))[1] == {}

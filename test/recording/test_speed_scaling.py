@@ -20,28 +20,32 @@ def slowed(arm: Any, share: float) -> Any:
     return replace(arm, series=FourierSeries(0.1 * share, series.q0, share * series.a, share * series.b))
 
 
+def scale_of(recording: Any, arm: Any) -> float | None:
+    return speed_scale(recording.source, mean_path(recording), lambda t: arm.series.motion(t).q, 0.1)
+
+
 @pytest.mark.parametrize("share", [0.87, 0.5])
 def test_the_override_is_recognised(arm: Any, share: float) -> None:
     recording = slowed(arm, share).record(1, periods=3)
-    found = speed_scale(recording, lambda t: arm.series.motion(t).q, 0.1)
+    found = scale_of(recording, arm)
     assert found == pytest.approx(share, rel=1e-4)
 
 
 def test_full_speed_needs_no_word(arm: Any) -> None:
-    assert speed_scale(arm.record(1, periods=3), lambda t: arm.series.motion(t).q, 0.1) == 1.0
+    assert scale_of(arm.record(1, periods=3), arm) == 1.0
 
 
 def test_another_path_is_no_override(arm: Any) -> None:
     a, b = 0.25 * np.random.default_rng(7).normal(size=(2, 3, 5))
     other = replace(arm, series=FourierSeries(0.087, arm.series.q0, a, b))
-    assert speed_scale(other.record(1, periods=3), lambda t: arm.series.motion(t).q, 0.1) is None
+    assert scale_of(other.record(1, periods=3), arm) is None
 
 
 def test_another_path_of_the_same_period_is_refused(arm: Any) -> None:
     a, b = 0.25 * np.random.default_rng(7).normal(size=(2, 3, 5))
     other = replace(arm, series=FourierSeries(0.1, arm.series.q0, a, b))
     with pytest.raises(InputError, match="not the motion of the trajectory, though it has its period"):
-        speed_scale(other.record(1, periods=3), lambda t: arm.series.motion(t).q, 0.1)
+        scale_of(other.record(1, periods=3), arm)
 
 
 def test_without_the_path_it_is_refused_with_the_way_out(arm: Any) -> None:

@@ -15,7 +15,7 @@ from pathlib import Path
 
 import numpy as np
 
-from robot_ident.bags.bag_writer import BagWriter
+from robot_ident.bags.bag_writer import BagWriter, Series
 from robot_ident.bags.rosbag2 import Qos, qos_text
 from robot_ident.bags.storage import JOINT_STATE, Topic
 from robot_ident.robot import Robot, load_robot
@@ -125,9 +125,10 @@ def write_ur10e_bag(path: Path, robot: Robot, course: Course, urdf: Path) -> Non
         bag.write("/robot_description", text_message(urdf.read_text(encoding="utf-8")), int(stamps[0]))
         for stamp in stamps[::5]:
             bag.write(scaling, b"\0\1\0\0" + struct.pack("<d", 100.0), int(stamp))
-        bag.write_joint_states(
+        for stamp, topic, row in Series(
             states, names, stamps, course.q[:, order], course.dq[:, order], course.tau[:, order] / constants
-        )
+        ).messages():
+            bag.write(topic, row, stamp)
 
 
 def write_franka_bag(path: Path, robot: Robot, course: Course, urdf: Path) -> None:
@@ -148,10 +149,13 @@ def write_franka_bag(path: Path, robot: Robot, course: Course, urdf: Path) -> No
 
     with BagWriter(path, topics) as bag:
         bag.write("/robot_description", text_message(urdf.read_text(encoding="utf-8")), int(stamps[0]))
-        bag.write_joint_states(hand, fingers, stamps[slow], width, nothing, nothing)
+        for stamp, topic, row in Series(hand, fingers, stamps[slow], width, nothing, nothing).messages():
+            bag.write(topic, row, stamp)
         both = (beside(course.q, width), beside(course.dq, nothing), beside(course.tau, nothing))
-        bag.write_joint_states(merged, (*robot.joints, *fingers), stamps[slow], *both)
-        bag.write_joint_states(arm, robot.joints, stamps, course.q, course.dq, course.tau)
+        for stamp, topic, row in Series(merged, (*robot.joints, *fingers), stamps[slow], *both).messages():
+            bag.write(topic, row, stamp)
+        for stamp, topic, row in Series(arm, robot.joints, stamps, course.q, course.dq, course.tau).messages():
+            bag.write(topic, row, stamp)
 
 
 def text_message(text: str) -> bytes:
