@@ -20,7 +20,7 @@ _HOME = {
     "identify": "estimation.identify",
     "read_recording": "bags.read",
     "validate": "estimation.validation",
-    "write_recording": "bags.write",
+    "write_recording": "bags.bag_writer",
 }
 
 __all__ = list(_HOME)
