@@ -108,37 +108,6 @@ def regressor_expression(robot: Robot, q: Any, dq: Any, ddq: Any, gravity: Array
     return ca.sparsify(ca.vertcat(*rows))
 
 
-def _symbols(robot: Robot) -> tuple[Any, Any, Any]:
-    return ca.SX.sym("q", robot.n), ca.SX.sym("dq", robot.n), ca.SX.sym("ddq", robot.n)
-
-
-def regressor_function(robot: Robot) -> Any:
-    """Return the CasADi function (q, dq, ddq) -> Y [n, 10 n]."""
-    q, dq, ddq = _symbols(robot)
-    return ca.Function("regressor", [q, dq, ddq], [regressor_expression(robot, q, dq, ddq)])
-
-
-def inverse_dynamics_expression(robot: Robot, q: Any, dq: Any, ddq: Any) -> Any:
-    """Return the torque [n] of the URDF's inertias and the armature as an expression."""
-    y = regressor_expression(robot, q, dq, ddq)
-    return ca.mtimes(y, ca.DM(robot.rigid.parameters)) + ca.DM(robot.drives.armature) * ddq
-
-
-def inverse_dynamics_function(robot: Robot) -> Any:
-    """Return the CasADi function (q, dq, ddq) -> tau [n]."""
-    q, dq, ddq = _symbols(robot)
-    return ca.Function("inverse_dynamics", [q, dq, ddq], [inverse_dynamics_expression(robot, q, dq, ddq)])
-
-
-def dynamics_function(robot: Robot) -> Any:
-    """Return the CasADi function (q, dq) -> (M [n, n] with armature, Coriolis, centrifugal and gravity torque [n])."""
-    q, dq, ddq = _symbols(robot)
-    tau = inverse_dynamics_expression(robot, q, dq, ddq)
-    mass = ca.jacobian(tau, ddq)
-    bias = ca.substitute(tau, ddq, ca.SX.zeros(robot.n))
-    return ca.Function("dynamics", [q, dq], [mass, bias])
-
-
 def frame_function(robot: Robot, frame: str) -> Any:
     """Return the CasADi function q -> position [3] m of a named frame in the base."""
     q = ca.SX.sym("q", robot.n)
