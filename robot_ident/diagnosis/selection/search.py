@@ -164,7 +164,7 @@ class Search:
         given = self.given(beside)
         gain = given.held_out_gain(h)
         cost = self.cost(h)
-        if (gain / self.dispersion).sum() <= cost or not (self.data.floor or self.stands_out(h, given)):
+        if (gain / self.dispersion).sum() <= cost or not self.stands_out(h, given):
             return False
         counts = self.dispersion[0] < 0.1 * _WITHOUT_WEIGHT
         by_joint = np.minimum(gain.sum(axis=0), given.largest_excess()) * counts
@@ -179,15 +179,23 @@ class Search:
 
     def stands_out(self, h: Hypothesis, given: FittedSet) -> bool:
         """Return whether a hypothesis predicts more of what others leave than it would of noise of the same spectrum:
-        sum_j n_j ln(L_j / L_j') / r > 2 u ln H + k ln(sum_j n_j / r), r its `colour`, n_j independent rows.
+        sum_j n_j ln(L_j / L_j') / r > 2 u ln H + k ln(sum_j n_j / r), r its `colour`, n_j independent rows; L
+        without what noise makes of it, where that is known.
         """
         training = slice(0, self.data.training)
-        before = given.loss[training].sum(axis=0)
-        after = np.maximum(before - given.held_out_gain(h)[training].sum(axis=0), 1e-12 * before)
+        loss = given.loss[training].sum(axis=0)
+        before, after = (self._excess(left) for left in (loss, loss - given.held_out_gain(h)[training].sum(axis=0)))
         known = [j for j in range(self.data.n) if j not in self.unknown]
         rows = self.data.dof[training].sum(axis=0)[known] / given.colour(h)
         gain = float(rows @ np.log(before / after)[known])
         return gain > self._choices * h.causes + h.effect.size * np.log(max(2.0, float(rows.sum())))
+
+    def _excess(self, loss: Array) -> Array:
+        """Return what a squared error [n] of the training folds holds beside noise where that is known, at least what
+        noise may hide: one standard deviation of its own.
+        """
+        noise = self.data.noise * self.data.floor
+        return np.asarray(np.maximum(loss - noise, 1e-12 * loss) + np.sqrt(2.0 * noise))
 
     def _makes_sense(self, h: Hypothesis, given: FittedSet) -> bool:
         """Return whether the parameters of a hypothesis beside a set can be those of one cause."""
