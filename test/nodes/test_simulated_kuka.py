@@ -48,11 +48,11 @@ def test_a_robot_that_stood_still_is_not_late_ever_after(
 
     def follows() -> bool:
         """Return whether the last second of its states is the motion that was sent DELAY earlier."""
-        rows = [row for row in states[freed:] if row[0] > states[-1][0] - 1.0]
+        rows = [row for row in states[max(freed, len(states) - 1000) :] if row[0] > states[-1][0] - 1.0]
         if len(rows) < 100:
             return False
         t, q = (np.array(part) for part in zip(*rows, strict=True))
-        sent, goal = (np.array(part) for part in zip(*commands, strict=True))
+        sent, goal = (np.array(part) for part in zip(*commands[-1000:], strict=True))  # asked at every message: no more
         asked = np.column_stack([np.interp(t - DELAY - PERIOD, sent, column) for column in goal.T])
         return bool(np.ptp(q, axis=0).max() > 0.3 and np.abs(q - asked).max() < 0.02)
 
