@@ -30,7 +30,6 @@ from robot_ident.signals.filters import PeriodicLowPass
 from robot_ident.signals.motion import Array, Mask
 
 DIFFERENTIATION = (0.5, 0.7, 1.0, 2.0)  # times the band
-ROWS = (1.0, 0.5)  # times the band: the low pass of the rows that are fitted
 _LONGEST = 200_000  # samples of a recording that are looked at: columns of seven joints take a gigabyte
 _SHOWN = (1.0, 2.0, 4.0, 8.0)  # times the band: the low pass of predictions
 _KEPT = 4.0  # rows in a period of their low pass
@@ -256,13 +255,13 @@ def _ways(
         judges.append(judged)
         # four rows in a period of their low pass say all that it leaves
         rate = min(1.0 / rows.measured.dt for rows in way)
-        for cutoff in [asked.low_pass] if asked.low_pass is not None else [share * band for share in ROWS]:
-            every = asked.decimate if asked.decimate != 1 else max(1, int(rate / (_KEPT * cutoff)))
-            one_pass = replace(asked, periodic=False, low_pass=cutoff, decimate=every)
-            processing = replace(one_pass, derivative_bandwidth=way[0].wide)
-            fitted = judged if cutoff == band else sums(cutoff)
-            share = min(1.0, 2.0 * cutoff * way[0].dt)
-            out.append(_Way(asked if asks_periods else processing, False, fitted, (judged,), share))
+        cutoff = band if asked.low_pass is None else asked.low_pass
+        every = asked.decimate if asked.decimate != 1 else max(1, int(rate / (_KEPT * cutoff)))
+        one_pass = replace(asked, periodic=False, low_pass=cutoff, decimate=every)
+        processing = replace(one_pass, derivative_bandwidth=way[0].wide)
+        fitted = judged if cutoff == band else sums(cutoff)
+        share = min(1.0, 2.0 * cutoff * way[0].dt)
+        out.append(_Way(asked if asks_periods else processing, False, fitted, (judged,), share))
     if all(one.base_frequency is not None for one in default):
         averaged = _averaged(default, tuple(judges), structure, asked, band)
         # what is longer than a choice looks at is averaged: as one pass, its rows would be more than they tell

@@ -97,6 +97,11 @@ class Compared:
         passed = [self._passed(*pair) for pair in zip(structure.effects, parts, strict=True)]
         return np.concatenate([structure.reported(self._links), *passed], axis=2)
 
+    def rows_of(self, effects: Sequence[Effect]) -> Array:
+        """Return the columns [R, k] of some effects that don't depend on torque, in the rows of `stack`."""
+        columns = np.concatenate([self._passed(one, one.columns(self.measured.motion)) for one in effects], axis=2)
+        return np.asarray(columns.swapaxes(0, 1)[self.measured.used[self.measured.rows].T])
+
     def _passed(self, effect: Effect, columns: Array) -> Array:
         """Return an effect's columns as they are compared, as they were where nothing has changed."""
         if effect.uses_torque:

@@ -35,19 +35,27 @@ class Factor:
 
         return np.asarray((solve_triangular(self.r, self.q.T @ torque).T / self.scale).T)
 
-    def beside(self, further: Array, names: Sequence[str], source: str) -> Factor:
-        """Factorise [F, G] for further columns G [R, k], what is known of F as it is; names: of all p + k.
+    def along(self, torque: Array) -> Array:
+        """Return Q' y [p] of a torque [R], weighted as the rows are."""
+        return np.asarray(self.q.T @ torque)
+
+    def solve_beside(self, further: Array, names: Sequence[str], source: str, torque: Array, along: Array) -> Array:
+        """Return theta [p + k] with further columns G [R, k], what is known of F as it is; names: of all p + k; along:
+        Q' y of the torque y [R].
 
         [F, G] = [Q, Q2] [[R, Q' G], [0, R2]] with Q2 R2 = G - Q Q' G. InputError as `factor`.
         """
+        from scipy.linalg import solve_triangular
+
         scaled, scale = _scaled(further, names[len(self.scale) :], source)
         shared = self.q.T @ scaled
         rest = scaled - self.q @ shared
         again = self.q.T @ rest  # once more: what rounding has left along Q
         q, r = np.linalg.qr(rest - self.q @ again)
         whole = np.block([[self.r, shared + again], [np.zeros((len(r), len(self.r))), r]])
-        condition = _condition_number(whole, names, source)
-        return Factor(np.hstack([self.q, q]), whole, np.concatenate([self.scale, scale]), condition)
+        _condition_number(whole, names, source)
+        right = np.concatenate([along, q.T @ torque])
+        return np.asarray(solve_triangular(whole, right) / np.concatenate([self.scale, scale]))
 
     def inverse_information(self) -> Array:
         """Return (F' W F)^-1 [p, p]."""

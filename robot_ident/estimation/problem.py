@@ -141,6 +141,10 @@ class Problem:
         """Return the equations for given inner parameters and torques."""
         return stack(self.measurements, structure, values, self.compared)
 
+    def columns_of(self, effects: Sequence[Effect]) -> Array:
+        """Return the columns [R, k] of some effects that don't depend on torque, in the rows of `equations`."""
+        return np.concatenate([compared.rows_of(effects) for compared in self.compared])
+
     def linear(self, structure: Structure) -> tuple[Array, Array, Equations]:
         """Return theta [p] for given inner parameters, (F' W F)^-1 and the equations that it solves; `covariance` says
         what the noise makes of it.

@@ -37,22 +37,29 @@ _MOST_STEPS = 25  # of the search for inner parameters: five of them at once tak
 class Projection:
     """What a model leaves of the torque while the inner parameters of some effects are searched.
 
-    With F = [A, B(s)], A the columns that stay, and A = Q R, a trial of s factorises B - Q Q' B alone.
-    near [p]: linear parameters whose torque other effects see meanwhile, None where none does. order [p]: columns that
-    stay, then those that move. stays: the factorisation of the former, None where every trial is solved as a whole.
+    With F = [A, B(s)], A [R, a] the columns that stay, and A = Q R, a trial of s factorises B - Q Q' B alone. searched:
+    labels of these effects. near [p]: linear parameters whose torque other effects see meanwhile, None where none does.
+    order [p]: columns that stay, then those that move. torque [R], right [R]: it as it is weighed, along
+    [a]: Q' of the latter.
     """
 
     problem: Problem
+    searched: Collection[str]
     near: Array | None
     order: np.ndarray
-    stays: Factor | None
+    stays: Factor
+    fixed: Array
+    torque: Array
+    right: Array
+    along: Array
 
     @classmethod
     def of(
         cls, problem: Problem, structure: Structure, searched: Collection[str], near: Array | None = None
-    ) -> Projection:
+    ) -> Projection | Whole:
         """Take up a search over the inner parameters of the effects whose labels are given; near [p]: linear parameters
-        whose torque other effects see meanwhile, where they are known.
+        whose torque other effects see meanwhile, where they are known. Where the motion doesn't excite a column, which
+        it may with other inner parameters, every trial is solved as a whole.
         """
         moves = structure.places_of(lambda effect: effect.label in searched or effect.uses_torque)
         order = np.concatenate([np.flatnonzero(~moves), np.flatnonzero(moves)])
@@ -62,31 +69,54 @@ class Projection:
             elif near is None:
                 near = problem.linear(structure)[0]
             held = order[: int(np.sum(~moves))]
-            phi = problem.equations(structure, near).phi[:, held]
-            stays = problem.factored(phi, [problem.names[k] for k in held])
-        except InputError:  # the motion doesn't excite a column; with other inner parameters it may
-            return cls(problem, None, order, None)
-        return cls(problem, near, order, stays)
+            equations = problem.equations(structure, near)
+            fixed = equations.phi[:, held]
+            stays = problem.factored(fixed, [problem.names[k] for k in held])
+        except InputError:
+            return Whole(problem)
+        right = problem.right(equations.torque)
+        return cls(problem, searched, near, order, stays, fixed, equations.torque, right, stays.along(right))
 
     def residual(self, structure: Structure) -> Array:
         """Return the whitened residual [R] at theta(s); InputError where the motion doesn't excite a column."""
-        if self.stays is None:
-            values, _, equations = self.problem.linear(structure)
-        else:
-            equations = self.problem.equations(structure, self.near)
-            moving = equations.phi[:, self.order[len(self.stays.scale) :]]
-            names = [self.problem.names[k] for k in self.order]
-            factored = self.stays.beside(self.problem.right(moving), names, self.problem.source)
-            values = np.empty(len(self.order))
-            values[self.order] = factored.solve(self.problem.right(equations.torque))
+        moving, names = self._moving(structure), [self.problem.names[k] for k in self.order]
+        further, source = self.problem.right(moving), self.problem.source
+        values = self.stays.solve_beside(further, names, source, self.right, self.along)
+        own, moved = np.split(values, [self.fixed.shape[1]])
+        return self.problem.noise.whiten(self.torque - self.fixed @ own - moving @ moved)
+
+    def _moving(self, structure: Structure) -> Array:
+        """Return the columns [R, k] that move."""
+        if structure.uses_torque:
+            return self.problem.equations(structure, self.near).phi[:, self.order[self.fixed.shape[1] :]]
+        return self.problem.columns_of([effect for effect in structure.effects if effect.label in self.searched])
+
+    def cost(self, structure: Structure) -> float:
+        """Return the squared error at theta(s); inf where the motion doesn't excite a column."""
+        return _cost(self, structure)
+
+
+@dataclass(frozen=True)
+class Whole:
+    """What a model leaves of the torque where every trial is solved as a whole."""
+
+    problem: Problem
+
+    def residual(self, structure: Structure) -> Array:
+        """Return the whitened residual [R] at theta(s); InputError where the motion doesn't excite a column."""
+        values, _, equations = self.problem.linear(structure)
         return self.problem.noise.whiten(equations.torque - equations.phi @ values)
 
     def cost(self, structure: Structure) -> float:
         """Return the squared error at theta(s); inf where the motion doesn't excite a column."""
-        try:
-            return float(np.sum(self.residual(structure) ** 2))
-        except InputError:
-            return float("inf")
+        return _cost(self, structure)
+
+
+def _cost(search: Projection | Whole, structure: Structure) -> float:
+    try:
+        return float(np.sum(search.residual(structure) ** 2))
+    except InputError:
+        return float("inf")
 
 
 @dataclass(frozen=True)

@@ -76,10 +76,8 @@ def elect(search: Search, selected: Selected, seed: int = 0) -> Election:
     ahead = [key for key in shares if shares[key] > shares.get(names(selected), 0.0)]
     best = next((key for key in sorted(ahead, key=lambda key: -shares[key]) if _tenable(search, sets[key])), None)
     winner = selected if best is None else sets[best]
+    winner = _with_usual_causes(search, winner, sets)
     alike = _all_alike(search, winner, sets)
-    usual = next((sets[key] for key in alike if _more(winner, sets[key]) and _tenable(search, sets[key])), None)
-    if usual is not None:
-        winner, alike = usual, _all_alike(search, usual, sets)
     joints = {h.label: frozenset(h.joints) for one in sets.values() for h in one}
     return Election(winner, shares, own, alike, joints)
 
@@ -119,9 +117,19 @@ def _alike(search: Search, winner: Selected, other: Selected) -> bool:
     )
 
 
-def _more(winner: Selected, other: Selected) -> bool:
-    """Return whether an effect of the winner is what another set has in its place, and one cause more."""
-    return any(type(mine.effect).more_than == instead.effect.name for mine, instead in _exchanged(winner, other))
+def _with_usual_causes(search: Search, winner: Selected, sets: Mapping[tuple[str, ...], Selected]) -> Selected:
+    """Return the winner with that in the place of an effect which this is but for one cause, where both predict alike
+    and it is worthwhile beside the others.
+    """
+    known = {h.label: h for one in sets.values() for h in one}
+    for a in winner:
+        b = known.get(f"{type(a.effect).more_than}@{a.effect.place}")
+        if b is None:
+            continue
+        other = tuple(b if h is a else h for h in winner)
+        if _alike(search, winner, other) and search.worthwhile(b, [h for h in other if h is not b]):
+            winner = other
+    return winner
 
 
 def _tenable(search: Search, some: Selected) -> bool:

@@ -178,17 +178,18 @@ class Search:
         return self._makes_sense(h, given)
 
     def stands_out(self, h: Hypothesis, given: FittedSet) -> bool:
-        """Return whether a hypothesis predicts more of what others leave than it would of noise of the same spectrum:
-        sum_j n_j ln(L_j / L_j') / r > 2 u ln H + k ln(sum_j n_j / r), r its `colour`, n_j independent rows; L
-        without what noise makes of it, where that is known.
+        """Return whether a hypothesis explains more of what others leave than it would of noise of the same spectrum:
+        sum_j (n_j - p_j) / r ln(L_j / L_j') > 2 u ln H + k ln(sum_j n_j / r), r as `FittedSet.by_chance` tells, n_j
+        independent rows, p_j parameters; L without what noise makes of it, where that is known. L is that of
+        fitted rows, for which the law of chance holds: of few that were not, a fit leaves far more than noise.
         """
-        training = slice(0, self.data.training)
-        loss = given.loss[training].sum(axis=0)
-        before, after = (self._excess(left) for left in (loss, loss - given.held_out_gain(h)[training].sum(axis=0)))
+        colour, *losses = given.by_chance(h)
+        before, after = (self._excess(loss) for loss in losses)
         known = [j for j in range(self.data.n) if j not in self.unknown]
-        rows = self.data.dof[training].sum(axis=0)[known] / given.colour(h)
-        gain = float(rows @ np.log(before / after)[known])
-        return gain > self._choices * h.causes + h.effect.size * np.log(max(2.0, float(rows.sum())))
+        rows = self.data.dof[: self.data.training].sum(axis=0)[known]
+        free = np.maximum(rows - given.parameters_of()[known], 0.0) / colour
+        gain = float(free @ np.log(before / after)[known])
+        return gain > self._choices * h.causes + h.effect.size * np.log(max(2.0, float(rows.sum()) / colour))
 
     def _excess(self, loss: Array) -> Array:
         """Return what a squared error [n] of the training folds holds beside noise where that is known, at least what
