@@ -62,7 +62,8 @@ def diagnosis_of(
 
 def _as_fitted(said: Diagnosis, measurements: Sequence[Measurement], structure: Structure) -> Diagnosis:
     """Return a diagnosis whose named effects have the parameters, and their spread, that a model with all of them has:
-    what `add` prints. One whose size is no more than two standard deviations there is listed, not named.
+    what `add` prints, with a note where another form of one fits nearly as well. One whose size is no more than two
+    standard deviations there is listed, not named.
     """
     while True:
         effects = [one.effect for one in said.missing if not one.effect.measuring and not one.effect.trends]
@@ -76,7 +77,8 @@ def _as_fitted(said: Diagnosis, measurements: Sequence[Measurement], structure: 
         said = replace(said, missing=tuple(_with_parameters(one, known) for one in said.missing))
         label = max((effect.label for effect in effects), key=lambda label: known[label].chance)
         if known[label].chance < TWO_SIGMA:
-            return said
+            of_forms = [note for note in solution.whichever_form().notes if note not in solution.notes]
+            return replace(said, notes=(*said.notes, *of_forms))
         said = _listed(said, label, known[label].least)
 
 

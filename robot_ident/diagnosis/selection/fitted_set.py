@@ -299,27 +299,27 @@ class FittedSet:
                 spread += float(together @ together)
         return float(np.sqrt(spread)) / size if size > 0.0 else np.inf
 
-    def by_chance(self, new: Hypothesis) -> tuple[float, Array, Array]:
+    def colours(self, new: Hypothesis) -> tuple[Array, Array]:
         """Return how many times more the torque u of a further hypothesis gains by chance than of white noise, were
-        what the set leaves e noise of its own spectrum: sum_jk S_u S_e / sum_j sum_k S_u sum_k S_e / n_j, 1 at least,
-        over the lines k of both spectra, n_j independent rows; u is what base and set can't take of it. And the squared
-        error [n] of all training folds, fitted without it and with it.
+        what the fit to all training folds leaves e noise of its own spectrum: sum_jk S_u S_e / sum_j sum_k S_u sum_k
+        S_e / n_j, 1 at least, over the lines k of both spectra, n_j independent rows; u is what base and set can't take
+        of it. [2]: with e before and after the hypothesis is fitted; and its squared error [2, n] then.
 
         What is missing has the motion's lines, as effects of the motion have; these then explain much of it by chance.
         """
         data, errors = self.data, self._refitted(-1, new)
-        both = apart = 0.0
+        both, apart = np.zeros(2), np.zeros(2)
         squares = np.zeros((2, data.n))
         for j in range(data.n):
             pairs = [np.sum([errors(j, f) for f in folds], axis=0) for folds in data.of_measurement]
             squares[:, j] = np.sum([np.sum(np.square(pair), axis=1) for pair in pairs], axis=0)
-            series = [np.stack([before, before - after]) for before, after in pairs]
+            series = [np.stack([before, after, before - after]) for before, after in pairs]
             mean = np.concatenate(series, axis=1).mean(axis=1, keepdims=True)  # has no phase that may be by chance
             for folds, one in zip(data.of_measurement, series, strict=True):
-                e, u = np.abs(np.fft.fft(one - mean)) ** 2 / self.dispersion[0, j]
-                both += float(e @ u)
-                apart += float(e.sum() * u.sum()) / max(float(data.dof[folds, j].sum()), 1.0)
-        return (max(1.0, both / apart) if apart > 0.0 else 1.0), squares[0], squares[1]
+                *e, u = np.abs(np.fft.fft(one - mean)) ** 2 / self.dispersion[0, j]
+                both += e @ u
+                apart += np.sum(e, axis=1) * u.sum() / max(float(data.dof[folds, j].sum()), 1.0)
+        return np.maximum(1.0, both / np.where(apart > 0.0, apart, np.inf)), squares
 
     def residual(self, joint: int, fold: int) -> Array:
         """Return what the fit to all training folds leaves of a joint in a fold, whitened [N]."""

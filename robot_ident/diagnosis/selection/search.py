@@ -179,17 +179,24 @@ class Search:
 
     def stands_out(self, h: Hypothesis, given: FittedSet) -> bool:
         """Return whether a hypothesis explains more of what others leave than it would of noise of the same spectrum:
-        sum_j (n_j - p_j) / r ln(L_j / L_j') > 2 u ln H + k ln(sum_j n_j / r), r as `FittedSet.by_chance` tells, n_j
-        independent rows, p_j parameters; L without what noise makes of it, where that is known. L is that of
-        fitted rows, for which the law of chance holds: of few that were not, a fit leaves far more than noise.
+        sum_j n_j ln(L_j / L_j') / r > 2 u ln H + k ln(sum_j n_j / r), r as `FittedSet.colours` tells, n_j independent
+        rows; L without what noise makes of it, where that is known. Asked twice: of rows left out, by the colour of
+        what others leave; and of fitted rows, less the parameters of the others, by the colour of what it leaves. Of
+        few rows left out any fit leaves far more than noise; a true effect colours what is left without it.
         """
-        colour, *losses = given.by_chance(h)
-        before, after = (self._excess(loss) for loss in losses)
+        colours, fitted = given.colours(h)
+        training = slice(0, self.data.training)
+        loss, rows = given.loss[training].sum(axis=0), self.data.dof[training].sum(axis=0)
+        free = np.maximum(rows - given.parameters_of(), 0.0)
+        with_it = loss - given.held_out_gain(h)[training].sum(axis=0)
+        by_prediction = self._beyond_chance(h, loss, with_it, rows / colours[0])
+        return by_prediction and self._beyond_chance(h, fitted[0], fitted[1], free / colours[1])
+
+    def _beyond_chance(self, h: Hypothesis, without: Array, with_it: Array, rows: Array) -> bool:
+        """Return whether squared errors [n] without and with a hypothesis tell it from chance, of so many rows [n]."""
         known = [j for j in range(self.data.n) if j not in self.unknown]
-        rows = self.data.dof[: self.data.training].sum(axis=0)[known]
-        free = np.maximum(rows - given.parameters_of()[known], 0.0) / colour
-        gain = float(free @ np.log(before / after)[known])
-        return gain > self._choices * h.causes + h.effect.size * np.log(max(2.0, float(rows.sum()) / colour))
+        gain = float(rows[known] @ np.log(self._excess(without) / self._excess(with_it))[known])
+        return gain > self._choices * h.causes + h.effect.size * np.log(max(2.0, float(rows[known].sum())))
 
     def _excess(self, loss: Array) -> Array:
         """Return what a squared error [n] of the training folds holds beside noise where that is known, at least what
