@@ -35,13 +35,9 @@ class Factor:
 
         return np.asarray((solve_triangular(self.r, self.q.T @ torque).T / self.scale).T)
 
-    def along(self, torque: Array) -> Array:
-        """Return Q' y [p] of a torque [R], weighted as the rows are."""
-        return np.asarray(self.q.T @ torque)
-
-    def solve_beside(self, further: Array, names: Sequence[str], source: str, torque: Array, along: Array) -> Array:
-        """Return theta [p + k] with further columns G [R, k], what is known of F as it is; names: of all p + k; along:
-        Q' y of the torque y [R].
+    def solve_beside(self, further: Array, names: Sequence[str], source: str, torque: Array) -> Array:
+        """Return theta [p + k] of a torque [R] with further columns G [R, k], what is known of F as it is; names: of
+        all p + k.
 
         [F, G] = [Q, Q2] [[R, Q' G], [0, R2]] with Q2 R2 = G - Q Q' G. InputError as `factor`.
         """
@@ -54,7 +50,7 @@ class Factor:
         q, r = np.linalg.qr(rest - self.q @ again)
         whole = np.block([[self.r, shared + again], [np.zeros((len(r), len(self.r))), r]])
         _condition_number(whole, names, source)
-        right = np.concatenate([along, q.T @ torque])
+        right = np.concatenate([self.q.T @ torque, q.T @ torque])
         return np.asarray(solve_triangular(whole, right) / np.concatenate([self.scale, scale]))
 
     def inverse_information(self) -> Array:

@@ -9,6 +9,7 @@ from __future__ import annotations
 
 from collections.abc import Callable, Collection, Sequence
 from dataclasses import dataclass, replace
+from functools import partial
 
 import numpy as np
 
@@ -39,8 +40,7 @@ class Projection:
 
     With F = [A, B(s)], A [R, a] the columns that stay, and A = Q R, a trial of s factorises B - Q Q' B alone. searched:
     labels of these effects. near [p]: linear parameters whose torque other effects see meanwhile, None where none does.
-    order [p]: columns that stay, then those that move. torque [R], right [R]: it as it is weighed, along
-    [a]: Q' of the latter.
+    order [p]: columns that stay, then those that move. fixed: A, stays: its factorisation, both [R, a].
     """
 
     problem: Problem
@@ -50,8 +50,6 @@ class Projection:
     stays: Factor
     fixed: Array
     torque: Array
-    right: Array
-    along: Array
 
     @classmethod
     def of(
@@ -74,14 +72,13 @@ class Projection:
             stays = problem.factored(fixed, [problem.names[k] for k in held])
         except InputError:
             return Whole(problem)
-        right = problem.right(equations.torque)
-        return cls(problem, searched, near, order, stays, fixed, equations.torque, right, stays.along(right))
+        return cls(problem, searched, near, order, stays, fixed, equations.torque)
 
     def residual(self, structure: Structure) -> Array:
         """Return the whitened residual [R] at theta(s); InputError where the motion doesn't excite a column."""
         moving, names = self._moving(structure), [self.problem.names[k] for k in self.order]
-        further, source = self.problem.right(moving), self.problem.source
-        values = self.stays.solve_beside(further, names, source, self.right, self.along)
+        further, torque = self.problem.right(moving), self.problem.right(self.torque)
+        values = self.stays.solve_beside(further, names, self.problem.source, torque)
         own, moved = np.split(values, [self.fixed.shape[1]])
         return self.problem.noise.whiten(self.torque - self.fixed @ own - moving @ moved)
 
@@ -90,10 +87,6 @@ class Projection:
         if structure.uses_torque:
             return self.problem.equations(structure, self.near).phi[:, self.order[self.fixed.shape[1] :]]
         return self.problem.columns_of([effect for effect in structure.effects if effect.label in self.searched])
-
-    def cost(self, structure: Structure) -> float:
-        """Return the squared error at theta(s); inf where the motion doesn't excite a column."""
-        return _cost(self, structure)
 
 
 @dataclass(frozen=True)
@@ -107,12 +100,9 @@ class Whole:
         values, _, equations = self.problem.linear(structure)
         return self.problem.noise.whiten(equations.torque - equations.phi @ values)
 
-    def cost(self, structure: Structure) -> float:
-        """Return the squared error at theta(s); inf where the motion doesn't excite a column."""
-        return _cost(self, structure)
-
 
 def _cost(search: Projection | Whole, structure: Structure) -> float:
+    """Return the squared error at theta(s); inf where the motion doesn't excite a column."""
     try:
         return float(np.sum(search.residual(structure) ** 2))
     except InputError:
@@ -216,7 +206,7 @@ def _scan(problem: Problem, structure: Structure) -> Structure:
         before, after = structure.effects[:index], structure.effects[index + 1 :]
         trials = [replace(structure, effects=(*before, effect.at(setting), *after)) for setting in settings]
         left = Projection.of(problem, structure, [effect.label])
-        structure = min(trials, key=left.cost)
+        structure = min(trials, key=partial(_cost, left))
     return structure
 
 
@@ -284,7 +274,7 @@ def _other_forms(problem: Problem, mine: _Solved, index: int) -> list[_Solved]:
         forms.setdefault(tuple(setting[name] for name in names), []).append(replace(structure, effects=effects))
     forms.pop(tuple(effect.setting[name] for name in names), None)
     projected = Projection.of(problem, structure, [effect.label], mine.values)
-    best = [min(trials, key=projected.cost) for trials in forms.values()]
+    best = [min(trials, key=partial(_cost, projected)) for trials in forms.values()]
     out = []
     for one in best:
         try:

@@ -96,7 +96,7 @@ def test_further_columns_are_factorised_beside_what_is_known() -> None:
     names = [f"p{k}" for k in range(9)]
     once = factor(phi, names, "data")
     known = factor(phi[:, :6], names[:6], "data")
-    beside = known.solve_beside(phi[:, 6:], names, "data", torque, known.along(torque))
+    beside = known.solve_beside(phi[:, 6:], names, "data", torque)
     np.testing.assert_allclose(beside, once.solve(torque), rtol=1e-8)
 
 
@@ -107,4 +107,4 @@ def test_further_columns_that_tell_nothing_are_refused(further: Array, said: str
     phi = np.column_stack([np.ones(50), *np.random.default_rng(4).normal(size=(2, 50))])
     known = factor(phi, ["p0", "p1", "p2"], "data")
     with pytest.raises(InputError, match=said):
-        known.solve_beside(further[:, None], ["p0", "p1", "p2", "p3"], "data", np.ones(50), known.along(np.ones(50)))
+        known.solve_beside(further[:, None], ["p0", "p1", "p2", "p3"], "data", np.ones(50))

@@ -118,8 +118,8 @@ def _alike(search: Search, winner: Selected, other: Selected) -> bool:
 
 
 def _with_usual_causes(search: Search, winner: Selected, sets: Mapping[tuple[str, ...], Selected]) -> Selected:
-    """Return the winner with that in the place of an effect which this is but for one cause, where both predict alike
-    and it is worthwhile beside the others.
+    """Return the winner with every effect that is another one but for one more cause (`more_than`) replaced by that
+    one, where both predict alike and it is worthwhile beside the others.
     """
     known = {h.label: h for one in sets.values() for h in one}
     for a in winner:
