@@ -1,4 +1,4 @@
-"""Takes the messages of a topic that wait, all at once: being woken for one costs more than what is done with it.
+"""Hears a topic: its messages are taken as they wait, all at once.
 
 A subscription asks for no more than every publisher offers, as `ros2 bag record` does: best effort where one of them is
 best effort, volatile where one is volatile.
@@ -10,16 +10,13 @@ import time
 from collections.abc import Callable, Iterator
 from typing import Any
 
-from rclpy.callback_groups import CallbackGroup
 from rclpy.event_handler import QoSRequestedIncompatibleQoSInfo, SubscriptionEventCallbacks
-from rclpy.exceptions import InvalidHandle
 from rclpy.qos import DurabilityPolicy, QoSPolicyKind, QoSProfile, ReliabilityPolicy, qos_policy_name_from_kind
 from rclpy.qos_overriding_options import QoSOverridingOptions
 from rclpy.subscription import Subscription
 
-from robot_ident.nodes.node import BaseNode, overridable
+from robot_ident.nodes.node import AT_ONCE, BaseNode, left_to_takers, overridable, waiting
 
-_AT_ONCE = 200  # messages that are taken in one go, before timers and services have their turn
 _LEAST = {
     QoSPolicyKind.RELIABILITY: ("reliability", ReliabilityPolicy.BEST_EFFORT),
     QoSPolicyKind.DURABILITY: ("durability", DurabilityPolicy.VOLATILE),
@@ -39,11 +36,12 @@ class Hearing:
         take: Callable[[Any, dict[str, Any]], None] | None = None,
         raw: bool = False,
     ) -> None:
-        """Subscribe. take(message, info): is handed all messages that wait whenever one comes; without it nothing
-        wakes, and `waiting` hands them out. raw: serialized messages.
+        """Subscribe. take(message, info): is handed all messages that wait, again and again; without it `waiting` hands
+        them out. raw: serialized messages.
         """
         self._node, self._kind, self._topic, self._take, self._raw = node, kind, topic, take, raw
-        self._group = _Unwoken() if take is None else None
+        if take is not None:
+            node.takers.append(self._take_all)
         self._subscription = self._subscribe(profile, overridable())
         self.topic_name: str = self._subscription.topic_name
 
@@ -56,19 +54,20 @@ class Hearing:
         return self._node.create_subscription(
             self._kind,
             self._topic,
-            self._woken,
+            left_to_takers,
             profile,
-            callback_group=self._group,
             event_callbacks=SubscriptionEventCallbacks(incompatible_qos=self._adapt),
             qos_overriding_options=options,
             raw=self._raw,
         )
 
-    def _woken(self, message: Any, info: dict[str, Any]) -> None:
-        if self._take is not None:
-            self._take(message, info)
-            for waiting in self.waiting():
-                self._take(*waiting)
+    def _take_all(self) -> bool:
+        took = False
+        for message, info in self.waiting():
+            if self._take is not None:
+                self._take(message, info)
+            took = True
+        return took
 
     def _adapt(self, event: QoSRequestedIncompatibleQoSInfo) -> None:
         """Ask for less, since a publisher has come that offers less."""
@@ -81,8 +80,7 @@ class Hearing:
             return
         setattr(profile, policy, least)
         if self._take is not None:
-            for waiting in self.waiting():
-                self._take(*waiting)
+            self._take_all()
         old, self._subscription = self._subscription, self._subscribe(profile)
         self._node.destroy_subscription(old)
         self._node.get_logger().info(
@@ -94,23 +92,19 @@ class Hearing:
 
         No more than `_AT_ONCE`; with until_ns: all, up to the first that was received after that time.
         """
-        taken = 0
-        while until_ns is not None or taken < _AT_ONCE:
-            subscription = self._subscription
-            try:
-                with subscription.handle:
-                    found = subscription.handle.take_message(subscription.msg_type, subscription.raw)
-            except InvalidHandle:
-                return
-            if found is None:
-                return
-            taken += 1
+        subscription = self._subscription
+        for taken, found in enumerate(waiting(subscription)):
             yield found
-            if until_ns is not None and (found[1]["received_timestamp"] or time.time_ns()) > until_ns:
+            if until_ns is None:
+                if taken + 1 == AT_ONCE:
+                    return
+            elif (found[1]["received_timestamp"] or time.time_ns()) > until_ns:
                 return
 
     def end(self) -> None:
         """Listen no more."""
+        if self._take is not None:
+            self._node.takers.remove(self._take_all)
         self._node.destroy_subscription(self._subscription)
 
 
@@ -124,7 +118,7 @@ def poll(
 ) -> Callable[[], None]:
     """Return what hands all messages of a topic that wait to `take` when it is called, by any thread.
 
-    For who looks at every tick anyway: being woken for a message costs more than all that is done with it.
+    For who looks at every tick anyway.
     """
     hearing = Hearing(node, kind, topic, profile)
 
@@ -133,16 +127,3 @@ def poll(
             take(message)
 
     return take_all
-
-
-class _Unwoken(CallbackGroup):
-    """Subscriptions whose messages wake nobody; what the middleware tells of their publishers does."""
-
-    def can_execute(self, entity: Any) -> bool:
-        """Return False for a subscription: somebody else looks after it."""
-        return not isinstance(entity, Subscription)
-
-    beginning_execution = can_execute
-
-    def ending_execution(self, entity: Any) -> None:
-        """Do nothing: nothing is held."""

@@ -294,10 +294,8 @@ class TrajectoryPublisher(ManagedNode):
             self._session.player.stop("the node ends")
             since = time.monotonic()
             while not self._rested(self._session, since):
-                if self.get_parameter("use_sim_time").value and self.executor is not None:
-                    self.executor.spin_once(timeout_sec=_POLL)  # or time would stand still
-                else:
-                    time.sleep(_POLL)
+                self.take_messages()  # of /clock, too, or time would stand still
+                time.sleep(_POLL)
             self._session.end()
             timing = self._session.ticker.timing
         worst = f"worst lateness {1e3 * timing.worst:.2f} ms"

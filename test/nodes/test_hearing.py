@@ -1,4 +1,4 @@
-"""All messages that wait are taken at one wake of the executor, by a node in this process."""
+"""All messages that wait are taken at one look, by a node in this process."""
 
 from __future__ import annotations
 
@@ -12,12 +12,11 @@ pytest.importorskip("rclpy")
 
 import rclpy
 from rclpy.duration import Duration
-from rclpy.executors import SingleThreadedExecutor
 from rclpy.qos import DurabilityPolicy, QoSProfile, ReliabilityPolicy
 from rclpy.serialization import deserialize_message
 from sensor_msgs.msg import JointState
 
-from robot_ident.nodes.node import BaseNode, reliable
+from robot_ident.nodes.node import BaseNode, Executor, reliable
 from robot_ident.nodes.parameters import Parameter
 from robot_ident.nodes.subscriptions import Hearing, hear, poll
 
@@ -56,18 +55,8 @@ def send(node: BaseNode) -> None:
     assert sender.wait_for_all_acked(Duration(seconds=20))
 
 
-def wake(node: BaseNode, taken: list[float]) -> None:
-    """Spin until something is taken, and not once more."""
-    executor = SingleThreadedExecutor()
-    executor.add_node(node)
-    for _ in range(1000):
-        executor.spin_once(timeout_sec=0.1)
-        if taken:
-            return
-
-
 @pytest.mark.parametrize("raw", [False, True])
-def test_one_wake_takes_all_that_wait(listener: Listener, raw: bool) -> None:
+def test_one_look_takes_all_that_wait(listener: Listener, raw: bool) -> None:
     taken: list[float] = []
 
     def take_raw(data: bytes, info: dict[str, Any]) -> None:
@@ -79,7 +68,7 @@ def test_one_wake_takes_all_that_wait(listener: Listener, raw: bool) -> None:
     else:
         hear(listener, JointState, "numbers", lambda message: taken.append(message.position[0]), reliable(COUNT))
     send(listener)
-    wake(listener, taken)
+    assert listener.take_messages()
     assert taken == [float(number) for number in range(COUNT)]
 
 
@@ -92,18 +81,15 @@ def test_who_listens_no_more_is_handed_nothing(listener: Listener) -> None:
 
     hearing = hear(listener, JointState, "numbers", take, reliable(COUNT))
     send(listener)
-    wake(listener, taken)
+    assert listener.take_messages()
     assert taken == [0.0]
 
 
-def test_what_is_polled_wakes_nobody(listener: Listener) -> None:
+def test_what_somebody_else_looks_after_is_left_to_them(listener: Listener) -> None:
     taken: list[float] = []
     take = poll(listener, JointState, "numbers", lambda message: taken.append(message.position[0]), reliable(COUNT))
     send(listener)
-    executor = SingleThreadedExecutor()
-    executor.add_node(listener)
-    for _ in range(3):
-        executor.spin_once(timeout_sec=0.1)
+    assert not listener.take_messages()
     assert not taken
     take()
     assert taken == [float(number) for number in range(COUNT)]
@@ -125,11 +111,13 @@ def test_a_publisher_that_offers_less_is_heard(listener: Listener, polled: bool,
         else hear(listener, JointState, "numbers", take, asked) and None
     )
     sender = listener.create_publisher(JointState, "numbers", QUICK[reliability])
-    executor, deadline = SingleThreadedExecutor(), time.monotonic() + 20
+    executor, deadline = Executor(), time.monotonic() + 20
     executor.add_node(listener)
     while not taken and time.monotonic() < deadline:
         sender.publish(JointState(position=[1.0]))
-        executor.spin_once(timeout_sec=0.01)
+        time.sleep(0.01)
+        executor.run_ready()
+        listener.take_messages()
         if look is not None:
             look()
     assert taken
@@ -142,9 +130,10 @@ def test_what_can_not_be_heard_is_told(listener: Listener, capfd: pytest.Capture
     asked = QoSProfile(depth=1, deadline=Duration(seconds=0.1))
     hear(listener, JointState, "numbers", lambda message: None, asked)
     listener.create_publisher(JointState, "numbers", QoSProfile(depth=1))
-    executor, deadline, said = SingleThreadedExecutor(), time.monotonic() + 20, ""
+    executor, deadline, said = Executor(), time.monotonic() + 20, ""
     executor.add_node(listener)
     while "not heard" not in said and time.monotonic() < deadline:
-        executor.spin_once(timeout_sec=0.1)
+        time.sleep(0.1)
+        executor.run_ready()
         said += capfd.readouterr().err
     assert "/numbers" in said and "deadline" in said.lower()
