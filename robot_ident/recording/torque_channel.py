@@ -116,6 +116,7 @@ LARGEST_ORDER = 12
 _STRONG = 25.0  # (|c| / its noise)^2 of a line of the torque from which the ratio of two lines is told
 _LEAST_POINTS = 6
 _FREQUENCIES, _QUALITIES = np.log(30.0), np.log(50.0)  # how far poles may go from where a search begins
+_ROUGHLY = 1e-5  # relative change of the squared error at which one of several searches ends; the best goes on
 _LEAST_NOISE_GAIN = 0.1  # below, what leaks from other lines into the noise's spectrum counts
 _LEAST_GAIN = 1e-4  # below, an analyser reads its own noise
 
@@ -298,14 +299,15 @@ def identify_filter(response: FrequencyResponse, order: int | None = None) -> Id
     scores: dict[int, float] = {}
     for number in orders:
         shape = (2,) * (number // 2) + (1,) * (number % 2)
-        found = min((_fitted(response, start, shape) for start in _starts(number, cutoff, low)), key=lambda f: f.cost)
+        starts = _starts(number, cutoff, low)
+        found = min((_fitted(response, start, shape, _ROUGHLY) for start in starts), key=lambda f: f.cost)
         square = 2.0 * found.cost
         known = response.deviation is not None
         scores[number] = (square if known else rows * np.log(square / rows)) + len(found.x) * np.log(rows)
         if best is None or scores[number] < best[0]:
             best = (scores[number], found, shape)
     assert best is not None
-    return _described(response, best[1], best[2], rows, scores)
+    return _described(response, _fitted(response, best[1].x, best[2]), best[2], rows, scores)
 
 
 def _starts(order: int, cutoff: float, gain: float) -> list[Array]:
@@ -329,27 +331,41 @@ def _sections(x: Array, shape: Sequence[int]) -> tuple[Section, ...]:
     return tuple((float(w[k]), float(quality[k])) if k < len(quality) else (float(w[k]),) for k in range(count))
 
 
-def _fitted(response: FrequencyResponse, start: Array, shape: Sequence[int]) -> Any:
+def _fitted(response: FrequencyResponse, start: Array, shape: Sequence[int], tolerance: float = 1e-8) -> Any:
     from scipy.optimize import least_squares
 
     s = 1j * response.frequency
     scale = 1.0 if response.deviation is None else 1.0 / response.deviation
     phase = response.with_phase
 
+    def parts(of: Array) -> Array:
+        return np.concatenate([of.real * scale, (of.imag * scale)[phase]])
+
     def residual(x: Array) -> Array:
         h = np.full(len(s), np.exp(x[0]), dtype=complex)
         for section in _sections(x, shape):
             u = s / section[0]
             h = h / (1.0 + u / section[1] + u * u if len(section) == 2 else 1.0 + u)
-        ratio = response.value / h
-        told = np.log(np.abs(ratio)) * scale
-        turned = (np.angle(ratio) * scale)[phase]
-        return np.concatenate([told, turned])
+        return parts(np.log(response.value / h))
+
+    def slopes(x: Array) -> Array:
+        """Return the derivatives of the residual: of -ln h by the logarithms of gain, frequencies and qualities."""
+        out = np.empty((len(x), len(s)), dtype=complex)
+        out[0] = -1.0
+        for k, section in enumerate(_sections(x, shape)):
+            u = s / section[0]
+            if len(section) == 2:
+                below = 1.0 + u / section[1] + u * u
+                out[1 + k] = -(u / section[1] + 2.0 * u * u) / below
+                out[1 + len(shape) + k] = -u / section[1] / below
+            else:
+                out[1 + k] = -u / (1.0 + u)
+        return np.array([parts(one) for one in out]).T
 
     span = np.full(len(start), _QUALITIES)
     span[0], span[1 : 1 + len(shape)] = np.inf, _FREQUENCIES
     bounds = (start - span, start + span)
-    return least_squares(residual, start, bounds=bounds, method="trf", x_scale="jac", max_nfev=200)
+    return least_squares(residual, start, jac=slopes, bounds=bounds, ftol=tolerance, x_scale="jac", max_nfev=200)
 
 
 def _described(

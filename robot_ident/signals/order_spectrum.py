@@ -8,6 +8,7 @@ import numpy as np
 
 from robot_ident.signals.motion import Array
 
+_BLOCK = 40  # orders whose lines are turned into one another: for all others a product of two does
 _AT_ONCE = 2_000_000  # numbers
 _ABOUT = 9  # orders about one at which the highest line is looked for at first
 
@@ -15,19 +16,25 @@ _ABOUT = 9  # orders about one at which the highest line is looked for at first
 def order_gains(angle: Array, signal: Array, orders: Array) -> Array:
     """Return the fall [H] of the squared error of a signal [N] by one line over the angle [N] rad, order [H] by order.
 
-    The orders need not be even, nor the angle: each line is fitted by least squares (Lomb 1976).
+    The orders are even (one is enough), the angle need not be: each line is fitted by least squares (Lomb 1976). Its
+    normal equations have the sums of e^(i h angle) signal and of e^(2 i h angle).
     """
-    out = np.zeros(len(orders))
-    for part in np.array_split(np.arange(len(orders)), 1 + len(orders) * len(angle) // _AT_ONCE):
-        turned = np.outer(angle, orders[part])
-        c, s = np.cos(turned), np.sin(turned)
-        cc, ss, cs = np.sum(c * c, axis=0), np.sum(s * s, axis=0), np.sum(c * s, axis=0)
-        c, s = signal @ c, signal @ s
-        determinant = cc * ss - cs**2
-        seen = determinant > 1e-6 * cc * ss
-        gain = (ss * c**2 - 2.0 * cs * c * s + cc * s**2) / np.where(seen, determinant, 1.0)
-        out[part] = np.where(seen, gain, 0.0)
-    return out
+    count = len(orders)
+    step = (orders[-1] - orders[0]) / (count - 1) if count > 1 else 0.0
+    block = max(1, min(_BLOCK, count, _AT_ONCE // len(angle)))
+    turned = np.exp(1j * np.outer(angle, step * np.arange(block)))
+    told, twice = np.empty((2, count), dtype=complex)
+    square = turned**2
+    for at in range(0, count, block):
+        first, size = np.exp(1j * orders[at] * angle), min(block, count - at)
+        told[at : at + size] = (first * signal) @ turned[:, :size]
+        twice[at : at + size] = first**2 @ square[:, :size]
+    cc, ss, cs = (len(angle) + twice.real) / 2.0, (len(angle) - twice.real) / 2.0, twice.imag / 2.0
+    c, s = told.real, told.imag
+    determinant = cc * ss - cs**2
+    seen = determinant > 1e-6 * cc * ss
+    gain = (ss * c**2 - 2.0 * cs * c * s + cc * s**2) / np.where(seen, determinant, 1.0)
+    return np.where(seen, gain, 0.0)
 
 
 def order_near(angle: Array, signal: Array, order: float, apart: float) -> float:
