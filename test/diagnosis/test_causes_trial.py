@@ -5,6 +5,7 @@ from __future__ import annotations
 import json
 from collections.abc import Callable
 from dataclasses import replace
+from pathlib import Path
 
 import numpy as np
 import pytest
@@ -102,15 +103,14 @@ def test_a_summary_counts_joint_by_joint() -> None:
     assert data["troubles"] == {"2": "no", "5": "no"}
 
 
-def test_a_trial_prints_what_it_counts(verb: Verb) -> None:
+def test_a_trial_prints_what_it_counts(verb: Verb, tmp_path: Path) -> None:
     words = ["trial", "--family", "real", "--kind", "effects", "--workers", "1", "--seeds", "5001:5002"]
-    code, out, _ = verb(*words, "--json")
+    file = tmp_path / "cases.jsonl"
+    code, out, _ = verb(*words, "--cases-file", file)
     assert code == 0
-    (case,) = json.loads(out)["cases"]
+    case = json.loads(file.read_text().splitlines()[-1])
     assert CausesOutcome.of_dict(case).seed == 5001
     assert case["before"] != [0.0, 0.0, 0.0]
-    code, out, _ = verb(*words)
-    assert code == 0
     assert "joints without a cause that get a name" in out
     code, _, err = verb("trial", "--family", "real", "--kind", "base", "--kind", "effects")
     assert code == 2

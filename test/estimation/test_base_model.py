@@ -163,7 +163,7 @@ def test_averages_are_not_taken_for_the_lesser_noise_of_their_columns(kuka: Robo
 def test_scales_are_found_within_their_sigma_and_none_where_all_report_alike(robot: Robot) -> None:
     scale = np.array([1.0, 1.3, 0.8, 1.2, 0.9, 1.1])
     normalised = []
-    for seed in range(4, 10):
+    for seed in range(4, 8):
         model = identify([recorded(robot, seed, scale=scale)], robot, as_declared=True)
         for p, value, std in zip(model.parameters, model.values, model.std, strict=True):
             if p.effect == "torque_scale":
@@ -171,6 +171,7 @@ def test_scales_are_found_within_their_sigma_and_none_where_all_report_alike(rob
                 normalised.append((value - true) / std)
         assert model.base is not None and len(normalised) == 5 * (seed - 3)
         assert any("torque scale" in note for note in model.notes)
+    for seed in (4, 5):
         alike = identify([recorded(robot, seed)], robot)
         assert not any(p.effect == "torque_scale" for p in alike.parameters)
     assert 0.5 < np.sqrt(np.mean(np.square(normalised))) < 1.8
@@ -317,7 +318,7 @@ def test_predictions_are_differentiated_as_the_noise_of_the_recording_asks(robot
 def test_averages_are_not_given_up_for_what_the_model_lacks() -> None:
     """Without them the noise is unknown, and nothing tells that friction grows with the load."""
     robot = replace(load_robot(), base="prediction")
-    for seed in range(1, 6):
+    for seed in (1, 2):
         recordings = []
         for k in (0, 1):
             a, b = 0.2 * np.random.default_rng(100 * seed + k).normal(size=(2, 3, 5))
