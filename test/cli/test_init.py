@@ -170,13 +170,12 @@ def test_a_bag_that_contradicts_the_drafted_effort_is_told(run: Run, arm: Any, t
 def test_lines_edited_by_hand(run: Run, robots_folder: Path, tmp_path: Path, file: str, axes: int, edited: int) -> None:
     """Nothing but limits is left to fill in; the Kinova's endless joints have none for their position."""
     out = tmp_path / "robot.yaml"
-    data = run("init", "--urdf", str(robots_folder / file), "--acceleration", "5", "-o", str(out), "--json").json
+    words = ("init", "--urdf", robots_folder / file, "--acceleration", 5, "--mount", "wall", "-o", out, "--json")
+    data = run(*words).json
     assert len(data["moving"]) == axes
     assert len(data["missing"]) == edited
     assert all("limit" in what for what in data["missing"])
-    for mount, gravity in (("wall", [-9.81, 0, 0]), ("ceiling", [0, 0, 9.81])):
-        run("init", "--urdf", str(robots_folder / file), "--mount", mount, "-o", str(out), "--force")
-        np.testing.assert_allclose(load_robot(out).rigid.model.gravity.linear, gravity)
+    np.testing.assert_allclose(load_robot(out).rigid.model.gravity.linear, [-9.81, 0, 0])
 
 
 PLANE = "- {kind: half_space, normal: [0, 0, 1], offset: "

@@ -4,6 +4,8 @@ from __future__ import annotations
 
 import time
 from collections.abc import Callable, Iterator
+from contextlib import contextmanager
+from functools import cache
 from pathlib import Path
 from typing import Any
 
@@ -29,9 +31,9 @@ def wait() -> Callable[..., None]:
     return until
 
 
-@pytest.fixture
-def opened(browser: Any) -> Iterator[Callable[..., Any]]:
-    """Return a function that opens a file with the network off and waits until all plots are drawn."""
+@contextmanager
+def offline(browser: Any) -> Iterator[Callable[..., Any]]:
+    """Give a function that opens a file with the network off and waits until all plots are drawn."""
     contexts, problems = [], []
 
     def note_request(request: Any) -> None:
@@ -53,6 +55,20 @@ def opened(browser: Any) -> Iterator[Callable[..., Any]]:
     for context in contexts:
         context.close()
     assert not problems
+
+
+@pytest.fixture
+def opened(browser: Any) -> Iterator[Callable[..., Any]]:
+    """Return a function that opens a file, for one test."""
+    with offline(browser) as open_page:
+        yield open_page
+
+
+@pytest.fixture(scope="module")
+def open_once(browser: Any) -> Iterator[Callable[[Path], Any]]:
+    """Return a function that opens a file, light and wide; the tests of a module look at the same page in turn."""
+    with offline(browser) as open_page:
+        yield cache(open_page)
 
 
 @pytest.fixture(scope="session")

@@ -33,9 +33,8 @@ def evil() -> Section:
     return Section(EVIL, "one_plot.html.j2", {"figure": Plot(figure, EVIL, EVIL)})
 
 
-def test_everything_opens_with_the_network_off(opened: Open, design_page: Path) -> None:
-    for width, shade in ((1400, "light"), (800, "dark")):
-        page = opened(design_page, width, shade)
+def test_everything_opens_with_the_network_off(opened: Open, open_once: Open, design_page: Path) -> None:
+    for page in (open_once(design_page), opened(design_page, 800, "dark")):
         plots = page.locator(".plot")
         assert plots.count() == 4
         for k in range(4):
@@ -55,8 +54,8 @@ def test_the_button_turns_page_and_plots(opened: Open, wait: Wait, design_page: 
     assert dark == ["rgb(21, 24, 28)", "#dfe3e8"]
 
 
-def test_zoom_and_legend_work(opened: Open, wait: Wait, design_page: Path) -> None:
-    page = opened(design_page)
+def test_zoom_and_legend_work(open_once: Open, wait: Wait, design_page: Path) -> None:
+    page = open_once(design_page)
     before = page.evaluate("document.querySelector('.plot').layout.xaxis.range.slice()")
     drag = page.locator(".plot").first.locator("rect.nsewdrag").first.bounding_box()
     page.mouse.move(drag["x"] + 100, drag["y"] + 40)

@@ -40,9 +40,11 @@ def rows_of(page: Any, anchor: str, table: int = 0) -> list[list[str]]:
     return [rows.nth(k).locator("td").all_inner_texts() for k in range(rows.count())]
 
 
-@pytest.mark.parametrize(("width", "shade"), [(1400, "light"), (800, "dark")])
-def test_every_plot_is_drawn_and_told(opened: Callable[..., Any], report: Path, width: int, shade: str) -> None:
-    page = opened(report, width, shade)
+@pytest.mark.parametrize("look", ["wide and light", "narrow and dark"])
+def test_every_plot_is_drawn_and_told(
+    opened: Callable[..., Any], open_once: Callable[[Path], Any], report: Path, look: str
+) -> None:
+    page = open_once(report) if look == "wide and light" else opened(report, 800, "dark")
     assert page.locator("h2").all_inner_texts() == SECTIONS
     plots = page.locator(".plot")
     assert plots.count() == 9
@@ -59,9 +61,9 @@ def test_every_plot_is_drawn_and_told(opened: Callable[..., Any], report: Path, 
 
 
 def test_a_reader_reads_zooms_and_hides(
-    opened: Callable[..., Any], wait: Callable[..., None], report: Path, findings: Findings
+    open_once: Callable[[Path], Any], wait: Callable[..., None], report: Path, findings: Findings
 ) -> None:
-    page = opened(report)
+    page = open_once(report)
     _verdict_is_that_of_the_core(page, findings)
     words = page.locator("#where-it-fails").inner_text()
     assert "model_1: joint_2" in words

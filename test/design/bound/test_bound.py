@@ -149,10 +149,19 @@ def test_multipliers_price_states_as_rows_do(gantry: Robot) -> None:
     assert found == pytest.approx(rows @ equal + more @ unequal, abs=1e-9)
 
 
-def test_what_restricts_the_motion_tightens_the_bound(tmp_path: Path) -> None:
-    robot = slider(tmp_path, half=0.4, acceleration=2.0)
-    target = Target.of_robot(robot)
-    wide = determinant_bound(target, family_of(0.25, 100.0, 5))
+@pytest.fixture(scope="module")
+def short_slide(tmp_path_factory: pytest.TempPathFactory) -> Robot:
+    return slider(tmp_path_factory.mktemp("short"), half=0.4, acceleration=2.0)
+
+
+@pytest.fixture(scope="module")
+def wide(short_slide: Robot) -> Bound:
+    """Return the bound of one motion of five harmonics on the short slide."""
+    return determinant_bound(Target.of_robot(short_slide), family_of(0.25, 100.0, 5))
+
+
+def test_what_restricts_the_motion_tightens_the_bound(short_slide: Robot, wide: Bound) -> None:
+    robot, target = short_slide, Target.of_robot(short_slide)
     fewer = determinant_bound(target, family_of(0.25, 100.0, 2))
     limits = replace(robot.limits, velocity=robot.limits.velocity * 0.6)
     slow = replace(robot, limits=limits)
@@ -163,10 +172,10 @@ def test_what_restricts_the_motion_tightens_the_bound(tmp_path: Path) -> None:
         assert bound.relaxed - bound.log10_det_covariance < 3 * np.log10(1.03) + 1e-9, "the dual gap closes"
 
 
-def test_more_motions_and_what_is_known_already(tmp_path: Path) -> None:
-    target = Target.of_robot(slider(tmp_path, half=0.4, acceleration=2.0))
+def test_more_motions_and_what_is_known_already(short_slide: Robot, wide: Bound) -> None:
+    target = Target.of_robot(short_slide)
     family, p = family_of(0.25, 100.0, 5), len(target.structure.names)
-    one, four = (determinant_bound(target, family, trajectories=k) for k in (1, 4))
+    one, four = wide, determinant_bound(target, family, trajectories=4)
     slack = 2 * p * np.log10(1.03)
     assert four.log10_det_covariance == pytest.approx(one.log10_det_covariance - p * np.log10(4.0), abs=slack)
     series = FourierSeries(0.25, np.zeros(1), np.array([[0.1, 0.05, 0.1]]), np.array([[0.0, 0.1, 0.02]]))
