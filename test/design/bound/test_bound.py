@@ -61,8 +61,8 @@ def test_a_mass_on_a_slide_in_closed_form(tmp_path: Path) -> None:
 
 
 def test_wirtinger_bounds_how_far_a_motion_spreads(tmp_path: Path) -> None:
-    """det E[(1, q)' (1, q)] = Var q. States at rest at both ends of the slide would spread by 9 m^2, but no motion."""
-    family, robot = family_of(0.05, 10.0, 4), slider(tmp_path, half=3.0)
+    """det E[(1, q)' (1, q)] = Var q. States at rest at both ends of the slide would spread by 4 m^2, but no motion."""
+    family, robot = family_of(0.05, 10.0, 4), slider(tmp_path, half=2.0)
     proof = best(robot, family, lambda q, dq, ddq: [ca.SX(1), q], 0.05)
     w, top = 2 * np.pi * 0.05, 0.5
     assert (top / w) ** 2 / 2 < np.exp(proof.upper) < 1.06 * (top / w) ** 2, "a sinusoid below, E[dq^2] <= V^2 above"
