@@ -79,7 +79,7 @@ def test_the_first_page(run: Run, arm: Any, checkout: Path, tmp_path: Path, monk
     shutil.copy(checkout / "config/robots/kuka_ir361.urdf", "my_arm.urdf")
     for number in (1, 2, 3):
         motion(Path(f"motion_{number}.yaml"), arm.robot, number)
-        hidden = ["--effect", "stribeck@joint_2:20", "--seed", number, "-o", f"run_{number}"]
+        hidden = ["--effect", "stribeck@joint_2:20", "--periods", 8, "--seed", number, "-o", f"run_{number}"]
         assert run("simulate", f"motion_{number}.yaml", *hidden).code == 0
     walk = Walk(run, checkout, {}, lambda path, seed: motion(path, arm.robot, seed))
     walk.page("README.md")
