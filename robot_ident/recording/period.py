@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from dataclasses import dataclass
+from hashlib import sha256
 
 import numpy as np
 from numpy.typing import NDArray
@@ -21,6 +22,7 @@ _REST = 0.1  # of its top speed: a joint slower than this is nearly at rest
 AT_REST = 1e-3  # rad or m: a joint that strays less stands still
 _LITTLE = 0.01  # rad or m: a joint that strays less may be held
 _ROUGH = 0.03  # of what a joint strays: with more noise from sample to sample it can't repeat to `_REPEATS`
+_KEPT = 64  # periods that are known by the content of their positions: a recording is processed many times
 _SMOOTH = 0.04  # share of a period over which the mismatch of successive periods is averaged
 
 
@@ -39,8 +41,23 @@ def find_period(q: Array, dt: float) -> float | None:
     The median over time of the squared difference at a lag is blind to transients: its dips on a coarse grid are
     candidates, sharpened on the full one; the shortest that repeats as well as the best is the period. Of it, the
     smallest multiple counts after which the joints that hardly move are where they were, too. A long recording is
-    searched from its first motion on as far as it takes to find a lag at which all of it repeats.
+    searched from its first motion on as far as it takes to find a lag at which all of it repeats. The same positions
+    are searched once.
     """
+    key = (q.shape, q.dtype.str, dt, sha256(np.ascontiguousarray(q)).digest())
+    found = _known.get(key)
+    if found is None:
+        found = (_find_period(q, dt),)
+        if len(_known) >= _KEPT:
+            _known.clear()
+        _known[key] = found
+    return found[0]
+
+
+_known: dict[object, tuple[float | None]] = {}
+
+
+def _find_period(q: Array, dt: float) -> float | None:
     moving = _moving(q)
     lag = _shortest_of(q, moving)
     if lag is None:
