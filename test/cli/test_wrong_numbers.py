@@ -47,8 +47,9 @@ def base(golden: Path) -> Arrays:
 @pytest.fixture(scope="module")
 def verdict(golden: Path, fitted: Callable[..., Path]) -> str:
     """Return what a diagnosis says first of a sound recording."""
+    model = fitted("kuka_1")
     with redirect_stdout(StringIO()) as out:
-        assert main(["diagnose", str(fitted("kuka_1")), str(golden / "kuka_1.npz")]) == 0
+        assert main(["diagnose", str(model), str(golden / "kuka_1.npz")]) == 0
     return out.getvalue().splitlines()[0]
 
 
@@ -221,5 +222,7 @@ def test_positions_that_leap_and_come_back_are_left_out(
     plain = read_model(model)
     for one, parameter, value in zip(told["parameters"], plain.parameters, plain.values, strict=True):
         assert one["name"] == parameter.name and abs(one["value"] - value) < one["std"]
-    assert run("diagnose", model, bad).out.splitlines()[0] == verdict
+    found = run("diagnose", model, bad)
+    assert found.code == 0, found.err
+    assert found.out.splitlines()[0] == verdict
     assert "leap by up to" in run("info", bad).err
