@@ -8,7 +8,6 @@ smaller residual of the positions about a smooth motion: r on the even clock, r 
 from __future__ import annotations
 
 from dataclasses import dataclass
-from hashlib import sha256
 from typing import Any
 
 import numpy as np
@@ -24,7 +23,6 @@ _SPARSE = 20.0  # places of the grid for each sample, above which the stamps mak
 _GAP = 10.0  # times its length: no recording has a longer hole
 _TELLS = 25.0  # (dq e)^2 over the positions' noise, summed: below, noise hides which clock is right
 _NEAR, _FAR = 9, 51  # samples of which most must be shifted for samples to be lost: few, where many are, and many
-_KEPT, _MANY = 8, 200_000  # grids that are known by their stamps, and the samples from which on none is
 _ROUGHNESS = 9  # samples of the local cubic fit that tells roughness from motion
 
 
@@ -155,24 +153,7 @@ def _grid(t: Array) -> tuple[np.ndarray, float, float]:
     """Return (index [N], start, dt) of the even grid nearest to the stamps, gaps allowed.
 
     A first guess of dt that is off slips whole samples; of several guesses the grid with the least jitter is kept.
-    That of the same stamps is found once, unless they are many.
     """
-    key = (t.dtype.str, sha256(np.ascontiguousarray(t)).digest())
-    found = _grids.get(key)
-    if found is None:
-        found = _find_grid(t)
-        found[0].setflags(write=False)
-        if len(_grids) >= _KEPT:
-            _grids.clear()
-        if len(t) <= _MANY:
-            _grids[key] = found
-    return found
-
-
-_grids: dict[object, tuple[np.ndarray, float, float]] = {}
-
-
-def _find_grid(t: Array) -> tuple[np.ndarray, float, float]:
     steps = np.diff(t)
     median = float(np.median(steps))
     mean = float(steps[steps < 1.5 * median].mean())  # jitter cancels in it, lost samples aren't in it
