@@ -14,8 +14,7 @@ from robot_ident.robot.robot import Robot
 FAMILIES: dict[str, frozenset[str]] = {
     name: frozenset(members.split())
     for name, members in {
-        "static in q": "cable gravity_spring base_tilt end_stop position_curve torque_offset encoder_eccentricity"
-        " torque_ripple",
+        "static in q": "cable gravity_spring base_tilt end_stop torque_offset encoder_eccentricity torque_ripple",
         "friction over speed": "viscous coulomb stribeck viscous_nonlinear viscous_asymmetric temperature_drift",
         "around reversals": "presliding friction_behind_play time_delay backlash stribeck joint_elasticity",
         "over the load": "load_friction torque_saturation joint_elasticity",

@@ -23,7 +23,6 @@ from robot_ident.effects.link_length import LinkLength
 from robot_ident.effects.load_friction import LoadFriction
 from robot_ident.effects.mirrored_joint import MirroredJoint
 from robot_ident.effects.payload import Payload
-from robot_ident.effects.position_curve import PositionCurve
 from robot_ident.effects.position_friction import PositionFriction
 from robot_ident.effects.presliding import Presliding
 from robot_ident.effects.rotor_inertia import RotorInertia
@@ -73,7 +72,6 @@ _ALL: tuple[type[Effect], ...] = (
     WristCoupling,
     TemperatureDrift,
     EndStop,
-    PositionCurve,
     EffortGain,
     TorqueScale,
     EffortFilter,

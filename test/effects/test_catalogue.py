@@ -26,8 +26,7 @@ ISSUED = """viscous coulomb torque_offset viscous_asymmetric stribeck viscous_no
 friction_behind_play
 position_friction torque_ripple
 torque_ripple_2 torque_ripple_3 backlash joint_elasticity cable gravity_spring base_tilt torque_saturation time_delay
-encoder_eccentricity rotor_inertia payload joint_coupling temperature_drift end_stop position_curve
-wrist_coupling
+encoder_eccentricity rotor_inertia payload joint_coupling temperature_drift end_stop wrist_coupling
 effort_gain torque_scale effort_filter link_length stamp_jitter mirrored_joint exchanged_joints"""
 
 

@@ -6,7 +6,6 @@ from math import cos, exp, sin, tanh
 
 import numpy as np
 import pytest
-from numpy.polynomial.legendre import legval
 
 from robot_ident.effects import Torques, make_effect
 from robot_ident.robot import load_robot
@@ -40,12 +39,6 @@ LOAD, TOTAL = -80.0, 120.0
         ("end_stop@joint_2", {"side": -1.0, "start": 0.9}, [-0.2]),
         ("end_stop@joint_2", {"side": -1.0, "start": 0.5}, [0.0]),
         ("end_stop@joint_2", {"side": 0.0, "start": -0.5}, [0.2]),
-        (
-            "position_curve@joint_2",
-            {"low": -1.0, "high": 1.0},
-            [legval(Q, one) for one in np.eye(6)],
-        ),
-        ("position_curve@joint_2", {"low": -1.0, "high": 0.5}, [1.0] * 6),
         ("gravity_spring@joint_2", {"ratio": 0.2}, [5.0 * sin(Q) * (1.0 - (1.04 - 0.4 * cos(Q)) ** -0.5)]),
     ],
 )

@@ -193,9 +193,7 @@ def _worst(evidence: Evidence) -> int:
 def _others(found: Selection, unsure: Selected, validation: Sequence[Measurement]) -> tuple[Finding, ...]:
     """Return what may be missing, and the effects that explain most of the model's error by themselves."""
     known = {h.label for h in (*found.selected, *found.vague)}
-    taken = {j for h in found.selected for j in h.joints}
     alone = [h for gain, h in found.search.ranked(()) if gain > 0.0 and h.label not in known]
-    alone = [h for h in alone if not (h.effect.any_law and h.effect.joint in taken)]
     listed = [(h, found.selected) for h in (*unsure, *found.vague)] + [(h, ()) for h in alone[:_LISTED]]
     return tuple(_finding(found, h, validation, beside) for h, beside in listed)
 

@@ -20,8 +20,7 @@ class Election:
     shares: what a set of several effects on a joint wins counts for one of fewer that predicts as well but for what its
     formulas may err; alternatives: every set's own share. alike: sets with other effects in the place of some of the
     winner's, which predict as well as these but for what their formulas may err, since real causes are no nearer to a
-    formula; by the winner's labels, those in their place. Neither has a curve of any law that the winner has not.
-    joints: whose torque an effect makes, by its label.
+    formula; by the winner's labels, those in their place. joints: whose torque an effect makes, by its label.
     """
 
     winner: Selected
@@ -78,10 +77,9 @@ def elect(search: Search, selected: Selected, seed: int = 0) -> Election:
     best = next((key for key in sorted(ahead, key=lambda key: -shares[key]) if _tenable(search, sets[key])), None)
     winner = selected if best is None else sets[best]
     winner = _with_usual_causes(search, winner, sets)
-    told = {key: one for key, one in sets.items() if not any(h.effect.any_law and h not in winner for h in one)}
+    alike = _all_alike(search, winner, sets)
     joints = {h.label: frozenset(h.joints) for one in sets.values() for h in one}
-    own = {key: share for key, share in own.items() if key in told}
-    return Election(winner, shares, own, _all_alike(search, winner, told), joints)
+    return Election(winner, shares, own, alike, joints)
 
 
 def _all_alike(
