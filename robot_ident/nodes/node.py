@@ -111,7 +111,7 @@ class Executor(SingleThreadedExecutor):
     """
 
     def run_ready(self) -> None:
-        """Run all that is ready, and wait for nothing."""
+        """Run all that is ready once, and wait for nothing: without time, a pass over everything ends by a timeout."""
         while True:
             try:
                 work, _, _ = self.wait_for_ready_callbacks(timeout_sec=0.0)

@@ -62,10 +62,12 @@ class Hearing:
         )
 
     def _take_all(self) -> bool:
+        """Hand on all messages that wait; return whether there were any."""
+        if self._take is None:
+            return False
         took = False
         for message, info in self.waiting():
-            if self._take is not None:
-                self._take(message, info)
+            self._take(message, info)
             took = True
         return took
 
@@ -79,8 +81,7 @@ class Hearing:
             self._node.get_logger().warning(told)
             return
         setattr(profile, policy, least)
-        if self._take is not None:
-            self._take_all()
+        self._take_all()
         old, self._subscription = self._subscription, self._subscribe(profile)
         self._node.destroy_subscription(old)
         self._node.get_logger().info(
@@ -90,10 +91,9 @@ class Hearing:
     def waiting(self, until_ns: int | None = None) -> Iterator[tuple[Any, dict[str, Any]]]:
         """Yield the messages that wait, with what the middleware tells of each, until somebody ends this.
 
-        No more than `_AT_ONCE`; with until_ns: all, up to the first that was received after that time.
+        No more than `AT_ONCE`; with until_ns: all, up to the first that was received after that time.
         """
-        subscription = self._subscription
-        for taken, found in enumerate(waiting(subscription)):
+        for taken, found in enumerate(waiting(self._subscription)):
             yield found
             if until_ns is None:
                 if taken + 1 == AT_ONCE:

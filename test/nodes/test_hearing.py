@@ -137,3 +137,38 @@ def test_what_can_not_be_heard_is_told(listener: Listener, capfd: pytest.Capture
         executor.run_ready()
         said += capfd.readouterr().err
     assert "/numbers" in said and "deadline" in said.lower()
+
+
+class Awaited:
+    """Awaits until it is let go, and counts how often it was looked at."""
+
+    def __init__(self) -> None:
+        self.looks, self.let_go = 0, False
+
+    def __await__(self) -> Iterator[None]:
+        while not self.let_go:
+            self.looks += 1
+            assert self.looks < 100, "whoever awaits keeps the executor to itself"
+            yield
+
+
+def test_messages_have_their_turn_while_something_is_awaited(listener: Listener) -> None:
+    """A publisher that comes to rest before it is inactive hears clock and joint states on its way."""
+    awaited, taken = Awaited(), []
+    hear(listener, JointState, "numbers", taken.append, reliable(COUNT))
+
+    async def rest() -> str:
+        await awaited
+        return "at rest"
+
+    executor = Executor()
+    executor.add_node(listener)
+    task = executor.create_task(rest)
+    for look in (1, 2):
+        executor.run_ready()
+        assert awaited.looks == look and not task.done()
+    send(listener)
+    assert listener.take_messages() and len(taken) == COUNT
+    awaited.let_go = True
+    executor.run_ready()
+    assert task.done() and task.result() == "at rest"
