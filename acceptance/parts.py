@@ -29,7 +29,7 @@ MINUTES = {
     "soak": 60,
     "fuzz": 30,
     "demo": 90,
-    "paper": 4,
+    "paper": 2,
 }
 """On two cores that nothing else uses."""
 
