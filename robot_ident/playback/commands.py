@@ -26,17 +26,24 @@ class Command:
 class CommandBuffer:
     """Hands out each command `delay` seconds after its stamp, whatever its way took, in the order of the stamps.
 
-    A missing stamp, or one of another clock, is replaced by the receive time. One thread fills it, another empties it.
+    A missing stamp, or one of another clock, is replaced by the receive time: one far from it that does not follow on
+    the stamps of this clock, as those of commands do that waited while nobody took them. One thread fills it, another
+    empties it.
     """
 
     def __init__(self, delay: float) -> None:
         """Hold commands back for `delay` [s]."""
         self.delay_ns = round(delay * 1e9)
         self._commands: deque[Command] = deque()
+        self._own_ns: int | None = None  # the newest stamp of this clock
 
     def put(self, stamp_ns: int, received_ns: int, q: Array, dq: Array) -> None:
         """Take in a command; one that is older than its predecessor is left out."""
-        t = stamp_ns if abs(stamp_ns - received_ns) < _FOREIGN_NS else received_ns
+        waited = self._own_ns is not None and self._own_ns < stamp_ns < received_ns
+        own = waited or abs(stamp_ns - received_ns) < _FOREIGN_NS
+        if own:
+            self._own_ns = stamp_ns
+        t = stamp_ns if own else received_ns
         if not self._commands or t > self._commands[-1].t_ns:
             self._commands.append(Command(t, q, dq))
 
@@ -48,7 +55,9 @@ class CommandBuffer:
         return out
 
     def shift(self, by_ns: int) -> None:
-        """Let the stamps of what waits go along with a clock that has jumped by so much [ns]."""
+        """Let the stamps go along with a clock that has jumped by so much [ns]."""
+        if self._own_ns is not None:
+            self._own_ns += by_ns
         for k in range(len(self._commands)):  # those that come meanwhile are of the new time
             self._commands[k] = replace(self._commands[k], t_ns=self._commands[k].t_ns + by_ns)
 

@@ -99,6 +99,7 @@ class Ticker:
         self._ended = threading.Event()
         self._thread = threading.Thread(target=self._run, name="ticker", daemon=True)
         self._timing = Timing()
+        self._due = 0.0
         self._woke = -float("inf")  # real time at which this process went on after standing still
         self._seen = 0.0, 0.0  # the foreign clock and the machine's, when they were last looked at
 
@@ -106,6 +107,11 @@ class Ticker:
     def timing(self) -> Timing:
         """How well the grid was kept so far."""
         return self._timing
+
+    @property
+    def due(self) -> float:
+        """The instant at which the present tick was due [s], by the ticker's clock."""
+        return self._due
 
     @property
     def running(self) -> bool:
@@ -158,6 +164,7 @@ class Ticker:
                 missed += overdue
                 number += overdue
             worst = max(worst, late)
+            self._due = start + number * self.interval
             self._tick(number)
             number += 1
             ticks += 1

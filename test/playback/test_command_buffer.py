@@ -30,6 +30,17 @@ def test_a_stamp_of_another_clock_is_replaced() -> None:
     assert buffer.due(300 * S) == []
 
 
+def test_commands_that_nobody_took_keep_their_stamps() -> None:
+    """A robot that stood still for 3 s is not sent where it was to be then: the stamps are of its own clock."""
+    buffer = CommandBuffer(0.2)
+    buffer.put(100 * S, 100 * S, Q, Q)
+    for k in range(1, 31):
+        buffer.put(100 * S + k * S // 10, 103 * S, Q + k, Q)
+    assert [c.t_ns for c in buffer.due(103 * S)] == [100 * S + k * S // 10 for k in range(29)]
+    buffer.put(50 * S, 104 * S, Q, Q)
+    assert [c.t_ns for c in buffer.due(110 * S)][-1] == 104 * S, "another sender's clock, long behind"
+
+
 def test_what_waits_goes_along_with_a_clock_that_jumps() -> None:
     buffer = CommandBuffer(0.1)
     for k in range(3):

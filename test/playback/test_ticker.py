@@ -136,6 +136,25 @@ def test_a_stall_moves_the_grid_and_is_told() -> None:
     assert 6 in numbers, "the tick after the stall is the next one, not one of the past or of the future"
 
 
+def test_ticks_are_due_on_the_grid_that_a_stall_has_moved() -> None:
+    """What the report of a stall takes, or a clock that goes on meanwhile, is made up for: it moves nothing again."""
+    due: list[tuple[int, float]] = []
+    done = threading.Event()
+
+    def tick(number: int) -> None:
+        due.append((number, ticker.due))
+        if number == 5:
+            time.sleep(0.5)
+        if number == 40:
+            done.set()
+
+    ticker = Ticker(100.0, tick, late="catch_up", stall=0.3, on_stall=lambda _: time.sleep(0.15))
+    run(ticker, done)
+    after = [instant - 0.01 * number for number, instant in due if number > 5]
+    assert max(after) - min(after) < 1e-6
+    assert due[6][1] - due[5][1] > 0.3
+
+
 def test_a_jump_of_a_foreign_clock_is_told() -> None:
     offset = [0.0]
     stalls: list[Stall] = []
