@@ -8,12 +8,13 @@ from typing import Any
 
 import numpy as np
 
-from robot_ident.effects.effect import Coefficient, Effect, Inner, Mathematics, Signals
+from robot_ident.effects.effect import Coefficient, Effect, Inner, Mathematics, Signals, Torques
 from robot_ident.robot.robot import Robot
-from robot_ident.signals.motion import Motion
+from robot_ident.signals.motion import Array, Motion
 
 _UPPER, _LOWER, _BOTH = 1.0, -1.0, 0.0
 _INSETS = (0.04, 0.08, 0.13, 0.2, 0.27)  # of the range, from its end: further in nobody builds a stop
+_DEEPEST = 0.4  # of the range from its end: what begins in the middle is a curve over position, not a stop
 
 
 class EndStop(Effect):
@@ -60,6 +61,13 @@ class EndStop(Effect):
         below = [(_LOWER, lower + inset * span) for inset in _INSETS]
         both = [(_BOTH, self.middle + (1 - 2 * inset) * reach) for inset in _INSETS] if reach > 0 else []
         return [{"side": side, "start": start} for side, start in (*above, *below, *both)]
+
+    def contradicts_itself(self, values: Array, along: Sequence[tuple[Motion, Torques]]) -> bool:
+        """Return whether it would begin about the middle of the joint's range."""
+        lower, upper = self._limits()
+        start, side = self.setting["start"], self.setting["side"]
+        room = {_UPPER: upper - start, _LOWER: start - lower}.get(side, upper - self.middle - abs(start - self.middle))
+        return bool(room > _DEEPEST * (upper - lower))
 
     def full_terms(self, x: Signals, m: Mathematics) -> Sequence[dict[int, Any]]:
         """Return the stretch beyond the start, with its sign."""

@@ -13,6 +13,7 @@ from robot_ident.signals.oscillator import driven
 
 _LEAST = 1e-4  # of the mean inertia about the joint, below which the model's is none
 
+_SMALL = 0.1  # rad or m that a gear gives way at most: the formula is of first order, and no gear yields 6 degrees
 _RINGS = 0.4  # of the inertia about the joint that a gear lets ring at least: all of it, less what ringing blurs
 
 
@@ -60,9 +61,11 @@ class JointElasticity(Effect):
         return -1e-6 * change[:, :, None]
 
     def contradicts_itself(self, values: Array, along: Sequence[tuple[Motion, Torques]]) -> bool:
-        """Return whether far less than the inertia behind the gear rings, M (2 pi f)^2 / k: a mass that swings on the
-        arm, or the base on its feet.
+        """Return whether the link would stand off by more than a first-order formula holds for, or far less than the
+        inertia behind the gear rings, M (2 pi f)^2 / k: a mass that swings on the arm, or the base on its feet.
         """
+        if 1e-6 * values[0] * max(np.abs(torques.load[:, self.joint]).max() for _, torques in along) > _SMALL:
+            return True
         known = [torques.rigid for _, torques in along if torques.rigid is not None]
         inertia = np.mean([rigid.by_joint(self.joint)[2][:, self.joint].mean() for rigid in known])
         return bool(1e-6 * values[0] * inertia * (2.0 * np.pi * self.setting["resonance"]) ** 2 < _RINGS)

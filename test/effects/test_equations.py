@@ -49,3 +49,12 @@ def test_column_is_the_equation(label: str, setting: dict[str, float], expected:
     columns = make_effect(label, robot, setting).columns(motion, torques)
     np.testing.assert_allclose(columns[0, 1], expected, rtol=1e-9, atol=1e-12)
     assert not np.any(columns[0, [0, 2]])
+
+
+@pytest.mark.parametrize(
+    ("side", "start", "impossible"), [(1, 0.1, True), (1, 0.9, False), (-1, -0.9, False), (0, 0.2, True)]
+)
+def test_a_stop_does_not_begin_in_the_middle_of_a_range(side: float, start: float, impossible: bool) -> None:
+    """joint_2 turns from -1.2 to 1.2 rad; what begins at its middle is a curve over position."""
+    stop = make_effect("end_stop@joint_2", load_robot("kuka_ir361")).at({"side": side, "start": start})
+    assert stop.contradicts_itself(np.array([100.0]), ()) == impossible
