@@ -66,7 +66,8 @@ def _as_fitted(said: Diagnosis, measurements: Sequence[Measurement], structure: 
     standard deviations there is listed, not named.
     """
     while True:
-        effects = [one.effect for one in said.missing if not one.effect.measuring and not one.effect.trends]
+        selected = [one for one in said.missing if one.probability is not None]  # the means of periods show no drift
+        effects = [one.effect for one in selected if not one.effect.measuring]
         if not effects:
             return said
         try:
