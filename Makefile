@@ -112,7 +112,7 @@ test: $(TOOLS_STAMP) $(SOURCE_STAMP) $(LINT)
 	@log=$$(mktemp -d) && trap 'rm -rf "$$log"' EXIT && \
 	export ROS_LOG_DIR="$$log" ROBOT_IDENT_TEST_INSTALLED=1 && \
 	if [ -n "$(TEST_ARGS)" ]; then $(BIN)/pytest $(TEST_ARGS); else \
-	failed=0; $(BIN)/pytest -n auto --dist loadfile --no-loadscope-reorder --ignore=test/nodes || failed=$$?; \
+	failed=0; $(BIN)/pytest -n auto --dist loadfile --ignore=test/nodes || failed=$$?; \
 	$(BIN)/pytest test/nodes || failed=$$?; exit $$failed; fi
 endif
 

@@ -5,7 +5,6 @@ from __future__ import annotations
 import os
 import shutil
 import sys
-from collections import Counter
 from collections.abc import Callable, Iterator
 from dataclasses import dataclass
 from pathlib import Path
@@ -32,12 +31,6 @@ TESTED = Path(robot_ident.__file__).resolve().parent
 def pytest_configure() -> None:
     if os.environ.get("ROBOT_IDENT_TEST_INSTALLED") and TESTED.parent == CHECKOUT:
         raise pytest.UsageError(f"the installed package was to be tested, but {TESTED} came first on the path")
-
-
-def pytest_collection_modifyitems(items: list[pytest.Item]) -> None:
-    """Begin with the files of the fewest tests, which take the longest each: two workers then end together."""
-    tests = Counter(item.path for item in items)
-    items.sort(key=lambda item: tests[item.path])
 
 
 def pytest_report_header() -> str:
