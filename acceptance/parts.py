@@ -18,7 +18,7 @@ MINUTES = {
     "real": 3,
     "like_real": 25,
     "causes": 60,
-    "planted": 30,
+    "planted": 20,
     "measurement": 20,
     "robots": 20,
     "recorder": 4,

@@ -4,9 +4,7 @@ YAML declares them, on the topics that it names.
 
 from __future__ import annotations
 
-import time
 from collections import deque
-from collections.abc import Callable
 from functools import partial
 from typing import ClassVar
 
@@ -149,8 +147,6 @@ class SimulatedKuka(BaseNode):
             topic = f"{self.value('controller').rstrip('/')}/joint_trajectory"
             self._take_commands = poll(self, JointTrajectory, topic, self._on_trajectory, reliable(10))
         self.create_service(Trigger, "~/reset", self._on_reset)
-        simulated = self.get_parameter("use_sim_time").value
-        self._seconds: Callable[[], float] = (lambda: self.now_ns() * 1e-9) if simulated else time.monotonic
         self._ticker = Ticker(
             rate,
             self._tick,
@@ -158,7 +154,7 @@ class SimulatedKuka(BaseNode):
             stall=1.0,
             on_stall=self._on_stall,
             on_error=self.fail,
-            clock=self._seconds if simulated else None,
+            clock=(lambda: self.now_ns() * 1e-9) if self.get_parameter("use_sim_time").value else None,
             priority=self.tick_priority(),
         )
         self.get_logger().info(f"{robot.name} with {', '.join(self._plant.effects) or 'no effects'}")
@@ -188,8 +184,7 @@ class SimulatedKuka(BaseNode):
     def _tick(self, number: int) -> None:
         """Advance by one sample and report; in the ticker's thread."""
         if self._origin_ns is None:
-            late_ns = round((self._seconds() - self._ticker.due) * 1e9)
-            self._origin_ns = self.now_ns() - late_ns - round(number * self._interval_ns)
+            self._origin_ns = self.now_ns() - round(self._ticker.late * 1e9 + number * self._interval_ns)
         stamp = self._origin_ns + round(number * self._interval_ns)
         self._take_commands()  # what came before a reset goes with it
         if self._resets:

@@ -109,9 +109,9 @@ class Ticker:
         return self._timing
 
     @property
-    def due(self) -> float:
-        """The instant at which the present tick was due [s], by the ticker's clock."""
-        return self._due
+    def late(self) -> float:
+        """How long ago the present tick was due [s], by the ticker's clock."""
+        return self._clock() - self._due
 
     @property
     def running(self) -> bool:

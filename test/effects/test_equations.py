@@ -58,3 +58,10 @@ def test_a_stop_does_not_begin_in_the_middle_of_a_range(side: float, start: floa
     """joint_2 turns from -1.2 to 1.2 rad; what begins at its middle is a curve over position."""
     stop = make_effect("end_stop@joint_2", load_robot("kuka_ir361")).at({"side": side, "start": start})
     assert stop.contradicts_itself(np.array([100.0]), ()) == impossible
+
+
+def test_no_gear_yields_by_six_degrees() -> None:
+    """2000 mrad/kNm under 100 Nm are 0.2 rad, for which a formula of first order does not hold."""
+    load = np.full((1, 3), 100.0)
+    soft = make_effect("joint_elasticity@joint_2", load_robot("kuka_ir361"))
+    assert soft.contradicts_itself(np.array([2000.0]), [(Motion(*np.zeros((3, 1, 3))), Torques(load, load))])

@@ -66,7 +66,7 @@ def _as_fitted(said: Diagnosis, measurements: Sequence[Measurement], structure: 
     standard deviations there is listed, not named.
     """
     while True:
-        selected = [one for one in said.missing if one.probability is not None]  # the means of periods show no drift
+        selected = [one for one in said.missing if one.probability is not None]  # not what drifts from period to period
         effects = [one.effect for one in selected if not one.effect.measuring]
         if not effects:
             return said
