@@ -152,14 +152,23 @@ def _check_stamps(recording: Recording) -> None:
 def _grid(t: Array) -> tuple[np.ndarray, float, float]:
     """Return (index [N], start, dt) of the even grid nearest to the stamps, gaps allowed.
 
-    A first guess of dt that is off slips whole samples; of several guesses the grid with the least jitter is kept.
+    A first guess of dt that is off slips whole samples; of several guesses the grid with the least jitter is kept, the
+    first one whose jitter is of no consequence.
     """
     steps = np.diff(t)
     median = float(np.median(steps))
     mean = float(steps[steps < 1.5 * median].mean())  # jitter cancels in it, lost samples aren't in it
-    tried = [_grown(t, guess, length, _NEAR) for guess in (median, mean) for length in (40, 100)]
-    tried.append(_grown(t, float(steps.mean()), len(t), _FAR))  # right where nothing is lost, however late stamps are
-    return min(tried, key=lambda grid: float(np.mean((t - grid[1] - grid[2] * grid[0]) ** 2)) / grid[2] ** 2)
+    guesses = [(guess, length, _NEAR) for guess in (median, mean) for length in (40, 100)]
+    guesses.append((float(steps.mean()), len(t), _FAR))  # right where nothing is lost, however late stamps are
+    least, best = np.inf, (np.arange(len(t)), float(t[0]), median)
+    for guess in guesses:
+        index, start, dt = _grown(t, *guess)
+        jitter = float(np.sqrt(np.mean((t - start - dt * index) ** 2))) / dt
+        if jitter < least:
+            least, best = jitter, (index, start, dt)
+        if least < _EVEN:
+            break
+    return best
 
 
 def _grown(t: Array, dt: float, length: int, around: int) -> tuple[np.ndarray, float, float]:
