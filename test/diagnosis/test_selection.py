@@ -456,6 +456,56 @@ def test_without_a_noise_floor_what_acts_besides_withholds_no_name(bench: Any) -
     assert "viscous_nonlinear@joint_2" in labels(by_sets(bench, dragged))
 
 
+def smeared(bench: Any, effect: str, noise: float) -> Measurement:
+    """A short recording whose low pass smears reversals."""
+    recording = bench.record((effect,), 0, noise=noise)
+    short = recording[: int(13.0 / np.median(np.diff(recording.t)))]
+    return process(short, bench.robot, Processing(periodic=False, low_pass=3.0))
+
+
+def test_friction_behind_a_play_is_named_only_where_chance_does_not_prefer_it(bench: Any) -> None:
+    """A play fits a way to sliding as well as that; a wide gap shows."""
+
+    def both(effect: str, noise: float) -> tuple[Search, Hypothesis, Hypothesis]:
+        search = Search(DataSet(Rows.of([smeared(bench, effect, noise)], bench.structure, ())))
+        given, found = search.given(()), []
+        for name in ("presliding", "friction_behind_play"):
+            best = max(search.data.hypotheses[f"{name}@joint_3"], key=given.gain)
+            found.append(search.refinement.of(given, best))
+        search.weigh_by(found[1:])
+        return search, *found
+
+    for reach in (0.002, 0.004, 0.008):
+        search, usual, gapped = both(f"presliding@joint_3:reach={reach}", 1.0)
+        assert not search.tells_apart([gapped], [usual])
+        assert not search.tells_apart([usual], [usual])
+    search, usual, gapped = both("friction_behind_play@joint_3:level=20,gap=0.05,reach=0.001", 0.1)
+    assert search.tells_apart([gapped], [usual]) and not search.tells_apart([usual], [gapped])
+
+
+def test_two_parameters_of_which_only_the_product_is_known_are_not_zero(bench: Any) -> None:
+    found = by_sets(bench, [smeared(bench, "presliding@joint_3:reach=0.002", 1.0)])
+    assert labels(found) == {"presliding@joint_3"}
+    (way,) = (one for one in found.missing[0].parameters if one.name.startswith("presliding.x0"))
+    assert way.std < way.value < 2.0 * way.std
+
+
+def test_without_a_noise_floor_a_size_is_known_as_well_before_it_is_selected_as_after(
+    bench: Any,
+) -> None:
+    """A joint weighs little while an effect is missing from it."""
+    recording = bench.record(("viscous_asymmetric@joint_1:viscous_asymmetric=30",), 0)
+    short = recording[: int(14.0 / np.median(np.diff(recording.t)))]
+    measured = process(short, bench.robot, Processing(periodic=False, low_pass=10.0))
+    search = Search(DataSet(Rows.of([measured], bench.structure, ())))
+    (effect,) = search.data.hypotheses["viscous_asymmetric@joint_1"]
+    search.weigh_by(())
+    first, as_weighed = search.size_error_of(effect, ()), search.given(()).size_error(effect)
+    search.weigh_by((effect,))
+    assert search.size_error_of(effect, ()) == pytest.approx(first, rel=0.05)
+    assert as_weighed > 1.3 * first
+
+
 def test_without_a_noise_floor_nothing_is_called_adequate(bench: Any) -> None:
     found = by_sets(bench, one_pass(bench, (), (0, 1, 2)))
     assert found.verdict in ("not_decidable", "unexplained") and found.missing == ()

@@ -213,12 +213,11 @@ def _finding(
         seen_before, seen_after = validated(fault, before, after, validation)
     else:
         seen_before, seen_after = (errors(x, validation) if validation else None for x in (before, after))
-    given = found.search.given(others)
     instead = sorted(found.election.instead_of(h.label)) if found.election and h in found.selected else []
     effects = [settings[0].effect for label in instead if (settings := found.data.hypotheses.get(label))]
     finding = Finding(
         effect=h.effect,
-        p_value=min(1.0, float(chdtrc(1, given.size_error(h) ** -2.0)) * len(found.data.hypotheses)),
+        p_value=min(1.0, float(chdtrc(1, found.search.size_error_of(h, others) ** -2.0)) * len(found.data.hypotheses)),
         explained=float(np.clip(found.search.share(h, others), 0.0, 1.0)),
         mse_before=mean_squares(before),
         mse_after=mean_squares(after),
@@ -252,11 +251,11 @@ def _notes(found: Selection, verdict: Verdict) -> list[str]:
     tied = _alternatives(found)
     if verdict == "missing" and tied:
         notes.append(f"these recordings do not tell the sets apart: {either(tied)}")
-    given = found.search.given(found.selected)
-    notes += [
-        f"{h.label} may be missing: its size is known to {100 * given.size_error(h):.0f} %, and no name is given beyond"
-        f" {100 * found.search.largest_size_error(h):.0f} %; record more periods or another motion"
-        for h in found.vague
-    ]
+    for h in found.vague:
+        known, asked = found.search.size_error_of(h, found.selected), found.search.largest_size_error(h)
+        notes.append(
+            f"{h.label} may be missing: its size is known to {100 * known:.0f} %, and no name is given beyond"
+            f" {100 * asked:.0f} %; record more periods or another motion"
+        )
     notes += [f"{h.label}{CORRECT}" for h in found.selected if h.effect.measuring]
     return list(dict.fromkeys(notes))

@@ -4,7 +4,7 @@ sigmas hold whichever form an effect has, the test is of the form that fits best
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 
 import numpy as np
@@ -44,21 +44,26 @@ def known_parameters(solution: Solution) -> Mapping[str, Fitted]:
             for name, k, unit in zip(names, places, units, strict=True)
         )
         if found:
-            out[effect.label] = _fitted(effect, found, solution, own)
+            out[effect.label] = _fitted(effect, found, solution, places)
     return out
 
 
-def _fitted(effect: Effect, found: tuple[Estimate, ...], solution: Solution, own: slice) -> Fitted:
-    """Judge the linear parameters together (Wald's test), and each one inside a column that defines the effect."""
+def _fitted(effect: Effect, found: tuple[Estimate, ...], solution: Solution, places: Sequence[int]) -> Fitted:
+    """Judge the linear parameters and those inside a column that define the effect, together (Wald's test): what is
+    known of both may be their product alone. Each of the latter must be larger than its standard deviation besides.
+    """
     from scipy.special import chdtrc
 
-    values, count = solution.values[own], len(effect.coefficients)
-    chances = {}
-    if count:
-        square = float(values @ np.linalg.pinv(solution.covariance[own, own], hermitian=True) @ values)
-        chances[found[0]] = float(chdtrc(count, square))
-    for one, inner in zip(found[count:], effect.inner, strict=True):
-        if inner.defining and one.std > 0.0:
-            chances[one] = float(chdtrc(1, (one.value / one.std) ** 2))
-    least = max(chances, key=lambda one: chances[one], default=found[0])
-    return Fitted(found, least, chances.get(least, 0.0))
+    count = len(effect.coefficients)
+    defining = [k for k, one in enumerate(effect.inner, count) if one.defining and found[k].std > 0.0]
+    for k in defining:
+        if abs(found[k].value) < found[k].std:
+            return Fitted(found, found[k], 1.0)
+    judged = [*range(count), *defining]
+    if not judged:
+        return Fitted(found, found[0], 0.0)
+    at = [places[k] for k in judged]
+    scale = np.sqrt(np.maximum(np.diag(solution.covariance)[at], 1e-300))
+    z, together = solution.values[at] / scale, solution.covariance[np.ix_(at, at)] / np.outer(scale, scale)
+    least = min(judged, key=lambda k: abs(found[k].value) / max(found[k].std, 1e-300))
+    return Fitted(found, found[least], float(chdtrc(len(judged), z @ np.linalg.pinv(together, hermitian=True) @ z)))

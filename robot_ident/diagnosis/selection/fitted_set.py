@@ -300,26 +300,12 @@ class FittedSet:
         return float(np.sqrt(spread)) / size if size > 0.0 else np.inf
 
     def colours(self, new: Hypothesis) -> tuple[Array, Array]:
-        """Return how many times more the torque u of a further hypothesis gains by chance than of white noise, were
-        what the fit to all training folds leaves e noise of its own spectrum: sum_jk S_u S_e / sum_j sum_k S_u sum_k
-        S_e / n_j, 1 at least, over the lines k of both spectra, n_j independent rows; u is what base and set can't take
-        of it. [2]: with e before and after the hypothesis is fitted; and its squared error [2, n] then.
+        """Return what `_colours` tells of a further hypothesis."""
+        return _colours(self.data, self.dispersion[0], self._refitted(-1, new))
 
-        What is missing has the motion's lines, as effects of the motion have; these then explain much of it by chance.
-        """
-        data, errors = self.data, self._refitted(-1, new)
-        both, apart = np.zeros(2), np.zeros(2)
-        squares = np.zeros((2, data.n))
-        for j in range(data.n):
-            pairs = [np.sum([errors(j, f) for f in folds], axis=0) for folds in data.of_measurement]
-            squares[:, j] = np.sum([np.sum(np.square(pair), axis=1) for pair in pairs], axis=0)
-            series = [np.stack([before, after, before - after]) for before, after in pairs]
-            mean = np.concatenate(series, axis=1).mean(axis=1, keepdims=True)  # has no phase that may be by chance
-            for folds, one in zip(data.of_measurement, series, strict=True):
-                *e, u = np.abs(np.fft.fft(one - mean)) ** 2 / self.dispersion[0, j]
-                both += e @ u
-                apart += np.sum(e, axis=1) * u.sum() / max(float(data.dof[folds, j].sum()), 1.0)
-        return np.maximum(1.0, both / np.where(apart > 0.0, apart, np.inf)), squares
+    def colours_beside(self, other: FittedSet) -> tuple[Array, Array]:
+        """Return what `_colours` tells of the difference between this set and another one, fitted after it."""
+        return _colours(self.data, self.dispersion[0], lambda j, f: (self.residual(j, f), other.residual(j, f)))
 
     def residual(self, joint: int, fold: int) -> Array:
         """Return what the fit to all training folds leaves of a joint in a fold, whitened [N]."""
@@ -387,3 +373,27 @@ def standard_errors(falls: Array) -> float:
 def _spans(new: Sequence[Hypothesis]) -> list[Array]:
     ends = np.cumsum([0, *(len(h.ranges) for h in new)])
     return [np.arange(*pair) for pair in zip(ends[:-1], ends[1:], strict=True)]
+
+
+def _colours(
+    data: DataSet, dispersion: Array, errors: Callable[[int, int], tuple[Array, Array]]
+) -> tuple[Array, Array]:
+    """Return how many times more the torque u by which one fit differs from another gains by chance than of white
+    noise, were what a fit to all training folds leaves e noise of its own spectrum: sum_jk S_u S_e / sum_j sum_k S_u
+    sum_k S_e / n_j, 1 at least, over the lines k of both spectra, n_j independent rows. [2]: with e before and after;
+    and its squared error [2, n] then. errors: of a joint in a fold, before and after [N].
+
+    What is missing has the motion's lines, as effects of the motion have; these then explain much of it by chance.
+    """
+    both, apart = np.zeros(2), np.zeros(2)
+    squares = np.zeros((2, data.n))
+    for j in range(data.n):
+        pairs = [np.sum([errors(j, f) for f in folds], axis=0) for folds in data.of_measurement]
+        squares[:, j] = np.sum([np.sum(np.square(pair), axis=1) for pair in pairs], axis=0)
+        series = [np.stack([before, after, before - after]) for before, after in pairs]
+        mean = np.concatenate(series, axis=1).mean(axis=1, keepdims=True)  # has no phase that may be by chance
+        for folds, one in zip(data.of_measurement, series, strict=True):
+            *e, u = np.abs(np.fft.fft(one - mean)) ** 2 / dispersion[j]
+            both += e @ u
+            apart += np.sum(e, axis=1) * u.sum() / max(float(data.dof[folds, j].sum()), 1.0)
+    return np.maximum(1.0, both / np.where(apart > 0.0, apart, np.inf)), squares

@@ -104,11 +104,17 @@ def _exchanged(winner: Selected, other: Selected) -> list[tuple[Hypothesis, Hypo
 
 def _alike(search: Search, winner: Selected, other: Selected) -> bool:
     """Return whether a set has other effects in the place of some of the winner's, none of which contains the other,
-    and both predict every joint that these touch as well but for what their formulas may err.
+    and both predict every joint that these touch as well but for what their formulas may err; or for chance, where
+    one is the other but for one more cause.
     """
     pairs = _exchanged(winner, other)
     if not pairs or any(b.effect.name in type(a.effect).contains for pair in pairs for a, b in (pair, pair[::-1])):
         return False
+    one_more = all(
+        b.effect.name == type(a.effect).more_than or a.effect.name == type(b.effect).more_than for a, b in pairs
+    )
+    if one_more and not search.tells_apart(winner, other) and not search.tells_apart(other, winner):
+        return True
     mine, instead = zip(*pairs, strict=True)
     return all(
         search.as_good(one, two, joint, own)
@@ -126,8 +132,10 @@ def _with_usual_causes(search: Search, winner: Selected, sets: Mapping[tuple[str
         b = known.get(f"{type(a.effect).more_than}@{a.effect.place}")
         if b is None:
             continue
-        other = tuple(b if h is a else h for h in winner)
-        if _alike(search, winner, other) and search.worthwhile(b, [h for h in other if h is not b]):
+        rest = tuple(h for h in winner if h is not a)
+        b = search.refinement.of(search.given(rest), b)
+        other = (*rest, b)
+        if _alike(search, winner, other) and search.worthwhile(b, rest):
             winner = other
     return winner
 

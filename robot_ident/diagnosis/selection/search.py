@@ -68,10 +68,11 @@ class Search:
         self._per_parameter = np.log(max(2, data.block_count))
         self.least = data.weights.sum(axis=0) * data.least
 
-    def given(self, selected: Sequence[Hypothesis]) -> FittedSet:
-        """Return a set, fitted with the present dispersion."""
-        key = (tuple(sorted(id(h) for h in selected)), self.dispersion.tobytes())
-        found = self._fitted.pop(key, None) or FittedSet(self.data, selected, self.dispersion)
+    def given(self, selected: Sequence[Hypothesis], dispersion: Array | None = None) -> FittedSet:
+        """Return a set, fitted with a dispersion, the present one unless told."""
+        dispersion = self.dispersion if dispersion is None else dispersion
+        key = (tuple(sorted(id(h) for h in selected)), dispersion.tobytes())
+        found = self._fitted.pop(key, None) or FittedSet(self.data, selected, dispersion)
         while len(self._fitted) >= _KEPT:
             self._fitted.pop(next(iter(self._fitted)))
         self._fitted[key] = found
@@ -79,14 +80,16 @@ class Search:
 
     def weigh_by(self, selected: Sequence[Hypothesis]) -> None:
         """Take the dispersion phi = max(1, L / dof) that a set leaves, training folds pooled by joint."""
-        data, loss = self.data, self.given(selected).loss
-        phi = np.ones_like(loss)
+        self.dispersion = self._dispersion_of(self.given(selected).loss)
+
+    def _dispersion_of(self, loss: Array) -> Array:
+        data, phi = self.data, np.ones_like(loss)
         some = slice(0, data.training)
         phi[some] = loss[some].sum(axis=0) / np.maximum(data.dof[some].sum(axis=0), 1.0)
         phi[data.training :] = loss[data.training :] / np.maximum(data.dof[data.training :], 1.0)
         phi = np.maximum(phi, 1.0 if data.floor else _LEAST_DISPERSION)
         phi[:, sorted(self.unknown)] = _WITHOUT_WEIGHT
-        self.dispersion = phi
+        return phi
 
     def cost(self, h: Hypothesis) -> float:
         """Return what a hypothesis must gain to be worth its choice and its parameters."""
@@ -133,7 +136,17 @@ class Search:
         least = self.largest_size_error(h)
         parts = [self.part_of(h, name) for name in type(h.effect).contains]
         sets = [beside, *([*beside, part] for part in parts if part is not None)]
-        return all(self.given(one).size_error(h) < least for one in sets)
+        return all(self.size_error_of(h, one) < least for one in sets)
+
+    def size_error_of(self, h: Hypothesis, beside: Sequence[Hypothesis]) -> float:
+        """Return the relative standard error of a hypothesis's size. Where noise is not known, joints weigh as much as
+        what is left of them with it makes them, of friction of the own drive: while it is missing it must not hide its
+        size. What acts from elsewhere must be seen beside all that is missing.
+        """
+        given = self.given(beside)
+        if h.own_friction and not self.data.floor:
+            given = self.given(beside, self._dispersion_of(given.loss - given.held_out_gain(h)))
+        return given.size_error(h)
 
     def largest_size_error(self, h: Hypothesis) -> float:
         """Return the relative standard error to which the size of a hypothesis must be known."""
@@ -184,19 +197,33 @@ class Search:
         what others leave; and of fitted rows, less the parameters of the others, by the colour of what it leaves. Of
         few rows left out any fit leaves far more than noise; a true effect colours what is left without it.
         """
-        colours, fitted = given.colours(h)
+        training = slice(0, self.data.training)
+        with_it = given.loss[training].sum(axis=0) - given.held_out_gain(h)[training].sum(axis=0)
+        return self._beyond_chance(given, with_it, given.colours(h), h.causes, h.effect.size)
+
+    def tells_apart(self, one: Sequence[Hypothesis], other: Sequence[Hypothesis]) -> bool:
+        """Return whether a set explains more than another one does beyond chance, as `stands_out` asks of a cause."""
+        given, training = self.given(other), slice(0, self.data.training)
+        with_it = self.given(one)
+        colours = given.colours_beside(with_it)
+        return self._beyond_chance(given, with_it.loss[training].sum(axis=0), colours, 1, 0)
+
+    def _beyond_chance(
+        self, given: FittedSet, with_it: Array, colours: tuple[Array, Array], causes: int, size: int
+    ) -> bool:
+        """Return whether squared errors [n] tell further causes of so many parameters from chance, predicted and
+        fitted.
+        """
+        (before, after), fitted = colours
         training = slice(0, self.data.training)
         loss, rows = given.loss[training].sum(axis=0), self.data.dof[training].sum(axis=0)
-        free = np.maximum(rows - given.parameters_of(), 0.0)
-        with_it = loss - given.held_out_gain(h)[training].sum(axis=0)
-        by_prediction = self._beyond_chance(h, loss, with_it, rows / colours[0])
-        return by_prediction and self._beyond_chance(h, fitted[0], fitted[1], free / colours[1])
-
-    def _beyond_chance(self, h: Hypothesis, without: Array, with_it: Array, rows: Array) -> bool:
-        """Return whether squared errors [n] without and with a hypothesis tell it from chance, of so many rows [n]."""
         known = [j for j in range(self.data.n) if j not in self.unknown]
-        gain = float(rows[known] @ np.log(self._excess(without) / self._excess(with_it))[known])
-        return gain > self._choices * h.causes + h.effect.size * np.log(max(2.0, float(rows[known].sum())))
+        free = np.maximum(rows - given.parameters_of(), 0.0)
+        for without, left, count in ((loss, with_it, rows / before), (*fitted, free / after)):
+            gain = float(count[known] @ np.log(self._excess(without) / self._excess(left))[known])
+            if gain <= self._choices * causes + size * np.log(max(2.0, float(count[known].sum()))):
+                return False
+        return True
 
     def _excess(self, loss: Array) -> Array:
         """Return what a squared error [n] of the training folds holds beside noise where that is known, at least what

@@ -141,7 +141,7 @@ def _vague(search: Search, selected: Selected) -> Selected:
     for gain, h in search.ranked(selected):
         if gain <= 0.0 or not search.predicts(h, selected) or search.size_known(h, selected):
             continue
-        if search.given(selected).size_error(h) > VAGUE:
+        if search.size_error_of(h, selected) > VAGUE:
             continue
         judged = _Judged(search, (*selected, h))
         if not judged.why_not(h):
