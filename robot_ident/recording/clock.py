@@ -160,15 +160,13 @@ def _grid(t: Array) -> tuple[np.ndarray, float, float]:
     mean = float(steps[steps < 1.5 * median].mean())  # jitter cancels in it, lost samples aren't in it
     guesses = [(guess, length, _NEAR) for guess in (median, mean) for length in (40, 100)]
     guesses.append((float(steps.mean()), len(t), _FAR))  # right where nothing is lost, however late stamps are
-    least, best = np.inf, (np.arange(len(t)), float(t[0]), median)
+    tried = []
     for guess in guesses:
         index, start, dt = _grown(t, *guess)
-        jitter = float(np.sqrt(np.mean((t - start - dt * index) ** 2))) / dt
-        if jitter < least:
-            least, best = jitter, (index, start, dt)
-        if least < _EVEN:
+        tried.append((float(np.sqrt(np.mean((t - start - dt * index) ** 2))) / dt, (index, start, dt)))
+        if tried[-1][0] < _EVEN:
             break
-    return best
+    return min(tried, key=lambda grid: grid[0])[1]
 
 
 def _grown(t: Array, dt: float, length: int, around: int) -> tuple[np.ndarray, float, float]:

@@ -69,7 +69,7 @@ class Search:
         self.least = data.weights.sum(axis=0) * data.least
 
     def given(self, selected: Sequence[Hypothesis], dispersion: Array | None = None) -> FittedSet:
-        """Return a set, fitted with a dispersion, the present one unless told."""
+        """Return a set, fitted with a dispersion (None: the present one)."""
         dispersion = self.dispersion if dispersion is None else dispersion
         key = (tuple(sorted(id(h) for h in selected)), dispersion.tobytes())
         found = self._fitted.pop(key, None) or FittedSet(self.data, selected, dispersion)
@@ -197,29 +197,27 @@ class Search:
         what others leave; and of fitted rows, less the parameters of the others, by the colour of what it leaves. Of
         few rows left out any fit leaves far more than noise; a true effect colours what is left without it.
         """
-        training = slice(0, self.data.training)
-        with_it = given.loss[training].sum(axis=0) - given.held_out_gain(h)[training].sum(axis=0)
-        return self._beyond_chance(given, with_it, given.colours(h), h.causes, h.effect.size)
+        return self._beyond_chance(
+            given, given.loss - given.held_out_gain(h), given.colours(h), h.causes, h.effect.size
+        )
 
     def tells_apart(self, one: Sequence[Hypothesis], other: Sequence[Hypothesis]) -> bool:
         """Return whether a set explains more than another one does beyond chance, as `stands_out` asks of a cause."""
-        given, training = self.given(other), slice(0, self.data.training)
-        with_it = self.given(one)
-        colours = given.colours_beside(with_it)
-        return self._beyond_chance(given, with_it.loss[training].sum(axis=0), colours, 1, 0)
+        given, with_it = self.given(other), self.given(one)
+        return self._beyond_chance(given, with_it.loss, given.colours_beside(with_it), 1, 0)
 
     def _beyond_chance(
         self, given: FittedSet, with_it: Array, colours: tuple[Array, Array], causes: int, size: int
     ) -> bool:
-        """Return whether squared errors [n] tell further causes of so many parameters from chance, predicted and
+        """Return whether squared errors [folds, n] tell further causes of so many parameters from chance, predicted and
         fitted.
         """
         (before, after), fitted = colours
         training = slice(0, self.data.training)
-        loss, rows = given.loss[training].sum(axis=0), self.data.dof[training].sum(axis=0)
+        loss, left_out, rows = (x[training].sum(axis=0) for x in (given.loss, with_it, self.data.dof))
         known = [j for j in range(self.data.n) if j not in self.unknown]
         free = np.maximum(rows - given.parameters_of(), 0.0)
-        for without, left, count in ((loss, with_it, rows / before), (*fitted, free / after)):
+        for without, left, count in ((loss, left_out, rows / before), (*fitted, free / after)):
             gain = float(count[known] @ np.log(self._excess(without) / self._excess(left))[known])
             if gain <= self._choices * causes + size * np.log(max(2.0, float(count[known].sum()))):
                 return False
