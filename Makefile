@@ -35,7 +35,7 @@ TOOLS_STAMP := $(VENV)/.tools-$(call digest,$(LOCKS)/*.txt)
 help:
 	@echo "make venv        .venv with robot_ident and its ROS 2 nodes"
 	@echo "make demo        the whole story on a simulated robot, in less than six minutes"
-	@echo "make test        lint and all tests"
+	@echo "make test        lint and all tests but the long ones"
 	@echo "                 (NEWEST=1: with the newest of all packages that setup.py allows; OLDEST=1: with the lowest)"
 	@echo "make check       lint, the tests of the rooms that a change touches, two golden commands: a minute"
 	@echo "                 (make check SINCE=main: of all that differs from a commit)"
@@ -91,7 +91,7 @@ lint: $(TOOLS_STAMP) $(SOURCE_STAMP)
 SINCE := HEAD
 check: lint
 	@tests=$$($(BIN)/python scripts/touched.py $(SINCE)) && export ROBOT_IDENT_TEST_INSTALLED=1 && \
-	{ [ -z "$$tests" ] || $(BIN)/pytest -q -n auto --dist loadfile $$tests; }
+	{ [ -z "$$tests" ] || $(BIN)/pytest -q -m "not long" -n auto --dist loadfile $$tests; }
 	$(BIN)/python scripts/golden.py identify compare
 
 format: $(TOOLS_STAMP)
@@ -107,13 +107,13 @@ test:
 	@$(MAKE) --no-print-directory test VENV=.venv-$(EDGE) LOCKS=.locks/$(EDGE) NEWEST= OLDEST= LINT=
 else
 # The tests run on the installed package, as users have it; those of the nodes alone, since they keep
-# time, and whatever the others say: one run shows all failures.
+# time, and whatever the others say: one run shows all failures. Long ones are a part of the acceptance.
 test: $(TOOLS_STAMP) $(SOURCE_STAMP) $(LINT)
 	@log=$$(mktemp -d) && trap 'rm -rf "$$log"' EXIT && \
 	export ROS_LOG_DIR="$$log" ROBOT_IDENT_TEST_INSTALLED=1 && \
 	if [ -n "$(TEST_ARGS)" ]; then $(BIN)/pytest $(TEST_ARGS); else \
-	failed=0; $(BIN)/pytest -n auto --dist loadfile --ignore=test/nodes || failed=$$?; \
-	$(BIN)/pytest test/nodes || failed=$$?; exit $$failed; fi
+	failed=0; $(BIN)/pytest -m "not long" -n auto --dist loadfile --ignore=test/nodes || failed=$$?; \
+	$(BIN)/pytest -m "not long" test/nodes || failed=$$?; exit $$failed; fi
 endif
 
 acceptance: $(TOOLS_STAMP) $(SOURCE_STAMP)

@@ -10,6 +10,7 @@ import sys
 from pathlib import Path
 
 MINUTES = {
+    "long": 12,
     "estimation": 10,
     "diagnosis": 360,
     "foreign": 30,

@@ -37,6 +37,7 @@ def test_a_validation_motion_stops_at_20_points_with_the_largest_acceleration(ru
     assert "--harmonics, --bound" in refused.err
 
 
+@pytest.mark.long
 def test_the_bound_falls_from_round_to_round_until_no_motion_is_better(run: Run, tmp_path: Path) -> None:
     file = tmp_path / "last.yaml"
     words = ("design", "--criterion", "crlb", "--iterate", "--harmonics", 2, "--starts", 1, "-o", file, "--json")

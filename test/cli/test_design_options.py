@@ -123,6 +123,7 @@ def test_a_design_stays_within_what_was_run(run: Run, arm: Any, tmp_path: Path) 
     assert any("been before" in rule["rule"] for rule in made["margins"]["workspace"])
 
 
+@pytest.mark.long
 def test_a_tour_of_waypoints_is_simulated_and_identified(run: Run, tmp_path: Path) -> None:
     (tmp_path / "list.yaml").write_text(WAYPOINTS, encoding="utf-8")
     file, bag = tmp_path / "tour.yaml", tmp_path / "tour.npz"

@@ -163,7 +163,7 @@ def test_a_bag_that_contradicts_the_drafted_effort_is_told(run: Run, arm: Any, t
         ("kinova_description/robots/kinova.urdf", 6, 3),
         ("z1_description/urdf/z1.urdf", 6, 0),
         ("xarm_description/urdf/xarm7.urdf", 7, 0),
-        ("so_arm_description/urdf/so101.urdf", 5, 0),
+        pytest.param("so_arm_description/urdf/so101.urdf", 5, 0, marks=pytest.mark.long),
         ("talos_data/robots/talos_left_arm.urdf", 6, 0),
     ],
 )

@@ -61,7 +61,9 @@ def started(tmp_path: Path) -> Iterator[list[subprocess.Popen[bytes]]]:
 
 
 @pytest.mark.skipif(sys.platform != "linux", reason="processes are tied by Linux")
-@pytest.mark.parametrize("number", [signal.SIGKILL, signal.SIGTERM, signal.SIGHUP])
+@pytest.mark.parametrize(
+    "number", [signal.SIGKILL, *(pytest.param(one, marks=pytest.mark.long) for one in (signal.SIGTERM, signal.SIGHUP))]
+)
 def test_no_worker_outlives_a_design(number: int, tmp_path: Path, started: list[subprocess.Popen[bytes]]) -> None:
     if len(os.sched_getaffinity(0)) < 2:
         pytest.skip("one processor: no workers")
@@ -88,7 +90,7 @@ def test_no_worker_outlives_a_design(number: int, tmp_path: Path, started: list[
 
 
 @pytest.mark.skipif(not hasattr(os, "sched_setaffinity"), reason="a process can't be given one processor here")
-@pytest.mark.parametrize("number", [signal.SIGTERM, signal.SIGHUP])
+@pytest.mark.parametrize("number", [signal.SIGTERM, pytest.param(signal.SIGHUP, marks=pytest.mark.long)])
 def test_a_design_in_compiled_code_ends(number: int, tmp_path: Path, started: list[subprocess.Popen[bytes]]) -> None:
     command = [sys.executable, "-c", ALONE + RUN, *DESIGN]
     popen = subprocess.Popen(command, cwd=tmp_path, stderr=subprocess.DEVNULL, preexec_fn=hear_hangup)

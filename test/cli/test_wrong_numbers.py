@@ -209,7 +209,7 @@ def test_validation_on_what_is_a_copy_in_disguise(
     assert page.code == 2 and "the samples of" in page.err
 
 
-@pytest.mark.parametrize("joints", [slice(None), slice(1, 2)], ids=["all", "one"])
+@pytest.mark.parametrize("joints", [pytest.param(slice(None), marks=pytest.mark.long), slice(1, 2)], ids=["all", "one"])
 def test_positions_that_leap_and_come_back_are_left_out(
     run: Run, base: Arrays, fitted: Callable[..., Path], verdict: str, tmp_path: Path, joints: slice
 ) -> None:

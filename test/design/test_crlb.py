@@ -71,6 +71,7 @@ def first(rough: Robot) -> tuple[DesignResult, Recording, Model]:
     return found, recording, estimated(rough, recording)
 
 
+@pytest.mark.long
 def test_the_loop_of_the_paper(rough: Robot, first: tuple[DesignResult, Recording, Model]) -> None:
     """Design by c1, run, estimate, redesign by the bound at the estimate, run again: the bound is what ml reports."""
     before, recording, model = first

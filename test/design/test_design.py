@@ -72,6 +72,7 @@ def test_slide_and_arm(gantry: Robot) -> None:
     assert found.history[0][1] > found.log10_det_covariance + 1
 
 
+@pytest.mark.long
 def test_condition_number_with_a_floor_on_the_determinant(kuka: Robot) -> None:
     found = design(kuka, criterion="condition", starts=1, workers=1, determinant_floor=-43.0)
     assert found.condition_number < 4.15
@@ -119,6 +120,7 @@ def test_ctrl_c_keeps_the_best(kuka: Robot) -> None:
     assert found.margins.kept
 
 
+@pytest.mark.long
 def test_a_six_axis_arm_from_its_urdf(tmp_path: Path, robots_folder: Path) -> None:
     urdf = robots_folder / "ur_description/urdf/ur10_robot.urdf"
     robot = load_robot(write_ur10(tmp_path, urdf))

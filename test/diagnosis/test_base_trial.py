@@ -68,6 +68,7 @@ def test_a_summary_counts_what_it_says() -> None:
     assert data["refused"] == {"6": "no"}
 
 
+@pytest.mark.long
 def test_a_stopped_trial_goes_on(verb: Verb, tmp_path: Path) -> None:
     cases = tmp_path / "cases.jsonl"
     words = ["trial", "--family", "real", "--workers", "1", "--cases-file", str(cases), "--json"]

@@ -48,6 +48,7 @@ def worn(bench: Any) -> Model:
     return bench.model([process(recording, bench.robot)])
 
 
+@pytest.mark.long
 def test_noise_alone_changes_nothing_and_is_as_large_as_said(before: list[Model], later: list[Model]) -> None:
     found = [changed(old, new) for old, new in zip(before, later, strict=True)]
     assert not any(one.anything for one in found)

@@ -27,6 +27,7 @@ def ratios(model: Model, measured: list[Measurement]) -> list[float]:
     return [(one.residual_mse / one.noise_variance) ** 0.5 for one in joints if one.noise_variance is not None]
 
 
+@pytest.mark.long
 def test_every_joint_falls_from_two_to_three_times_its_noise_to_it() -> None:
     robot = load_robot(ROBOT)
     physics = plant_physics(robot, list(HIDDEN))

@@ -62,7 +62,11 @@ def found_behind(bench: Any, filtered: Filter, joint: int, noise: float = 0.1) -
 
 
 @pytest.mark.parametrize(
-    ("filtered", "cutoff"), [(butterworth, 10.0), (smoothed, 12.2), (averaged, 7.4), (two_lags, 8.5)]
+    ("filtered", "cutoff"),
+    [
+        (butterworth, 10.0),
+        *(pytest.param(*one, marks=pytest.mark.long) for one in ((smoothed, 12.2), (averaged, 7.4), (two_lags, 8.5))),
+    ],
 )
 def test_a_low_pass_of_any_form_is_named_and_no_friction_is(bench: Any, filtered: Filter, cutoff: float) -> None:
     found = found_behind(bench, filtered, 0)

@@ -90,7 +90,7 @@ def test_the_mass_of_a_load_is_found_and_which_recording_had_it(said: Any) -> No
     assert "recording 2" in named.parameters[0].name
 
 
-@pytest.mark.parametrize("wrong", [(1,), (0, 2)])
+@pytest.mark.parametrize("wrong", [(1,), pytest.param((0, 2), marks=pytest.mark.long)])
 def test_a_gain_of_one_recording_alone_is_no_load(bench: Any, spoiled: Any, wrong: tuple[int, ...]) -> None:
     """Of three recordings one has another gain than the others: it is named, with its joint."""
     right, other = spoiled("effort_gain@joint_2:gain=1.0"), spoiled(GAIN)
@@ -116,7 +116,7 @@ def changed(robot: Robot, fix: str) -> Robot:
     return robot_of(Definition(content, known.urdf), robot.source)
 
 
-@pytest.mark.parametrize("text", [GAIN, SIGN, FILTER, LAG])
+@pytest.mark.parametrize("text", [GAIN, SIGN, FILTER, pytest.param(LAG, marks=pytest.mark.long)])
 def test_the_line_puts_it_right(bench: Any, spoiled: Any, said: Any, text: str) -> None:
     """Written into the robot YAML as it stands, what was far from the noise comes near it, and no friction is named."""
     (named,) = said(text).missing
@@ -133,6 +133,7 @@ def test_the_validation_shows_the_fall_too(said: Any) -> None:
     assert named.validation_after["joint_2"] < 0.5 * named.validation_before["joint_2"]
 
 
+@pytest.mark.long
 def test_no_fault_where_there_is_none(bench: Any) -> None:
     """Nothing hidden, and friction that a gain or a filter could imitate: neither is called a fault."""
     assert bench.diagnose([]).verdict == "adequate"

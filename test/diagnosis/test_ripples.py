@@ -55,7 +55,7 @@ def test_a_line_stands_out_of_noise() -> None:
     assert order_near(angle, signal, 11.25, 0.1) == pytest.approx(11.3, abs=0.01)
 
 
-@pytest.mark.parametrize("h", [3.0, 5.0])
+@pytest.mark.parametrize("h", [3.0, pytest.param(5.0, marks=pytest.mark.long)])
 def test_any_whole_order_of_the_motor_is_found(bench: Any, h: float) -> None:
     found = diagnose(bench.measure((f"torque_ripple@joint_2:torque_ripple=15,order={h * RATIO}",)), bench.structure)
     assert orders(found) == {"torque_ripple@joint_2": h}
@@ -69,6 +69,7 @@ def test_two_lines_are_named_and_added(bench: Any) -> None:
     assert [effect.setting["h"] for effect in model.structure.added] == [3.0, 6.0]
 
 
+@pytest.mark.long
 def test_without_a_gear_ratio_the_orders_count_the_joint(bench: Any) -> None:
     plain = replace(bench.robot, drives=replace(bench.robot.drives, gear_ratio=np.ones(3)))
     found = diagnose(bench.measure((TWO,)), Structure.build(plain))
@@ -108,6 +109,7 @@ def test_without_a_noise_floor(motor: Any) -> None:
     np.testing.assert_allclose([sizes[h] for h in (1.0, 7.0, 14.0)], [0.006, 0.012, 0.008], rtol=0.05)
 
 
+@pytest.mark.long
 def test_an_axis_that_lies_is_diagnosed(motor: Any, tmp_path: Path) -> None:
     """The only joint of a robot, loaded by weight."""
     _, recording = motor

@@ -210,6 +210,7 @@ def test_what_may_be_zero_is_not_told_from_it(bench: Any) -> None:
     assert nothing.chance > 1e-3
 
 
+@pytest.mark.long
 def test_what_is_slow_beside_a_clearance_hides_it_from_nobody(bench: Any) -> None:
     both = ("backlash@joint_1", "torque_offset@joint_1:torque_offset=3")
     found = by_sets(bench, bench.measure(both, noise=1.0))

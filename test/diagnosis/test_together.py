@@ -16,11 +16,13 @@ ECCENTRIC = "encoder_eccentricity@joint_2:encoder_eccentricity=0.008,position=-0
 AS_OF_16 = 6.0 / 16.0  # of the noise: six periods tell as much as sixteen of the paper's
 
 
+@pytest.mark.long
 def test_what_else_a_rattling_joint_lacks_is_found_beside_its_gap(bench: Any) -> None:
     found = diagnose(bench.measure((GAP, OFFSET), noise=1.0), bench.structure)
     assert {finding.label for finding in found.missing} == {GAP, "torque_offset@joint_1"}
 
 
+@pytest.mark.long
 def test_two_gaps_are_told_apart(bench: Any) -> None:
     effects = tuple(f"backlash@{joint}:gap={gap!r}" for joint, gap in GAPS.items())
     found = diagnose(bench.measure(effects, [0, 1], noise=AS_OF_16), bench.structure)

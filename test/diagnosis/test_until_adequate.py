@@ -30,6 +30,7 @@ def half(bench: Any) -> Diagnosis:
     return replace(found, missing=tuple(s for s in found.missing if s.label == "stribeck@joint_2"))
 
 
+@pytest.mark.long
 def test_what_the_longer_model_lacks_is_added_too(
     half: Diagnosis, inputs: Inputs, capsys: pytest.CaptureFixture[str]
 ) -> None:

@@ -213,6 +213,7 @@ def test_a_joint_that_is_held_is_shown_and_not_judged(verb: Verb, files: Any, be
     assert code == 0, err
 
 
+@pytest.mark.long
 def test_until_adequate_prints_and_writes_the_staircase(verb: Verb, files: Any, tmp_path: Path) -> None:
     words = ["diagnose", files.model, *files.bags, "--validation", files.unseen, "--add-until-adequate"]
     code, out, err = verb(*words, "--json", "-o", tmp_path / "better.yaml")

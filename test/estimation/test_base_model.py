@@ -160,6 +160,7 @@ def test_averages_are_not_taken_for_the_lesser_noise_of_their_columns(kuka: Robo
     assert run_base_case(Case(6025), kuka).ratio < 1.0  # four periods of four poses at 125 Hz
 
 
+@pytest.mark.long
 def test_scales_are_found_within_their_sigma_and_none_where_all_report_alike(robot: Robot) -> None:
     scale = np.array([1.0, 1.3, 0.8, 1.2, 0.9, 1.1])
     normalised = []
@@ -236,6 +237,7 @@ def test_short_recordings_work(robot: Robot) -> None:
     assert all(fit.relative is not None and fit.relative < 0.5 for fit in model.residual.values())
 
 
+@pytest.mark.long
 def test_a_beginning_that_tells_nothing_is_no_obstacle(robot: Robot) -> None:
     """More samples at rest than a choice looks at."""
     moving = recorded(robot, 8, offset=OFFSET, rate=1000.0)

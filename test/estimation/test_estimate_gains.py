@@ -104,6 +104,7 @@ def test_gains_of_all_loaded_joints_within_two_percent(model: Model) -> None:
     assert np.all(std < 0.01 * value)
 
 
+@pytest.mark.long
 def test_the_arm_s_parameters_are_absolute_and_count_the_gains_uncertainty(
     model: Model, recordings: tuple[Recording, Recording], repeated: tuple[Recording, Recording]
 ) -> None:
@@ -246,6 +247,7 @@ def test_gains_and_payload_both_unknown_are_told_in_one_line(
     assert not tells_gains(found, [whole[0], whole[2]]), "without the known one nothing sets the scale"
 
 
+@pytest.mark.long
 def test_the_command_line_takes_the_payload_from_the_sidecar(
     robots: tuple[Robot, Robot],
     recordings: tuple[Recording, Recording],

@@ -31,6 +31,7 @@ def test_errors_are_as_large_as_their_covariance_says(arm: Any, estimator: str) 
     assert np.mean(found) == pytest.approx(1.0, abs=4 * np.sqrt(2 / 630))
 
 
+@pytest.mark.long
 def test_friction_that_falls_with_speed_is_as_certain_as_it_says_whatever_its_exponent(arm: Any) -> None:
     """The exponent is a parameter like others: held at a value nearby, level and Coulomb friction are off by tens of
     their standard deviations.

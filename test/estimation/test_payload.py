@@ -84,6 +84,7 @@ def found(arm: Robot, plays: tuple[list[Play], Play]) -> list[PayloadFit]:
     return out
 
 
+@pytest.mark.long
 def test_mass_within_two_percent_and_centre_within_5_mm(found: list[PayloadFit]) -> None:
     for fit in found:
         assert abs(fit.body.mass - MASS) < 0.02 * MASS
@@ -98,6 +99,7 @@ def test_intervals_cover(found: list[PayloadFit]) -> None:
     assert 0.7 < np.sqrt(np.mean(z**2)) < 1.4
 
 
+@pytest.mark.long
 def test_other_friction_than_the_model_s_does_no_harm(arm: Robot, plays: tuple[list[Play], Play], model: Model) -> None:
     warm = {name: 0.7 * values["viscous"] for name, values in arm.simulation["viscous"].items()}
     simulation = {**arm.simulation, "viscous": {name: {"viscous": value} for name, value in warm.items()}}

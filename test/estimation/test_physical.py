@@ -130,6 +130,7 @@ def test_possible_parameters_stay_as_they_are(arm: Any) -> None:
     assert plain.physical_inertias is None
 
 
+@pytest.mark.long
 def test_intervals_hold_for_projected_parameters(arm: Any) -> None:
     """The truth lies one sigma from the border p15 >= p11: estimates are thrown beyond it and projected back."""
     structure, truth = arm.structure, arm.structure.true_values()

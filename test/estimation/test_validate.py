@@ -15,6 +15,7 @@ from robot_ident.recording import Recording
 from robot_ident.testbed.simulation import simulate
 
 
+@pytest.mark.long
 def test_residual_of_the_true_model_is_the_filtered_noise(arm: Any) -> None:
     model = identify([arm.record(seed) for seed in range(6)], arm.robot)
     motion = validation_motion(arm.robot, seed=3)

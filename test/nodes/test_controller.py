@@ -83,6 +83,7 @@ def test_a_killed_publisher_leaves_a_robot_that_rests(
     assert np.abs(dq).max() > 0.05 and np.abs(dq[-1]).max() < AT_REST
 
 
+@pytest.mark.long
 def test_a_rough_rehearsal_ends_the_play(driven: Callable[..., Any], tmp_path: Path) -> None:
     recorder, robot, publisher = driven(periods=2, rehearsal="[0.5]", rehearsal_margin=0.01, effort_limit=5.0)
     assert publisher.wait() == 3, publisher.text
@@ -102,6 +103,7 @@ class Slider:
         client.create_timer(0.01, lambda: self.topic.publish(Float64(data=self.value)))
 
 
+@pytest.mark.long
 def test_a_start_waits_for_full_speed_and_a_motion_stops_below_it(
     driven: Callable[..., Any], client: Any, call: Callable[..., Any], until: Callable[..., Any]
 ) -> None:
@@ -153,6 +155,7 @@ class Arm:
         self.states.publish(message)
 
 
+@pytest.mark.long
 def test_hardware_needs_a_controller_that_holds(start: Callable[..., Any], trajectory: Path, client: Any) -> None:
     Arm(client)
     ways = {"trajectory": trajectory, "autostart": True, "exit_when_done": True, "state_wait": 12.0, **PATIENT}
@@ -163,6 +166,7 @@ def test_hardware_needs_a_controller_that_holds(start: Callable[..., Any], traje
     named.says("approaching")
 
 
+@pytest.mark.long
 def test_a_driver_that_was_restarted_with_earlier_stamps_is_heard_again(
     start: Callable[..., Any], trajectory: Path, client: Any, call: Callable[..., Any], until: Callable[..., Any]
 ) -> None:

@@ -14,6 +14,7 @@ pytest.importorskip("rclpy")
 from robot_ident.bags import describe  # noqa: E402
 
 
+@pytest.mark.long
 def test_two_robots_on_one_machine(start: Callable[..., Any], trajectory: Path, tmp_path: Path) -> None:
     """Each in a namespace of its own, with a clock of its own; one has a command topic of another name as well."""
     ends, simulated = [], {"use_sim_time": True}

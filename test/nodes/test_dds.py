@@ -31,6 +31,7 @@ def foreign_python() -> Path:
     return path
 
 
+@pytest.mark.long
 def test_a_client_that_is_not_ros(start: Callable[..., Any], foreign_python: Path) -> None:
     robot = start("simulated_kuka", noise=0.0, initial_position="[0.1,0.0,0.0]")
     robot.says("kuka_ir361 with")

@@ -109,6 +109,7 @@ def test_the_estimator_gives_what_the_recorders_bag_gives(
     assert estimator.end()[0] == 0, estimator.text
 
 
+@pytest.mark.long
 def test_a_silent_topic_of_efforts_is_told_and_arrays_are_paired_by_arrival(
     start: Callable[..., Any],
     client: Any,
@@ -154,7 +155,14 @@ AMPERE = {"quantity": "current", "sign": -1, "gain": 0.001, "topic": "/currents"
 SLIGHT = {"torque_constant": 0.01}  # Nm/A: 100 times as many amperes as Nm, beyond every torque limit if taken for one
 
 
-@pytest.mark.parametrize(("third", "code"), [({"current": 1e5}, 0), ({"current": 1.0}, 3), ({}, 0)])
+@pytest.mark.parametrize(
+    ("third", "code"),
+    [
+        pytest.param({"current": 1e5}, 0, marks=pytest.mark.long),
+        ({"current": 1.0}, 3),
+        pytest.param({}, 0, marks=pytest.mark.long),
+    ],
+)
 def test_the_publisher_watches_currents_by_what_they_are(
     start: Callable[..., Any], trajectory: Path, checkout: Path, tmp_path: Path, third: dict[str, float], code: int
 ) -> None:

@@ -122,6 +122,7 @@ def test_replay_without_a_listener(domain: int, bag: Path) -> None:
         replay(recording, rate=0.0)
 
 
+@pytest.mark.long
 def test_a_change_of_friction_shows_while_the_robot_runs(
     start: Callable[..., Any],
     client: Any,
@@ -171,6 +172,7 @@ def test_a_change_of_friction_shows_while_the_robot_runs(
     assert estimator.end()[0] == 0, estimator.text
 
 
+@pytest.mark.long
 def test_covariance_is_live_and_another_model_can_be_set(
     start: Callable[..., Any],
     client: Any,

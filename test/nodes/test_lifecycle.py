@@ -38,6 +38,7 @@ def state(call: Callable[..., Any]) -> Callable[[], str]:
     return lambda: str(call(GetState, f"{NODE}/get_state").current_state.label)
 
 
+@pytest.mark.long
 def test_a_managed_life(
     start: Callable[..., Any],
     call: Callable[..., Any],

@@ -16,6 +16,7 @@ pytest.importorskip("rclpy")
 DELAY, PERIOD, LAG = 0.2, 1 / 150, 0.1  # s
 
 
+@pytest.mark.long
 def test_a_robot_that_stood_still_is_not_late_ever_after(
     start: Callable[..., Any], client: Any, until: Callable[..., Any], tmp_path: Path
 ) -> None:
@@ -63,6 +64,7 @@ def test_a_robot_that_stood_still_is_not_late_ever_after(
     assert "stopping" not in publisher.text and publisher.end()[0] == 0 and robot.end()[0] == 0
 
 
+@pytest.mark.long
 def test_commands_that_came_before_a_reset_go_with_it(
     start: Callable[..., Any], client: Any, call: Callable[..., Any], until: Callable[..., Any]
 ) -> None:

@@ -23,6 +23,7 @@ def text_of(page: Path) -> str:
     return html.unescape(re.sub(r"\s+", " ", re.sub(r"<[^>]+>", " ", body)))
 
 
+@pytest.mark.long
 def test_every_printed_figure_is_on_the_page(made: Any) -> None:
     words = set(text_of(made.page).replace(",", " ").split())
     wanted = [f"{value:g}" for value in printed.TABLE_I]
@@ -62,6 +63,7 @@ def test_the_loop_closes_without_a_wrong_name(made: Any) -> None:
     assert np.sum(last["validation_mse"]) < 0.5 * np.sum(first["validation_mse"])
 
 
+@pytest.mark.long
 def test_the_page_is_drawn_at_both_widths(made: Any, browser: Any) -> None:
     for width in (1400, 400):
         page = browser.new_page(viewport={"width": width, "height": 900})

@@ -122,6 +122,7 @@ def test_pulses_are_not_taken_for_noise(emps: Emps) -> None:
     assert diagnose([measured], Structure.build(emps.robot)).verdict != "adequate"
 
 
+@pytest.mark.long
 def test_staubli_is_given_only_what_lowers_the_error_on_held_out_parts(
     shared_data: Path, checkout: Path, tmp_path: Path
 ) -> None:
@@ -171,6 +172,7 @@ def held_out(measured: Measurement, phi: Array, parts: int, size: float | None) 
     return np.asarray(np.sqrt(total / used.sum(axis=0)))
 
 
+@pytest.mark.long
 def test_a_drift_of_unknown_size_gets_no_name(shared_data: Path, tmp_path: Path) -> None:
     """Ten seconds of a large arm, what its model leaves replaced by noise of the same spectrum: a drift of one joint's
     friction predicts the parts left out, but beside viscous friction it is known to ten times its own size.

@@ -48,6 +48,7 @@ def test_sections_of_a_butterworth_filter_are_that_filter() -> None:
     assert AntiAlias(8, 40.0).delay == pytest.approx(0.0204, abs=1e-4)  # the paper's filter: a delay of 20 ms
 
 
+@pytest.mark.long
 def test_order_and_response_are_found_with_honest_uncertainty() -> None:
     orders, far = [], []
     for seed in range(20):

@@ -40,7 +40,7 @@ def rows_of(page: Any, anchor: str, table: int = 0) -> list[list[str]]:
     return [rows.nth(k).locator("td").all_inner_texts() for k in range(rows.count())]
 
 
-@pytest.mark.parametrize("look", ["wide and light", "narrow and dark"])
+@pytest.mark.parametrize("look", ["wide and light", pytest.param("narrow and dark", marks=pytest.mark.long)])
 def test_every_plot_is_drawn_and_told(
     opened: Callable[..., Any], open_once: Callable[[Path], Any], report: Path, look: str
 ) -> None:

@@ -171,6 +171,7 @@ def test_a_person_finds_and_adds_what_is_missing(serve: Any, visit: Any, recordi
     assert says(page, "#next", "was added") == done
 
 
+@pytest.mark.long
 def test_a_stranger_chooses_recordings_on_a_narrow_dark_page(
     serve: Any, visit: Any, press_all: Callable[[Any], list[str]], recordings: Path, tmp_path: Path
 ) -> None:

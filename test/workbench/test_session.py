@@ -41,6 +41,7 @@ def copy(bench: Any, tmp_path: Path) -> Session:
     return Session.open(Path(shutil.copytree(bench.session.folder, tmp_path / "session_1")))
 
 
+@pytest.mark.long
 def test_figures_are_those_of_compare_and_diagnose(
     bench: Any, recordings: Path, capsys: pytest.CaptureFixture[str], monkeypatch: pytest.MonkeyPatch
 ) -> None:
@@ -115,6 +116,7 @@ def test_the_command_lines_give_the_same_model(
     assert View(bench.session, 0).errors["validation"] == pytest.approx(added["validation_mse_before"])
 
 
+@pytest.mark.long
 def test_a_foreign_session_runs_no_code_that_the_command_line_did_not_name(
     copy: Session, recordings: Path, tmp_path: Path, settled: Any
 ) -> None:

@@ -52,6 +52,7 @@ def best(
     return Relaxation(oracle, pool, np.zeros((p, p)), np.inf).bound(moments, tolerance)
 
 
+@pytest.mark.long
 def test_a_mass_on_a_slide_in_closed_form(tmp_path: Path) -> None:
     """With room enough, E[ddq^2] of harmonics up to L is at most (L w V)^2 / 2: a sinusoid of amplitude V at L."""
     family = family_of(0.5, 100.0, 3)
@@ -160,6 +161,7 @@ def wide(short_slide: Robot) -> Bound:
     return determinant_bound(Target.of_robot(short_slide), family_of(0.25, 100.0, 5))
 
 
+@pytest.mark.long
 def test_what_restricts_the_motion_tightens_the_bound(short_slide: Robot, wide: Bound) -> None:
     robot, target = short_slide, Target.of_robot(short_slide)
     fewer = determinant_bound(target, family_of(0.25, 100.0, 2))
