@@ -236,12 +236,12 @@ def _finding(
 def _alternatives(found: Selection) -> tuple[tuple[str, ...], ...]:
     """Return the sets that the data can't tell from the selected one, itself first; empty where there is none.
 
-    What may be missing besides, its size not being known, is told by itself.
+    What may be missing besides, its size not being known, or is not named, is told by itself.
     """
-    if found.election is None:
+    if found.election is None or not found.selected:
         return ()
     mine = tuple(sorted(h.label for h in found.selected))
-    besides = {*mine, *(h.label for h in found.vague)}
+    besides = {*mine, *(h.label for h in found.vague), *(one.label for one in found.withheld)}
     others = [labels for labels in found.election.tied if labels != mine and not (set(mine) <= set(labels) <= besides)]
     return (mine, *others) if others else ()
 

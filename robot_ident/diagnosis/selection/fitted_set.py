@@ -307,6 +307,15 @@ class FittedSet:
         """Return what `_colours` tells of the difference between this set and another one, fitted after it."""
         return _colours(self.data, self.dispersion[0], lambda j, f: (self.residual(j, f), other.residual(j, f)))
 
+    def columns(self, joint: int, fold: int) -> Array:
+        """Return base and selected effects in a joint's rows of a fold, whitened [N, q]."""
+        out = np.zeros((len(self.data.y[joint][fold]), self.q))
+        out[:, : self.data.p] = self.data.base[joint][fold]
+        for h, span in zip(self.selected, self.spans, strict=True):
+            if joint in h.at:
+                out[:, span] = self.data.pools[joint].rows(fold, h.at[joint])
+        return out
+
     def residual(self, joint: int, fold: int) -> Array:
         """Return what the fit to all training folds leaves of a joint in a fold, whitened [N]."""
         return self._error(joint, fold, self.whole.values)

@@ -52,9 +52,9 @@ class GramPool:
         self.count = high
         return np.arange(low, high)
 
-    def rows(self, fold: int, places: Array) -> Array:
+    def rows(self, fold: int, places: Array | slice) -> Array:
         """Return the columns [N, k] at some places in a fold's rows."""
-        return self._rows[fold][:, places]
+        return self._rows[fold][:, : self.count][:, places]
 
     @property
     def own(self) -> Array:

@@ -271,7 +271,7 @@ class Search:
             before = float(given.loss[training, joint].sum() - self.data.noise[joint])
         return fall, before - fall - float(self.formula_error(beside)[joint])
 
-    def _open(self, h: Hypothesis, beside: Sequence[Hypothesis]) -> bool:
+    def is_open(self, h: Hypothesis, beside: Sequence[Hypothesis]) -> bool:
         """Return whether a hypothesis may stand beside a set; none may whose joint has an unknown cause."""
         where = {*(h.joints if len(h.joints) == 1 else ()), *(() if h.effect.whole else (h.effect.joint,))}
         if where & self.unknown or h.label in self.barred:
@@ -326,7 +326,7 @@ class Search:
         given = self.given(beside)
         out = []
         for h in self.best_values(given):
-            if self._open(h, beside) and self._score(given, h) >= self.cost(h):
+            if self.is_open(h, beside) and self._score(given, h) >= self.cost(h):
                 out.append((self._held_out(given, h) - self.cost(h), h))
         out.sort(key=lambda pair: -pair[0])
         if refine and out and out[0][0] > 0.0:
@@ -371,7 +371,7 @@ class Search:
             for settings in self.data.hypotheses.values()
             for h in settings
             if h.joints == (joint,)
-            and self._open(h, given.selected)
+            and self.is_open(h, given.selected)
             and all(square[k, k] > HELD * size[k] for k in h.at[joint])
         ]
         scores = PairScores(square, right, size, joint, live)

@@ -2,14 +2,16 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field
 
 import numpy as np
 
 from robot_ident.diagnosis.progress import Tell, silent
+from robot_ident.diagnosis.selection.chance import Chance
 from robot_ident.diagnosis.selection.consistency import splits
 from robot_ident.diagnosis.selection.constants import (
+    CHANCE,
     COMPLETE_SIZE_ERROR,
     FLEXIBLE_ERRORS,
     FLEXIBLE_SHARE,
@@ -45,12 +47,14 @@ class Selection:
     """What was selected of a data set.
 
     selected: the set; vague: what would be in it, were its size known better. election: with its alternatives and their
-    shares. fits: lack of fit of the model as it was. tested: the recordings in units of their noise.
+    shares. chances: by label, that noise explains as much. fits: lack of fit of the model as it was. tested: the
+    recordings in units of their noise.
     """
 
     selected: Selected
     vague: Selected
     election: Election | None
+    chances: Mapping[str, float]
     fits: tuple[LackOfFit, ...]
     withheld: tuple[Withheld, ...]
     tested: Evidence = field(repr=False)
@@ -75,8 +79,8 @@ class Selection:
         return out
 
     def probability(self, label: str) -> float:
-        """Return the probability of a selected effect."""
-        return 0.0 if self.election is None else self.election.probability(label)
+        """Return the probability of a selected effect: the share of the resamples that it wins, less the chance."""
+        return 0.0 if self.election is None else self.election.probability(label) * (1.0 - self.chances[label])
 
 
 def select(
@@ -96,23 +100,35 @@ def select(
         add_ripples(given, joints)
     tell(0.5, "searching for the set that predicts best")
     settled = _Settled.of(search)
-    vague = _vague(search, settled.selected)
+    vague = _vague(search, settled)
     if vague and any(fit.fails for fit in fits):
         wider = Search(data, COMPLETE_SIZE_ERROR)
         complete = _Settled.of(wider)
         if not complete.withheld and _Judged(wider, complete.selected).complete:
-            search, settled, vague = wider, complete, _vague(wider, complete.selected)
+            search, settled, vague = wider, complete, _vague(wider, complete)
     return Selection(
-        settled.selected, vague, settled.election, fits, settled.withheld, rows.tested, data=data, search=search
+        settled.selected,
+        vague,
+        settled.election,
+        settled.chances,
+        fits,
+        settled.withheld,
+        rows.tested,
+        data=data,
+        search=search,
     )
 
 
 @dataclass(frozen=True)
 class _Settled:
-    """The set that a search ends with, where no name of it is contradicted, and what was withheld on the way."""
+    """The set that a search ends with, where no name of it is contradicted or chance, and what was withheld on the way.
+
+    chances: by label, that noise of the spectrum of what is left explains as much by some effect.
+    """
 
     selected: Selected
     election: Election | None
+    chances: Mapping[str, float]
     withheld: tuple[Withheld, ...]
 
     @classmethod
@@ -132,14 +148,38 @@ class _Settled:
         if election is not None and election.winner != selected:
             _, _, why = _Judged(search, election.winner).unknown()
             selected, withheld = _without(election.winner, why), [*withheld, *why]
-        return cls(selected, election, tuple(withheld))
+        selected, chances, why = _told_from_noise(search, selected)
+        return cls(selected, election, chances, (*withheld, *why))
 
 
-def _vague(search: Search, selected: Selected) -> Selected:
+def _told_from_noise(search: Search, selected: Selected) -> tuple[Selected, Mapping[str, float], list[Withheld]]:
+    """Return a set without the effects, one after the other, of which noise may be the cause, and every chance: 0 where
+    noise is known, since what is left beyond it is none.
+    """
+    if search.data.floor:
+        return selected, {h.label: 0.0 for h in selected}, []
+    withheld: list[Withheld] = []
+    while selected:
+        chance = Chance(search, selected)
+        chances = {h.label: chance.of(h) for h in selected}
+        label, most = max(chances.items(), key=lambda pair: pair[1])
+        if most <= CHANCE:
+            return selected, chances, withheld
+        why = (
+            f"noise like what is left lets some effect explain as much in {100 * most:.2g} % of cases"
+            f" ({100 * CHANCE:g} % asked); record longer, or another motion"
+        )
+        withheld.append(Withheld(label, why))
+        selected = _without(selected, withheld[-1:])
+    return selected, {}, withheld
+
+
+def _vague(search: Search, settled: _Settled) -> Selected:
     """Return by joint the best effect that predicts what a set leaves, and whose size is not known well enough."""
     out: dict[int, Hypothesis] = {}
+    selected, withheld = settled.selected, {one.label for one in settled.withheld}
     for gain, h in search.ranked(selected):
-        if gain <= 0.0 or not search.predicts(h, selected) or search.size_known(h, selected):
+        if gain <= 0.0 or h.label in withheld or not search.predicts(h, selected) or search.size_known(h, selected):
             continue
         if search.size_error_of(h, selected) > VAGUE:
             continue

@@ -1,0 +1,117 @@
+"""Whether noise explains as much: the best of all effects on noise of the spectrum of what a set leaves.
+
+What the complete set leaves of the recordings is turned into noise of the same spectra and cross spectra: each line
+times a complex normal number (the wild bootstrap of Kirch and Politis 2011). The fit has taken a part of it: that is
+put back in the ratio in which the fit takes of such noise. Base and the other effects are fitted to every noise, and
+the best of all hypotheses beside them is found, by g n / L: the fall g of the squared error over what is left L of the
+joints that it touches, n independent rows. The share of noises whose best explains as much as an effect does of the
+recordings is the chance that it is noise (the largest of all statistics, Westfall and Young 1993).
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Sequence
+
+import numpy as np
+
+from robot_ident.diagnosis.selection.constants import RESAMPLES
+from robot_ident.diagnosis.selection.fitted_set import FittedSet
+from robot_ident.diagnosis.selection.hypotheses import Hypothesis
+from robot_ident.diagnosis.selection.search import Search, Selected
+from robot_ident.regression.gram import HELD, pseudo_inverse
+from robot_ident.signals.motion import Array
+
+_SEED = 0
+
+
+Rows = list[Array]
+"""Of each recording [..., N, n]."""
+
+
+class Chance:
+    """The chance that noise explains as much as an effect of a set does, by the search that found it."""
+
+    def __init__(self, search: Search, selected: Selected) -> None:
+        """Make noises of what a set leaves of the training folds."""
+        self.search, self.data, self.selected = search, search.data, selected
+        given, rng = search.given(selected), np.random.default_rng(_SEED)
+        self.counted = [rows > 0.0 for rows in self._whole(lambda j, f: search.data.folds[f].weight[:, j])]
+        left = self._whole(given.residual)
+        lines = max(3, int(np.ceil(given.parameters_of().max())))  # twice as many as the fit can take wholly
+        refitted = self._left(given, self._noises(left, [1.0] * len(left), rng))
+        power = zip(map(_power, left), map(_power, refitted), strict=True)
+        taken = [np.sqrt(_smooth(own, lines) / _smooth(of.mean(axis=0), lines)) for own, of in power]
+        self.noises = self._noises(left, taken, rng)
+
+    def of(self, h: Hypothesis) -> float:
+        """Return the chance that noise explains as much as an effect of the set beside the others, by any effect."""
+        others = tuple(x for x in self.selected if x is not h)
+        given, data = self.search.given(others), self.data
+        rivals = [x for settings in data.hypotheses.values() for x in settings if self.search.is_open(x, others)]
+        found = [rows[None] for rows in self._whole(lambda j, f: data.y[j][f])]
+        best = self._explained(given, self.noises, rivals).max(axis=1)
+        own = self._explained(given, found, [h])[0, 0]
+        return float((1 + np.sum(best >= own)) / (1 + len(best)))
+
+    def _whole(self, rows: Callable[[int, int], Array]) -> Rows:
+        """Return the rows of every recording, of which a fold holds its part; rows: of a joint in a fold [N]."""
+        joints, parts = range(self.data.n), self.data.of_measurement
+        return [np.stack([np.sum([rows(j, f) for f in folds], axis=0) for j in joints], axis=-1) for folds in parts]
+
+    def _noises(self, left: Rows, factors: Sequence[Array | float], rng: np.random.Generator) -> Rows:
+        """Return noises [K, N, n] of the spectra of what is left, times a factor by line, where rows count."""
+        triples = zip(left, factors, self.counted, strict=True)
+        return [_of_spectrum(one, factor, rng) * counted for one, factor, counted in triples]
+
+    def _left(self, given: FittedSet, rows: Rows) -> Rows:
+        """Return what a set, fitted to rows [K, N, n], leaves of them."""
+        right, columns = np.zeros((len(rows[0]), given.q)), []
+        for folds, one in zip(self.data.of_measurement, rows, strict=True):
+            columns.append([np.sum([given.columns(j, f) for f in folds], axis=0) for j in range(self.data.n)])
+            for j, own in enumerate(columns[-1]):
+                right += one[:, :, j] @ own / given.dispersion[0, j]
+        values = right @ given.whole.inverse
+        taken = [np.stack([values @ own.T for own in of], axis=-1) for of in columns]
+        return [one - part for one, part in zip(rows, taken, strict=True)]
+
+    def _explained(self, given: FittedSet, rows: Rows, hypotheses: Sequence[Hypothesis]) -> Array:
+        """Return g n / L [K, H] of hypotheses beside a set in rows [K, N, n]."""
+        data, count = self.data, len(rows[0])
+        left, right = np.zeros((count, data.n)), [np.zeros((count, pool.count)) for pool in data.pools]
+        for folds, rest in zip(data.of_measurement, self._left(given, rows), strict=True):
+            left += np.sum(rest**2, axis=1) / given.dispersion[0]
+            for j, pool in enumerate(data.pools):
+                own = np.sum([pool.rows(f, slice(None)) for f in folds], axis=0)
+                right[j] += rest[:, :, j] @ own / given.dispersion[0, j]
+        independent = data.dof[: data.training].sum(axis=0)
+        out = np.zeros((count, len(hypotheses)))
+        for k, h in enumerate(hypotheses):
+            made, joints = given.addition(-1, h), list(h.joints)
+            along = np.sum([right[j][:, at] for j, at in h.at.items()], axis=0)
+            if len(h.ranges) > 1:
+                gain = np.einsum("kp,pq,kq->k", along, pseudo_inverse(made.square), along)
+            elif made.square[0, 0] > HELD * made.size[0]:
+                c = np.clip(along[:, 0] / made.square[0, 0], *h.ranges[0])
+                gain = c * (2.0 * along[:, 0] - c * made.square[0, 0])
+            else:
+                continue
+            out[:, k] = gain * independent[joints].sum() / left[:, joints].sum(axis=1)
+        return out
+
+
+def _of_spectrum(rows: Array, factor: Array | float, rng: np.random.Generator) -> Array:
+    """Return normal noises [K, N, n] with the spectra and cross spectra of rows [N, n], a factor by line and joint."""
+    lines = np.fft.rfft(rows - rows.mean(axis=0), axis=0) * factor
+    size, turn = rng.normal(size=(2, RESAMPLES, len(lines), 1))
+    return np.asarray(np.fft.irfft((size + 1j * turn) * lines, len(rows), axis=1))
+
+
+def _power(rows: Array) -> Array:
+    return np.asarray(np.abs(np.fft.rfft(rows, axis=-2)) ** 2)
+
+
+def _smooth(power: Array, lines: int) -> Array:
+    """Return power [L, n] averaged over so many neighbouring lines."""
+    from scipy.ndimage import uniform_filter1d
+
+    return np.asarray(uniform_filter1d(power, lines, axis=0, mode="reflect"))

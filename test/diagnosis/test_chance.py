@@ -1,0 +1,65 @@
+"""The chance that noise explains as much as an effect holds: of noise alone it is small as often as it says."""
+
+from __future__ import annotations
+
+import numpy as np
+import pytest
+from scipy.signal import lfilter
+
+from robot_ident.diagnosis.selection.chance import Chance
+from robot_ident.diagnosis.selection.data_set import DataSet, Rows
+from robot_ident.diagnosis.selection.hypotheses import Hypothesis
+from robot_ident.diagnosis.selection.search import Search
+from robot_ident.model.structure import Structure
+from robot_ident.recording import Processing, Recording, process
+from robot_ident.robot import Robot, load_robot
+from robot_ident.signals.motion import Array, Motion
+
+DT, LENGTH = 0.02, 1000  # 20 s
+SIZE = np.array([20.0, 20.0, 8.0])  # Nm
+
+
+@pytest.fixture(scope="module")
+def arm() -> Robot:
+    return load_robot("kuka_ir361")
+
+
+def best_of(robot: Robot, seed: int, pole: float, asymmetric: float = 0.0) -> tuple[Search, Hypothesis]:
+    """Return a search on one pass with autoregressive noise and friction that differs by direction, and what explains
+    most of both.
+    """
+    rng = np.random.default_rng([seed, 1])
+    t = DT * np.arange(LENGTH)[:, None]
+    q, dq, ddq = np.zeros((3, LENGTH, 3))
+    for amplitude in (0.3, 0.15):
+        pace, phase = rng.uniform(0.8, 3.0, 3), rng.uniform(0.0, 6.0, 3)
+        q += amplitude * np.sin(pace * t + phase)
+        dq += amplitude * pace * np.cos(pace * t + phase)
+        ddq -= amplitude * pace**2 * np.sin(pace * t + phase)
+    structure = Structure.build(robot)
+    noise = lfilter([np.sqrt(1.0 - pole**2)], [1.0, -pole], rng.normal(size=(2 * LENGTH, 3)), axis=0)[LENGTH:]
+    torque: Array = structure.columns(Motion(q, dq, ddq)) @ structure.true_values() + noise * SIZE
+    torque[:, 1] += asymmetric * np.abs(dq[:, 1])
+    recording = Recording(robot.joints, t[:, 0], q, torque, source="run")
+    search = Search(DataSet(Rows.of([process(recording, robot, Processing(periodic=False, low_pass=4.0))], structure)))
+    search.weigh_by(())
+    given, rows = search.given(()), search.data.dof[: search.data.training].sum(axis=0)
+    settings = (h for of in search.data.hypotheses.values() for h in of)
+    return search, max(
+        settings, key=lambda h: given.gain(h) * rows[list(h.joints)].sum() / given.loss[:, list(h.joints)].sum()
+    )
+
+
+@pytest.mark.parametrize("pole", [0.5, 0.97])
+def test_noise_has_small_chances_as_often_as_they_say(arm: Robot, pole: float) -> None:
+    """White nearly, or of a correlation of two thirds of a second; a tenth of the cases at a chance of a tenth."""
+    found = [best_of(arm, seed, pole) for seed in range(25)]
+    chances = np.array([Chance(search, (best,)).of(best) for search, best in found])
+    assert np.mean(chances <= 0.1) <= 0.24, "at 25 cases that is more than two standard deviations"
+    assert 0.3 <= chances.mean() <= 0.7
+
+
+def test_an_effect_is_no_chance(arm: Robot) -> None:
+    search, best = best_of(arm, 0, 0.97, 200.0)
+    assert best.label == "viscous_asymmetric@joint_2"
+    assert Chance(search, (best,)).of(best) < 0.01
