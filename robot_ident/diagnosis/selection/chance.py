@@ -21,11 +21,9 @@ from robot_ident.diagnosis.selection.search import Search, Selected
 from robot_ident.regression.gram import HELD, pseudo_inverse
 from robot_ident.signals.motion import Array
 
-_SEED = 0
-
-
-Rows = list[Array]
-"""Of each recording [..., N, n]."""
+_NOTHING = 1e-300  # left of a joint that stands still
+_Series = list[Array]
+"""Of each recording, by joint [..., N, n]."""
 
 
 class Chance:
@@ -34,13 +32,15 @@ class Chance:
     def __init__(self, search: Search, selected: Selected) -> None:
         """Make noises of what a set leaves of the training folds."""
         self.search, self.data, self.selected = search, search.data, selected
-        given, rng = search.given(selected), np.random.default_rng(_SEED)
+        given, rng = search.given(selected), np.random.default_rng(0)
         self.counted = [rows > 0.0 for rows in self._whole(lambda j, f: search.data.folds[f].weight[:, j])]
         left = self._whole(given.residual)
-        lines = max(3, int(np.ceil(given.parameters_of().max())))  # twice as many as the fit can take wholly
+        lines = int(np.ceil(given.parameters_of().max()))  # twice as many as the fit can take wholly
         refitted = self._left(given, self._noises(left, [1.0] * len(left), rng))
         power = zip(map(_power, left), map(_power, refitted), strict=True)
-        taken = [np.sqrt(_smooth(own, lines) / _smooth(of.mean(axis=0), lines)) for own, of in power]
+        taken = [
+            np.sqrt(_smooth(own, lines) / np.maximum(_smooth(of.mean(axis=0), lines), _NOTHING)) for own, of in power
+        ]
         self.noises = self._noises(left, taken, rng)
 
     def of(self, h: Hypothesis) -> float:
@@ -53,17 +53,17 @@ class Chance:
         own = self._explained(given, found, [h])[0, 0]
         return float((1 + np.sum(best >= own)) / (1 + len(best)))
 
-    def _whole(self, rows: Callable[[int, int], Array]) -> Rows:
+    def _whole(self, rows: Callable[[int, int], Array]) -> _Series:
         """Return the rows of every recording, of which a fold holds its part; rows: of a joint in a fold [N]."""
         joints, parts = range(self.data.n), self.data.of_measurement
         return [np.stack([np.sum([rows(j, f) for f in folds], axis=0) for j in joints], axis=-1) for folds in parts]
 
-    def _noises(self, left: Rows, factors: Sequence[Array | float], rng: np.random.Generator) -> Rows:
+    def _noises(self, left: _Series, factors: Sequence[Array | float], rng: np.random.Generator) -> _Series:
         """Return noises [K, N, n] of the spectra of what is left, times a factor by line, where rows count."""
         triples = zip(left, factors, self.counted, strict=True)
         return [_of_spectrum(one, factor, rng) * counted for one, factor, counted in triples]
 
-    def _left(self, given: FittedSet, rows: Rows) -> Rows:
+    def _left(self, given: FittedSet, rows: _Series) -> _Series:
         """Return what a set, fitted to rows [K, N, n], leaves of them."""
         right, columns = np.zeros((len(rows[0]), given.q)), []
         for folds, one in zip(self.data.of_measurement, rows, strict=True):
@@ -74,7 +74,7 @@ class Chance:
         taken = [np.stack([values @ own.T for own in of], axis=-1) for of in columns]
         return [one - part for one, part in zip(rows, taken, strict=True)]
 
-    def _explained(self, given: FittedSet, rows: Rows, hypotheses: Sequence[Hypothesis]) -> Array:
+    def _explained(self, given: FittedSet, rows: _Series, hypotheses: Sequence[Hypothesis]) -> Array:
         """Return g n / L [K, H] of hypotheses beside a set in rows [K, N, n]."""
         data, count = self.data, len(rows[0])
         left, right = np.zeros((count, data.n)), [np.zeros((count, pool.count)) for pool in data.pools]
@@ -95,7 +95,7 @@ class Chance:
                 gain = c * (2.0 * along[:, 0] - c * made.square[0, 0])
             else:
                 continue
-            out[:, k] = gain * independent[joints].sum() / left[:, joints].sum(axis=1)
+            out[:, k] = gain * independent[joints].sum() / np.maximum(left[:, joints].sum(axis=1), _NOTHING)
         return out
 
 

@@ -79,7 +79,9 @@ class Selection:
         return out
 
     def probability(self, label: str) -> float:
-        """Return the probability of a selected effect: the share of the resamples that it wins, less the chance."""
+        """Return the probability of a selected effect: the share of the resamples that it wins, times one less
+        the chance.
+        """
         return 0.0 if self.election is None else self.election.probability(label) * (1.0 - self.chances[label])
 
 
