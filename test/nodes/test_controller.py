@@ -17,7 +17,7 @@ pytest.importorskip("rclpy")
 from robot_ident.bags import read_recording  # noqa: E402
 from robot_ident.robot import load_robot  # noqa: E402
 
-AT_REST = 5e-3  # rad/s; an encoder step in a sample is a fraction of it
+AT_REST = 5e-3  # rad/s; single velocities scatter by two fifths of it
 SIMULATED = {"use_sim_time": True}
 PATIENT = {"state_timeout": 4.0, "stall": 4.0, "tracking_error": "[0.3]"}
 
@@ -54,6 +54,11 @@ def smooth_states(bag: Path) -> Any:
     return dq
 
 
+def rests_at_end(dq: Any) -> bool:
+    """Return whether velocities [N, n] end at rest: the mean of the last ten, since one of them is mostly noise."""
+    return bool(np.abs(dq[-10:].mean(axis=0)).max() < AT_REST)
+
+
 def test_a_rehearsal_and_a_motion_through_a_controller(driven: Callable[..., Any], tmp_path: Path) -> None:
     recorder, robot, publisher = driven(periods=2, rehearsal="[0.5]")
     assert publisher.wait() == 0, publisher.text
@@ -61,7 +66,7 @@ def test_a_rehearsal_and_a_motion_through_a_controller(driven: Callable[..., Any
     assert recorder.end()[0] == 0 and robot.end()[0] == 0
     assert "refused" not in robot.text
     dq = smooth_states(tmp_path / "bag")
-    assert np.abs(dq).max() > 0.1 and np.abs(dq[-1]).max() < AT_REST
+    assert np.abs(dq).max() > 0.1 and rests_at_end(dq)
 
 
 def test_a_killed_publisher_leaves_a_robot_that_rests(
@@ -80,7 +85,7 @@ def test_a_killed_publisher_leaves_a_robot_that_rests(
     assert until(lambda: len(seen) == 75 and max(seen) < AT_REST), max(seen)
     assert recorder.end()[0] == 0 and robot.end()[0] == 0
     dq = smooth_states(tmp_path / "bag")
-    assert np.abs(dq).max() > 0.05 and np.abs(dq[-1]).max() < AT_REST
+    assert np.abs(dq).max() > 0.05 and rests_at_end(dq)
 
 
 @pytest.mark.long
@@ -89,7 +94,7 @@ def test_a_rough_rehearsal_ends_the_play(driven: Callable[..., Any], tmp_path: P
     assert publisher.wait() == 3, publisher.text
     assert "(rehearsal_margin 0.01)" in publisher.text
     assert recorder.end()[0] == 0 and robot.end()[0] == 0
-    assert np.abs(smooth_states(tmp_path / "bag")[-1]).max() < AT_REST
+    assert rests_at_end(smooth_states(tmp_path / "bag"))
 
 
 class Slider:
