@@ -149,6 +149,7 @@ def test_base_models_of_real_arms(lines: list[Line], capsys: pytest.CaptureFixtu
     assert sum(line.ours[1] for line in lines) < sum(line.plain[1] for line in lines)
     of = {line.case.name: line.ours[1] for line in lines}
     assert of["Panda first half -> rest"] <= 0.0130 * 1.01
+    assert of["LWR runs 1, 3 -> run 2"] <= 0.0225
 
 
 def test_beginnings_of_real_recordings(lines: list[Line], capsys: pytest.CaptureFixture[str]) -> None:

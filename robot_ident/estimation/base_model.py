@@ -7,7 +7,7 @@ sum over joints of the logarithm of the squared error. What is taken is told bes
 
 from __future__ import annotations
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import dataclass, replace
 from functools import reduce
 from itertools import product
@@ -31,7 +31,7 @@ from robot_ident.signals.motion import Array, Mask
 
 DIFFERENTIATION = (0.5, 0.7, 1.0, 2.0)  # times the band
 _LONGEST = 200_000  # samples of a recording that are looked at: columns of seven joints take a gigabyte
-_SHOWN = (1.0, 2.0, 4.0, 8.0)  # times the band: the low pass of predictions
+_SHOWN = (0.125, 0.25, 0.5, 1.0, 2.0, 4.0, 8.0)  # times the band: low passes of predictions, by quarters near the best
 _KEPT = 4.0  # rows in a period of their low pass
 _OWN = 1e-6  # of a column's square that no other column makes, below which the data can't tell it
 OFFSET, ROTOR, SCALE = "torque_offset", "rotor_inertia", "torque_scale"
@@ -176,10 +176,7 @@ def choose_base(
             _shown([thin_rows(part, robot, asked, band, wider=wider) for part in parts], full, taken, band)
             for wider in _differentiation(asked, band)
         ]
-        own = [one for one in shown if one.wide == used.derivative_bandwidth]
-        # another differentiation than that of the fit, where no joint pays for it
-        free = [one for one in shown if not own or np.all(one.error <= own[0].error)]
-        widest = min(free, key=lambda one: one.score).wide
+        widest = min(shown, key=lambda one: one.score).wide
         if asked.derivative_bandwidth is None:
             used = replace(used, band_derivative=widest)
         values = np.zeros(len(full.names))
@@ -326,13 +323,12 @@ def _averaged(
 
 
 class _Shown(NamedTuple):
-    """How predictions are processed, low pass and differentiation [Hz], and what squared error [n] of the record they
-    leave; score: sum over joints of its ln.
+    """How predictions are processed, low pass and differentiation [Hz]; score: sum over joints of ln of the squared
+    error that they leave of the record.
     """
 
     low_pass: float
     wide: float
-    error: Array
     score: float
 
 
@@ -340,14 +336,23 @@ def _shown(rows: Sequence[ThinRows], structure: Structure, taken: Candidate, ban
     """Return the low pass that brings the model's torque nearest to the record, whatever that passed itself."""
     whole = taken.fitted.by_joint(taken.kept < len(structure.base.columns))
     torques = [np.einsum("kjp,jp->kj", structure.columns(one.motion)[:, :, taken.kept], whole) for one in rows]
+    records = [one.torque(None) for one in rows]
+
+    def score(cutoff: float) -> float:
+        left = sum(
+            np.sum(((record - one.passed(torque, cutoff)) * one.used) ** 2, axis=0)
+            for one, torque, record in zip(rows, torques, records, strict=True)
+        )
+        return _score_of(left)
+
     most = min(0.4 / one.measured.dt for one in rows)
-    found = []
-    for cutoff in (min(share * band, most) for share in _SHOWN):
-        left = np.zeros(structure.robot.n)
-        for one, torque in zip(rows, torques, strict=True):
-            left += np.sum(((one.torque(None) - one.passed(torque, cutoff)) * one.used) ** 2, axis=0)
-        found.append(_Shown(float(cutoff), rows[0].wide, left, _score_of(left)))
-    return min(found, key=lambda one: one.score)
+
+    def best(shares: Iterable[float]) -> _Shown:
+        grid = sorted({min(share * band, most) for share in shares})
+        return min((_Shown(cutoff, rows[0].wide, score(cutoff)) for cutoff in grid), key=lambda one: one.score)
+
+    near = best(_SHOWN).low_pass / band
+    return best(near * 2.0 ** (k / 4.0) for k in range(-3, 4))
 
 
 def _identifiable(sums: Grams, structure: Structure, labels: Sequence[str]) -> tuple[np.ndarray, list[str]]:

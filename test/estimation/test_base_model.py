@@ -7,6 +7,7 @@ from pathlib import Path
 
 import numpy as np
 import pytest
+from scipy.signal import butter, sosfiltfilt
 
 from robot_ident.estimation.base_model import Candidate, choose_base
 from robot_ident.estimation.held_out import FAINT, Fitted, Grams, held_out
@@ -15,6 +16,7 @@ from robot_ident.estimation.prediction import predict
 from robot_ident.estimation.validation import validate
 from robot_ident.export.exported import torque_of
 from robot_ident.model.expressions import columns_function
+from robot_ident.model.model import Model
 from robot_ident.model.model_file import read_model, write_model
 from robot_ident.model.structure import Structure
 from robot_ident.recording import Processing, Recording
@@ -332,3 +334,23 @@ def test_averages_are_not_given_up_for_what_the_model_lacks() -> None:
         averages, others = ([one for one in choice.candidates if one.averaged is way] for way in (True, False))
         best, other = (min(few, key=lambda one: one.score) for few in (averages, others))
         assert best.worse(other) < 0.5
+
+
+def test_a_smoothed_torque_is_predicted_as_it_is_reported(robot: Robot) -> None:
+    """A low pass at 2.5 Hz, without phase, of all torques: what the motion takes beyond is not in the record."""
+
+    def smoothed(recording: Recording) -> Recording:
+        sections = butter(2, 2.5, fs=1.0 / float(np.mean(np.diff(recording.t))), output="sos")
+        return replace(recording, tau=sosfiltfilt(sections, recording.tau, axis=0))
+
+    model = identify([smoothed(recorded(robot, 1, offset=OFFSET))], robot, as_declared=True)
+    assert model.base is not None
+    assert model.processing["band"] < 0.5 * model.base["band_hz"]
+    other = smoothed(recorded(robot, 3, offset=OFFSET, path=7))
+
+    def error(one: Model) -> float:
+        left = (predict(one, other).torque - other.tau) / other.tau.std(axis=0)
+        return float(np.sqrt(np.mean(left[100:-100] ** 2)))
+
+    unsmoothed = replace(model, processing={**model.processing, "band": model.base["band_hz"]})
+    assert error(model) < 0.85 * error(unsmoothed)
