@@ -6,8 +6,7 @@ from collections.abc import Iterator, Sequence
 from contextlib import contextmanager
 
 from robot_ident.cli.output import Progress, say, table, tell
-from robot_ident.diagnosis.diagnosis import Diagnosis
-from robot_ident.diagnosis.progress import Tell
+from robot_ident.diagnosis.diagnosis import Diagnosis, Tell
 from robot_ident.workflow.steps import Additions, Step
 
 

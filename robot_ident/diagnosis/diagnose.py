@@ -10,19 +10,22 @@ from __future__ import annotations
 from collections.abc import Sequence
 from dataclasses import replace
 
-from robot_ident.diagnosis.diagnosis import Diagnosis
+import numpy as np
+
+from robot_ident.diagnosis.diagnosis import Diagnosis, Finding, Tell, silent
 from robot_ident.diagnosis.drift import without_trends
-from robot_ident.diagnosis.hidden_rest import with_hidden_rest
-from robot_ident.diagnosis.of_use import of_use
-from robot_ident.diagnosis.progress import Tell, silent
 from robot_ident.diagnosis.selection.diagnosis_of import diagnosis_of
 from robot_ident.estimation.declaration import clock_notes
 from robot_ident.estimation.validation import refuse_foreign
+from robot_ident.model.model import is_poor
 from robot_ident.model.structure import Structure
 from robot_ident.recording.checks import of_one_motion, refuse_copies, refuse_silent
 from robot_ident.recording.measurement import Measurement, time_scale_notes
-from robot_ident.regression.evidence import gather
+from robot_ident.regression.evidence import Evidence, gather
+from robot_ident.regression.hidden_path import note
+from robot_ident.regression.misfit import misfit
 from robot_ident.regression.weighed_by_residual import tells_noise
+from robot_ident.signals.motion import Array
 
 
 def diagnose(
@@ -81,3 +84,56 @@ def _told_less_well(measurements: Sequence[Measurement]) -> list[str]:
     else:
         return []
     return [f"{of}, which tells causes from proxies less well; record another motion"]
+
+
+def with_hidden_rest(found: Diagnosis, evidence: Evidence) -> Diagnosis:
+    """Return a diagnosis with the joints at which an adequate model doesn't fit as it stands, and a note.
+
+    evidence: on the model as it was given, not whitened: judged as `compare` judges.
+    """
+    if found.verdict != "adequate":
+        return found
+    robot = evidence.structure.robot
+    phi = np.concatenate([columns.reshape(-1, columns.shape[2]) for columns in evidence.phi])
+    tests = misfit(evidence, np.linalg.pinv(phi.T @ phi, hermitian=True))
+    joints = tuple(name for name, test in zip(robot.joints, tests, strict=True) if test.fails)
+    if not joints:
+        return found
+    return replace(found, notes=(*found.notes, note(joints)), hidden_in_path=joints)
+
+
+def of_use(found: Diagnosis, measurements: Sequence[Measurement]) -> Diagnosis:
+    """Return a diagnosis without the names at joints of which the model misses most of the torque before and after: rms
+    beyond half of that of the torque, which stands above its noise.
+    """
+    torque = np.mean([_mean_squares(measured) for measured in measurements], axis=0)
+    noise = np.mean([measured.averaged_variance for measured in measurements], axis=0)
+    told = {
+        name: (float(torque[k]), float(noise[k]) if np.isfinite(noise[k]) else None)
+        for k, name in enumerate(measurements[0].joints)
+    }
+    useless = []
+    for one in found.missing:
+        joint = one.place
+        after = found.remaining_rms[joint] ** 2
+        if is_poor(one.mse_before[joint], *told[joint]) and is_poor(after, *told[joint]):
+            share = (after / told[joint][0]) ** 0.5
+            useless.append(
+                (
+                    one,
+                    f"{one.label} is not named: with it the model still misses {100 * share:.0f} % of the"
+                    f" torque of {joint}; efforts and positions of that joint don't belong together",
+                )
+            )
+    if not useless:
+        return found
+    left = tuple(one for one in found.missing if one not in [finding for finding, _ in useless])
+    others: tuple[Finding, ...] = (*(finding for finding, _ in useless), *found.others)
+    notes = (*found.notes, *(note for _, note in useless))
+    return replace(found, verdict="missing" if left else "unexplained", missing=left, others=others, notes=notes)
+
+
+def _mean_squares(measured: Measurement) -> Array:
+    """Return the mean square torque [n] of the rows that count, as it is compared."""
+    torque, used = measured.passed(measured.torque), measured.used[measured.rows]
+    return np.asarray(np.sum(torque**2 * used, axis=0) / np.maximum(used.sum(axis=0), 1))

@@ -4,7 +4,7 @@ recordings can't tell apart have in common.
 
 from __future__ import annotations
 
-from collections.abc import Collection, Mapping, Sequence
+from collections.abc import Callable, Collection, Mapping, Sequence
 from dataclasses import dataclass, field, replace
 from typing import Any, Literal
 
@@ -261,3 +261,18 @@ class Diagnosis:
             "hidden_from_sensor": {joint: list(names) for joint, names in self.hidden_from_sensor.items()},
             "notes": list(self.notes),
         }
+
+
+Tell = Callable[[float, str], None]
+"""Called with the part [0, 1] that is done, never falling, and what is being done."""
+
+_STEP = 0.8  # of what is left: how many steps there will be is not known beforehand
+
+
+def silent(done: float, what: str) -> None:
+    """Tell nobody."""
+
+
+def after(steps: int, begin: float, end: float) -> float:
+    """Return where a part of the work stands after some steps of an unknown number of them."""
+    return end - (end - begin) * _STEP**steps

@@ -9,8 +9,8 @@ import numpy as np
 
 from robot_ident.effects.effect import Coefficient, Course, Effect, Inner, Mathematics, Signals, Torques
 from robot_ident.signals.derivatives import lagged
+from robot_ident.signals.filters import driven
 from robot_ident.signals.motion import Array, Motion
-from robot_ident.signals.oscillator import driven
 
 
 class EffortFilter(Effect):

@@ -8,8 +8,8 @@ from typing import Any
 import numpy as np
 
 from robot_ident.effects.effect import Coefficient, Course, Effect, Inner, Mathematics, Signals, Torques, scaled
+from robot_ident.signals.filters import driven
 from robot_ident.signals.motion import Array, Motion
-from robot_ident.signals.oscillator import driven
 
 _LEAST = 1e-4  # of the mean inertia about the joint, below which the model's is none
 

@@ -13,9 +13,8 @@ from robot_ident import __version__
 from robot_ident.diagnosis.diagnosis import Diagnosis, Finding
 from robot_ident.diagnosis.staircase import Level, Step
 from robot_ident.effects.own import is_own
-from robot_ident.figures.candidate_bars import candidates_figure, candidates_text
 from robot_ident.figures.error_steps import staircase_figure, staircase_text
-from robot_ident.figures.parameter_bars import parameters_figure, parameters_text
+from robot_ident.figures.parameter_bars import candidates_figure, candidates_text, parameters_figure, parameters_text
 from robot_ident.figures.residual_scatter import residual_over_figure, residual_over_text
 from robot_ident.figures.residual_spectrum import LINES, residual_lines_figure, residual_lines_text, together
 from robot_ident.figures.theme import POINTS

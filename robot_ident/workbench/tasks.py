@@ -17,7 +17,7 @@ import numpy as np
 
 from robot_ident.bags import read_for
 from robot_ident.configuration import to_yaml
-from robot_ident.diagnosis.progress import Tell, after, silent
+from robot_ident.diagnosis.diagnosis import Tell, after, silent
 from robot_ident.effects import load_effects, make_effect, register
 from robot_ident.errors import InputError
 from robot_ident.estimation.effort_checks import contradictions

@@ -10,8 +10,7 @@ from typing import Any
 import numpy as np
 
 from robot_ident.diagnosis.diagnose import diagnose
-from robot_ident.diagnosis.diagnosis import Diagnosis
-from robot_ident.diagnosis.progress import Tell, silent
+from robot_ident.diagnosis.diagnosis import Diagnosis, Tell, silent
 from robot_ident.effects import Effect
 from robot_ident.errors import InputError
 from robot_ident.estimation.effort_checks import taken_as_declared

@@ -13,7 +13,7 @@ from robot_ident.recording import Processing, Recording, process
 from robot_ident.recording.measurement import Measurement
 from robot_ident.regression.evidence import gather
 from robot_ident.regression.gram import base_gram
-from robot_ident.regression.lack_of_fit import lack_of_fit
+from robot_ident.regression.misfit import lack_of_fit
 from robot_ident.regression.more_than_noise import ALPHA, Share, _moments, noise_tests
 from robot_ident.residuals.comparison import compare
 from robot_ident.signals.motion import Array

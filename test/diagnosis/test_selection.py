@@ -14,7 +14,7 @@ from robot_ident.diagnosis.diagnose import diagnose
 from robot_ident.diagnosis.diagnosis import Diagnosis
 from robot_ident.diagnosis.selection.consistency import splits
 from robot_ident.diagnosis.selection.data_set import DataSet, Rows
-from robot_ident.diagnosis.selection.fitted_parameters import TWO_SIGMA, known_parameters
+from robot_ident.diagnosis.selection.diagnosis_of import TWO_SIGMA, known_parameters
 from robot_ident.diagnosis.selection.hypotheses import Hypothesis
 from robot_ident.diagnosis.selection.probability import Election
 from robot_ident.diagnosis.selection.reversals import near_reversals, resolution, unresolved_rows

@@ -16,7 +16,7 @@ from robot_ident.recording import process
 from robot_ident.recording.measurement import Measurement
 from robot_ident.regression.evidence import gather
 from robot_ident.regression.gram import base_gram
-from robot_ident.regression.lack_of_fit import lack_of_fit
+from robot_ident.regression.misfit import lack_of_fit
 from robot_ident.regression.spectrum import whitened
 
 SLOW = 2.0  # Hz: pole of the noise's colour

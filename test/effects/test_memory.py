@@ -13,8 +13,8 @@ from robot_ident.effects.effort_filter import EffortFilter
 from robot_ident.effects.hysteresis import ELEMENTS, behind_play, dahl, maxwell_slip, stretches
 from robot_ident.robot import load_robot
 from robot_ident.signals.derivatives import delayed, derivatives
+from robot_ident.signals.filters import driven
 from robot_ident.signals.motion import Array, Motion
-from robot_ident.signals.oscillator import driven
 from robot_ident.trajectories.fourier_series import FourierSeries
 
 SERIES = FourierSeries(0.1, np.array([0.1, 0.0, 0.2]), *0.25 * np.random.default_rng(3).normal(size=(2, 3, 5)))

@@ -23,7 +23,7 @@ from robot_ident.effects import Effect
 from robot_ident.recording.measurement import Measurement
 from robot_ident.regression.evidence import Evidence, extended, gather
 from robot_ident.regression.gram import BaseGram, Folds, base_gram
-from robot_ident.regression.lack_of_fit import lack_of_fit
+from robot_ident.regression.misfit import lack_of_fit
 
 GAIN = 40.0  # chi-square units that a fault must gain
 MOSTLY = 0.5  # of the excess that it must explain

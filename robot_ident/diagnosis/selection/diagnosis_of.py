@@ -3,36 +3,35 @@
 from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
-from dataclasses import replace
+from dataclasses import dataclass, replace
 
 import numpy as np
 
 from robot_ident.design.discrimination import experiment_between
 from robot_ident.diagnosis.before_after import errors, estimates, mean_squares
-from robot_ident.diagnosis.diagnosis import Diagnosis, Estimate, Finding, Verdict, either
-from robot_ident.diagnosis.drift import UNSEEN_IN_MEANS, drift_finding, drift_tests
+from robot_ident.diagnosis.diagnosis import Diagnosis, Estimate, Finding, Tell, Verdict, either, silent
+from robot_ident.diagnosis.drift import UNSEEN_IN_MEANS, drift_finding, drift_tests, with_jitter
 from robot_ident.diagnosis.measuring.first import CORRECT, exact_fault, fault_beyond, undecidable, validated
 from robot_ident.diagnosis.measuring.fitted_fault import with_columns
-from robot_ident.diagnosis.measuring.jitter import with_jitter
 from robot_ident.diagnosis.measuring.lookalikes import with_line, with_low_pass
 from robot_ident.diagnosis.power import too_little, unseen_below, with_doubt
-from robot_ident.diagnosis.progress import Tell, silent
 from robot_ident.diagnosis.selection.constants import NAMED
-from robot_ident.diagnosis.selection.fitted_parameters import TWO_SIGMA, Fitted, known_parameters
 from robot_ident.diagnosis.selection.fitted_set import FittedSet
 from robot_ident.diagnosis.selection.hypotheses import Hypothesis
-from robot_ident.diagnosis.selection.ripples import hidden_lines
+from robot_ident.diagnosis.selection.read_off import hidden_lines
 from robot_ident.diagnosis.selection.search import Selected
 from robot_ident.diagnosis.selection.select import Selection, select
 from robot_ident.diagnosis.unexplained import explain_by_variables, stiction_note
+from robot_ident.effects import Effect
 from robot_ident.effects.torque_ripple import TorqueRipple
 from robot_ident.errors import InputError
 from robot_ident.estimation.payload import solve_carrying
+from robot_ident.estimation.problem import Solution
 from robot_ident.model.structure import Structure
 from robot_ident.recording.measurement import Measurement
 from robot_ident.regression.evidence import Evidence, extended
 from robot_ident.regression.gram import Folds, base_gram
-from robot_ident.regression.lack_of_fit import LackOfFit, lack_of_fit
+from robot_ident.regression.misfit import LackOfFit, lack_of_fit
 
 _LISTED = 3  # effects that are listed besides, those that explain most by themselves
 _STRUCTURE = 0.1  # of the error that a curve over a variable must predict on unseen motion to call it unexplained
@@ -259,3 +258,59 @@ def _notes(found: Selection, verdict: Verdict) -> list[str]:
         )
     notes += [f"{h.label}{CORRECT}" for h in found.selected if h.effect.measuring]
     return list(dict.fromkeys(notes))
+
+
+TWO_SIGMA = 0.0455
+"""Probability that a value of zero is estimated more than two standard deviations off."""
+
+
+@dataclass(frozen=True)
+class Fitted:
+    """An effect's parameters, which of them is the least certain to differ from zero, and the probability that data of
+    one which is zero give as large a value.
+    """
+
+    parameters: tuple[Estimate, ...]
+    least: Estimate
+    chance: float
+
+
+def known_parameters(solution: Solution) -> Mapping[str, Fitted]:
+    """Return by label the parameters of every effect of a solution, without the coefficients that others hold too."""
+    model, spread, out = solution.structure, np.sqrt(np.diag(solution.whichever_form().covariance)), {}
+    first = len(model.parameters)
+    for effect, own in model.placed:
+        inner = np.arange(first, first + len(effect.inner))
+        first += len(effect.inner)
+        spread[[k for k, one in zip(inner, effect.inner, strict=True) if one.at_bound(effect.setting[one.name])]] = 0.0
+        places = [*range(own.start, own.stop), *inner]
+        names = (*effect.parameter_names(), *effect.inner_names())
+        units = (*effect.parameter_units(), *effect.inner_units())
+        found = tuple(
+            Estimate(name, float(solution.values[k]), float(spread[k]), unit)
+            for name, k, unit in zip(names, places, units, strict=True)
+        )
+        if found:
+            out[effect.label] = _fitted(effect, found, solution, places)
+    return out
+
+
+def _fitted(effect: Effect, found: tuple[Estimate, ...], solution: Solution, places: Sequence[int]) -> Fitted:
+    """Judge the linear parameters and those inside a column that define the effect, together (Wald's test): what is
+    known of both may be their product alone. Each of the latter must be larger than its standard deviation besides.
+    """
+    from scipy.special import chdtrc
+
+    count = len(effect.coefficients)
+    defining = [k for k, one in enumerate(effect.inner, count) if one.defining and found[k].std > 0.0]
+    for k in defining:
+        if abs(found[k].value) < found[k].std:
+            return Fitted(found, found[k], 1.0)
+    judged = [*range(count), *defining]
+    if not judged:
+        return Fitted(found, found[0], 0.0)
+    at = [places[k] for k in judged]
+    scale = np.sqrt(np.maximum(np.diag(solution.covariance)[at], 1e-300))
+    z, together = solution.values[at] / scale, solution.covariance[np.ix_(at, at)] / np.outer(scale, scale)
+    least = min(judged, key=lambda k: abs(found[k].value) / max(found[k].std, 1e-300))
+    return Fitted(found, found[least], float(chdtrc(len(judged), z @ np.linalg.pinv(together, hermitian=True) @ z)))

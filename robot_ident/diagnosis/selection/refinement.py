@@ -14,7 +14,7 @@ import numpy as np
 from robot_ident.diagnosis.selection.data_set import DataSet, Rows
 from robot_ident.diagnosis.selection.fitted_set import FittedSet
 from robot_ident.diagnosis.selection.hypotheses import Hypothesis
-from robot_ident.diagnosis.selection.ripples import add_lines
+from robot_ident.diagnosis.selection.read_off import add_lines
 from robot_ident.effects import Effect, Inner
 from robot_ident.effects.torque_ripple import TorqueRipple
 from robot_ident.regression.evidence import Evidence

@@ -7,7 +7,7 @@ from dataclasses import dataclass, field
 
 import numpy as np
 
-from robot_ident.diagnosis.progress import Tell, silent
+from robot_ident.diagnosis.diagnosis import Tell, silent
 from robot_ident.diagnosis.selection.chance import Chance
 from robot_ident.diagnosis.selection.consistency import splits
 from robot_ident.diagnosis.selection.constants import (
@@ -22,16 +22,15 @@ from robot_ident.diagnosis.selection.constants import (
 from robot_ident.diagnosis.selection.data_set import DataSet, Rows
 from robot_ident.diagnosis.selection.fitted_set import FittedSet, standard_errors
 from robot_ident.diagnosis.selection.hypotheses import Hypothesis
-from robot_ident.diagnosis.selection.impacts import add_backlash
 from robot_ident.diagnosis.selection.probability import Election, elect
-from robot_ident.diagnosis.selection.ripples import add_ripples
+from robot_ident.diagnosis.selection.read_off import add_backlash, add_ripples
 from robot_ident.diagnosis.selection.search import Search, Selected
 from robot_ident.diagnosis.selection.unknown_cause import curve_of, flexible_beside, friction_of, groups_of
 from robot_ident.model.structure import Structure
 from robot_ident.recording.measurement import Measurement
 from robot_ident.regression.evidence import Evidence
 from robot_ident.regression.gram import base_gram
-from robot_ident.regression.lack_of_fit import LackOfFit, lack_of_fit
+from robot_ident.regression.misfit import LackOfFit, lack_of_fit
 
 
 @dataclass(frozen=True)
