@@ -29,6 +29,7 @@ def run(args: argparse.Namespace) -> None:
     if args.json:
         print_json(_to_dict(steps))
         return
+    tell(*steps[-1].troubles)
     say(staircase(steps), "")
     names = {e.label for e in effects}
     for p, value, std, at_bound in zip(last.parameters, last.values, last.std, last.at_bound, strict=True):
@@ -37,7 +38,6 @@ def run(args: argparse.Namespace) -> None:
             say(f"{p.name} = {value:.4g}{spread} {p.unit}".rstrip() + (" (at its bound)" if at_bound else ""))
     for one in last.gains or ():
         say(f"gain of {one['joint']} = {one['value']:.4g} ± {one['std']:.2g} {one['unit']}")
-    tell(*steps[-1].troubles)
     say_written(args.output)
 
 

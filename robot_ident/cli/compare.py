@@ -55,6 +55,7 @@ def run(args: argparse.Namespace) -> None:
         changed = None if change is None else change.to_dict()
         print_json(_to_dict(inputs, found, args.mcap) | {"change": changed, "likely_reason": reason})
     else:
+        tell(*_troubles(inputs))
         if reason:
             tell(f"likely reason: {reason}")
         if found:
@@ -127,13 +128,13 @@ def _to_dict(inputs: Inputs, found: Sequence[Comparison], mcap: str | None) -> d
 def _troubles(inputs: Inputs) -> list[str]:
     """Return a line for each model that can't follow its own recordings."""
     return [
-        f"{path}: {model.trouble}" for path, model in zip(inputs.paths, inputs.models, strict=True) if model.trouble
+        f"{path}: {line}" for path, model in zip(inputs.paths, inputs.models, strict=True) for line in model.leading()
     ]
 
 
 def _print(inputs: Inputs, found: Sequence[Comparison]) -> None:
     robot = inputs.models[0].robot
-    tell(*_troubles(inputs), *found[0].notes)
+    tell(*found[0].notes)
     rows = []
     for number in range(robot.n):
         for path, one in zip(inputs.paths, found, strict=True):

@@ -35,7 +35,8 @@ def run(args: argparse.Namespace) -> None:
     steps = added.steps
     if args.output:
         write_model(steps[-1].model if added.foreseen else model, args.output, force=args.force)
-    found = replace(found, notes=(*found.notes, *_troubles(found, inputs, steps if added.foreseen else [])))
+    troubles = _troubles(found, inputs, steps if added.foreseen else [])
+    found = replace(found, notes=model.leading((*found.notes, *troubles)))
     if args.json:
         print_json(found.to_dict() | (added.to_dict() if steps else {}))
         return
@@ -48,7 +49,8 @@ def run(args: argparse.Namespace) -> None:
 def _troubles(found: Diagnosis, inputs: Inputs, steps: list[Step]) -> tuple[str, ...]:
     """Return on which recordings kept aside the model is worse than none, with what was added if something was."""
     if steps:
-        return steps[-1].troubles
+        last = steps[-1].model.trouble
+        return tuple(f"with what was added: {line}" if line == last else line for line in steps[-1].troubles)
     lines = unusable_on(inputs.models[0], inputs.validation)
     after = found.missing[-1].validation_after if found.missing else None
     if not lines or after is None:
@@ -64,7 +66,8 @@ def _troubles(found: Diagnosis, inputs: Inputs, steps: list[Step]) -> tuple[str,
 
 
 def _print(found: Diagnosis, inputs: Inputs) -> None:
-    robot = inputs.models[0].robot
+    robot, first = inputs.models[0].robot, inputs.models[0].leading()
+    tell(*first)
     say(found.in_words)
     for finding in found.missing:
         _print_named(finding, inputs)
@@ -85,7 +88,7 @@ def _print(found: Diagnosis, inputs: Inputs) -> None:
         header = ("rank", "candidate", "named", "explains", "p", "rms before", "rms after", "unit")
         listed_rows = [_row(rank, s, s in found.missing, robot) for rank, s in enumerate(listed, 1)]
         say("", table((*header, "indistinguishable from"), listed_rows))
-    tell(*(f"note: {note}" for note in found.notes))
+    tell(*(f"note: {note}" for note in found.notes if note not in first))
 
 
 def _print_named(finding: Finding, inputs: Inputs) -> None:

@@ -46,7 +46,7 @@ def run(args: argparse.Namespace) -> None:
     held = _held_against(model, made, args)
     if held.trouble and not args.anyway:
         raise InputError(f"{args.model}: {held.trouble} (--anyway writes it all the same)")
-    notes = tuple(line for line in (model.trouble, *made.notes, held.trouble) if line)
+    notes = model.leading((*made.notes, held.trouble or ""))
     if "" in made.files:
         write_text(target, made.files[""], force=args.force)
     else:

@@ -59,7 +59,7 @@ def run_only(args: argparse.Namespace) -> None:
     doubts = contradictions(measurements, model.robot, as_declared=args.as_declared, otherwise=_OTHERWISE, loaded=True)
     part = part_of([(recording.source, recording.conditions) for recording in recordings])
     found = identify_payload(measurements, model, next(iter(stated)), part)
-    found = replace(found, notes=(*doubts, *(n for m in measurements for n in m.notes), *found.notes))
+    found = replace(found, notes=model.leading((*doubts, *(n for m in measurements for n in m.notes), *found.notes)))
     if _empty(found):
         found = replace(found, notes=(*found.notes, f"{_empty(found)}: no payload to write"))
     if args.output:

@@ -21,7 +21,8 @@ def run(args: argparse.Namespace) -> None:
     result = validate(model, recording, low_pass=args.low_pass)
     seen = fitted_to(model, args.bag, recording)
     if seen:
-        result = replace(result, notes=(f"{seen}, so it validates nothing; give an independent one", *result.notes))
+        nothing = f"{seen}, so it validates nothing; give an independent one"
+        result = replace(result, notes=model.leading((nothing, *result.notes)))
     if args.json:
         print_json(result.to_dict())
     else:

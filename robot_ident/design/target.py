@@ -84,6 +84,7 @@ class Target:
             position_variance=_measured(model.noise.position_variance, noise.position_variance),
         )
         variances, notes = noise_variances(replace(robot, noise=known))
+        notes = model.leading(notes)
         return cls(structure, variances, np.array(known.position_variance), periods, values, True, notes)
 
     @property

@@ -156,7 +156,7 @@ def predict(model: Model, recording: Recording) -> Prediction:
     torque = made.torque
     if carried is not None:
         torque = torque + measured.passed(carried.torque(model.robot, measured.motion))
-    notes = (*measured.notes, *made.notes, *still_notes(measured))
+    notes = model.leading((*measured.notes, *made.notes, *still_notes(measured)))
     return replace(made, torque=torque, start_ns=recording.start_ns, notes=notes)
 
 
@@ -180,7 +180,7 @@ def predict_motion(
         band=_BAND * np.sqrt(std**2 + misfit**2),
         misfit=misfit,
         start_ns=0,
-        notes=beyond_notes(model, motion),
+        notes=model.leading(beyond_notes(model, motion)),
     )
 
 

@@ -81,9 +81,9 @@ def unusable(model: Model, source: str, residual: Mapping[str, Fit]) -> str | No
 
 
 def unusable_on(model: Model, validation: Sequence[Measurement]) -> tuple[str, ...]:
-    """Return such a line for every validation recording, before them one where the model can't follow its own."""
+    """Return such a line for every validation recording on which a model is worse than none."""
     lines = (unusable(model, measured.source, residual_on(model, measured)) for measured in validation)
-    return tuple(line for line in (model.trouble, *lines) if line)
+    return tuple(line for line in lines if line)
 
 
 def refuse_foreign(measurements: Sequence[Measurement], robot: Robot) -> None:
@@ -161,9 +161,8 @@ def validate(model: Model, recording: Recording, *, low_pass: float | None = Non
     moving, still = (_fits(model.robot, error, torque, rows, noise) for rows in (counted, ~counted))
     if not moving:
         raise InputError(f"{recording.source}: no joint moves; nothing can be validated")
-    return Validation(
-        cutoff, moving, still, (*measured.notes, *still_notes(measured)), unusable(model, recording.source, moving)
-    )
+    notes = model.leading((*measured.notes, *still_notes(measured)))
+    return Validation(cutoff, moving, still, notes, unusable(model, recording.source, moving))
 
 
 def moving_rows(measured: Measurement) -> Mask:

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+from collections.abc import Iterable, Mapping
 from dataclasses import asdict, dataclass, field
 from pathlib import Path
 from typing import Any
@@ -164,6 +164,12 @@ class Model:
             f" {', '.join(poor)}; robot_ident info BAG --robot says whether the effort's unit, sign and axis are as"
             " declared, compare where the model fails"
         )
+
+    def leading(self, notes: Iterable[str] = ()) -> tuple[str, ...]:
+        """Return the notes of a command on this model, each once, before them that it can't be used (`trouble`), if so:
+        every command tells its notes by this.
+        """
+        return tuple(dict.fromkeys(line for line in (self.trouble, *notes) if line))
 
     def predict(self, motion: Motion) -> Array:
         """Return the model's torque [N, n] Nm along a motion."""

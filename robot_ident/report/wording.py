@@ -55,10 +55,10 @@ _AS_IT_IS = 1.2  # times what remains of the model identified anew: a model whos
 
 
 def verdict(found: Findings) -> str:
-    """Return one sentence that a reader who stops here can act on."""
-    parts = [part for part in (_gained(found), _lacking(found), *found.troubles) if part]
-    text = "; ".join(parts)
-    return text[0].upper() + text[1:] + "."
+    """Return one sentence that a reader who stops here can act on; one before it where the model can't be used."""
+    trouble = found.last.model.trouble
+    parts = (_gained(found), _lacking(found), *(line for line in found.troubles if line != trouble))
+    return " ".join(f"{text[0].upper()}{text[1:]}." for text in (trouble, "; ".join(filter(None, parts))) if text)
 
 
 def fall(before: Level, after: Level, unit: str) -> str:

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Mapping
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from typing import Any, Literal
 
 from robot_ident.report.wording import short
@@ -41,6 +41,12 @@ def next_step(view: View | None, job: Job, overlays: list[Overlay]) -> Next:
             words = "These recordings could not be opened. Choose others, or try again."
             return Next("compare", words, "Try again", "open")
         return Next("compare", "Reading the recordings and holding the model beside them. This is done once.")
+    step = _of_step(view, overlays)
+    trouble = view.trouble
+    return step if trouble is None else replace(step, words=f"{trouble[0].upper()}{trouble[1:]}. {step.words}")
+
+
+def _of_step(view: View, overlays: list[Overlay]) -> Next:
     chosen = next((o for o in overlays if o.key.startswith(CANDIDATE)), None)
     if chosen is not None:
         return _with_candidate(view, chosen)

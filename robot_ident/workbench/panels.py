@@ -50,7 +50,8 @@ def candidates(view: View, overlays: Sequence[str], running: bool) -> list[Any]:
             out.append(html.Div(listed, className="candidates"))
     known = [str(one["label"]) for one in (found or {"candidates": []})["candidates"]]
     keys = [(label, f"{CANDIDATE}{label}") for label in view.previews if label not in known]
-    return [*out, *(tick(label, key, ticked=key in overlays) for label, key in keys)]
+    first = [html.P(view.trouble, className="verdict")] if view.trouble else []
+    return [*first, *out, *(tick(label, key, ticked=key in overlays) for label, key in keys)]
 
 
 def _candidate(view: View, one: Mapping[str, Any], overlays: Sequence[str]) -> html.Div:
@@ -196,7 +197,8 @@ _LEAST = 0.005  # less is printed as 0 %
 def where(view: View, joint: int) -> list[Any]:
     """Return the regions that hold most of the excess, and the variables that explain it."""
     found = view.comparison["joints"][joint]
-    notes: list[Any] = [html.P(note, className="note") for note in (*view.comparison["notes"], *view.unusable)]
+    lines = [line for line in (view.trouble, *view.comparison["notes"], *view.unusable) if line]
+    notes: list[Any] = [html.P(line, className="note") for line in lines]
     if not found["worst"] and not found["explained_by"]:
         fits = found["fails"] is False
         words = f"{found['name']} fits: there is nothing to look for." if fits else "Nothing stands out."

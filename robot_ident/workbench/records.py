@@ -40,8 +40,8 @@ def about(measured: Measurement, validation: bool) -> dict[str, Any]:
 
 
 def comparison(found: Comparison, model: Model, validation: Sequence[Measurement]) -> dict[str, Any]:
-    """Return a comparison as `compare --json` prints it, with its regions in words, and with a line on every recording
-    kept aside on which the model is worse than none.
+    """Return a comparison as `compare --json` prints it, with its regions in words, why the model can't be used at
+    all, and a line on every recording kept aside on which it is worse than none.
     """
     joints = []
     for number, joint in enumerate(found.joints):
@@ -51,6 +51,7 @@ def comparison(found: Comparison, model: Model, validation: Sequence[Measurement
     return {
         "joints": joints,
         "notes": list(found.notes),
+        "trouble": model.trouble,
         "unusable": list(unusable_on(model, validation)),
         "units": [robot.torque_unit(k) for k in range(robot.n)],
         "prismatic": [bool(one) for one in robot.prismatic],

@@ -55,6 +55,12 @@ class View:
         return self._read("comparison.json")
 
     @property
+    def trouble(self) -> str | None:
+        """Why the model can't be used at all, None where it can; steps of earlier versions don't say it."""
+        found = self.comparison.get("trouble")
+        return None if found is None else str(found)
+
+    @property
     def unusable(self) -> list[str]:
         """On which recordings kept aside it is worse than none; steps of earlier versions don't say it."""
         return list(self.comparison.get("unusable", []))

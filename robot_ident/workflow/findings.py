@@ -34,9 +34,9 @@ class Findings:
     """Models in their order beside recordings, and what the first and the last of them lack.
 
     training: recordings to compare with; validation: those that no fit has seen. diagnoses: by the number of the model,
-    from 0. command: what was typed; effects_from: the files of a user's own effects that it named. troubles: a line for
-    each validation on which the last model is worse than none, and one where it is adequate but for what is kept
-    aside.
+    from 0. command: what was typed; effects_from: the files of a user's own effects that it named. troubles: a line
+    where the last model can't be used at all, one for each validation on which it is worse than none, and one where it
+    is adequate but for what is kept aside.
     """
 
     steps: tuple[Step, ...]
@@ -132,7 +132,7 @@ def gather(
         heard(f"certifying {path}")
         played.append(Played(path, excitation, certify(excitation, steps[0].model.robot)))
     last = steps[-1].model
-    troubles = unusable_on(last, unseen)
+    troubles = last.leading(unusable_on(last, unseen))
     if diagnoses[len(steps) - 1].verdict == "adequate":
         troubles = (*troubles, *misfit_aside(last, unseen))
     return Findings(

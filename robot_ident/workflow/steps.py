@@ -46,7 +46,7 @@ def find_missing(
 class Step:
     """A model and, by joint, its mean square error (Nm)^2 over the validation recordings; None without.
 
-    troubles: a line for each of those on which it is worse than none.
+    troubles: a line for each of those on which it is worse than none, before them one where it can't be used at all.
     """
 
     model: Model
@@ -58,7 +58,10 @@ def steps_of(inputs: Inputs, effects: Sequence[Effect]) -> list[Step]:
     """Return the model refitted as it is, then with one effect more each time."""
     fitted = extended(inputs.models[0], inputs.measurements, inputs.recordings, effects)
     unseen = [inputs.validated_for(model) for model in fitted]
-    return [Step(m, unseen_errors(m, aside), unusable_on(m, aside)) for m, aside in zip(fitted, unseen, strict=True)]
+    return [
+        Step(m, unseen_errors(m, aside), m.leading(unusable_on(m, aside)))
+        for m, aside in zip(fitted, unseen, strict=True)
+    ]
 
 
 def unseen_errors(model: Model, validation: Sequence[Measurement]) -> dict[str, float] | None:

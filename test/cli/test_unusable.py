@@ -143,15 +143,56 @@ def test_motions_that_last_for_days_are_refused(run: Run, arm: Any, model: Path,
     assert "too long to simulate" in told.err
 
 
-def test_a_model_that_misses_its_own_torque_says_so_first_and_is_not_exported(
-    run: Run, arm: Any, tmp_path: Path
-) -> None:
-    """A joint whose effort has nothing to do with its motion, gone on with as declared."""
+@pytest.fixture(scope="module")
+def wrong(arm: Any, tmp_path_factory: pytest.TempPathFactory) -> Path:
+    """A recording with a joint whose effort has nothing to do with its motion."""
     fine = arm.record(3, periods=3)
     wander = np.random.default_rng(1).normal(size=len(fine.t)).cumsum()
     tau = np.column_stack([fine.tau[:, :2], 50.0 * wander / wander.std()])
-    wrong, model = tmp_path / "wrong.npz", tmp_path / "model.yaml"
-    write_recording(wrong, replace(fine, tau=tau))
+    path = tmp_path_factory.mktemp("wrong") / "wrong.npz"
+    write_recording(path, replace(fine, tau=tau))
+    return path
+
+
+def test_a_model_that_misses_its_own_torque_says_so_first_in_every_command(
+    run: Run, wrong: Path, bag: Path, tmp_path: Path
+) -> None:
+    """On standard error where the verdict follows, else as the first line of what is printed; in --json as a note."""
+    model, folder = tmp_path / "bad.yaml", tmp_path
+    assert run("identify", wrong, "--as-declared", "--not-periodic", "-o", model).code == 0
+    page, planned, fine = folder / "page.html", folder / "moves.yaml", tmp_path / "fine.yaml"
+    assert run("identify", bag, "-o", fine).code == 0
+    assert run("design", "--validation-motion", "-o", planned).code == 0
+    first = {
+        "diagnose": ("diagnose", model, wrong),
+        "validate": ("validate", model, bag),
+        "predict": ("predict", model, bag, "-o", folder / "out.npz", "--force"),
+        "predict a plan": ("predict", model, planned, "-o", folder / "out.npz", "--force"),
+        "add": ("add", model, "torque_offset@joint_2", "--bag", wrong),
+        "report": ("report", model, "--bag", wrong, "-o", page, "--force"),
+    }
+    for name, words in first.items():
+        told = run(*words)
+        assert told.code == 0, name
+        line = (told.out if name == "report" else told.err).splitlines()[0]
+        assert line.lower().startswith("not usable: on the recordings that it was fitted to"), name
+        assert "joint_3" in line, name
+        found = run(*words, "--json").json
+        assert found["notes"][0].startswith("not usable: "), name
+        assert sum(note.startswith("not usable: ") for note in found["notes"]) == 1, name
+    assert found["sentence"].startswith("Not usable: ")
+    assert '<p class="verdict">Not usable: ' in page.read_text(encoding="utf-8")
+    assert "not usable" not in run("diagnose", model, wrong).out, "it is told once"
+    compared = run("compare", model, model, wrong).err.splitlines()
+    assert "not usable" in compared[0] and "not usable" in compared[1]
+    assert "not usable" in run("compare", model, fine).err.splitlines()[0], "without a recording too"
+
+
+def test_a_model_that_misses_its_own_torque_says_so_first_and_is_not_exported(
+    run: Run, wrong: Path, tmp_path: Path
+) -> None:
+    """A joint whose effort has nothing to do with its motion, gone on with as declared."""
+    model = tmp_path / "model.yaml"
     made = run("identify", wrong, "--as-declared", "--not-periodic", "-o", model)
     assert made.code == 0
     first = made.err.splitlines()[0]

@@ -17,12 +17,13 @@ from robot_ident.bags import read_recording, write_recording
 from robot_ident.cli.main import main
 from robot_ident.configuration import to_yaml
 from robot_ident.errors import InputError
+from robot_ident.model.model import Model
 from robot_ident.workbench.allowed_paths import Allowed
 from robot_ident.workbench.controller import Desk
 from robot_ident.workbench.jobs import Job, Jobs
 from robot_ident.workbench.layout import chooser
 from robot_ident.workbench.next_step import next_step
-from robot_ident.workbench.panels import where
+from robot_ident.workbench.panels import candidates, where
 from robot_ident.workbench.server import make_app
 from robot_ident.workbench.session import Choice, Session, begin, script
 from robot_ident.workbench.tasks import Work
@@ -90,6 +91,17 @@ def test_a_model_that_is_worse_than_none_says_so_beside_its_misfit(
     notes = [element.children for element in where(view, 1) if getattr(element, "className", "") == "note"]
     (told,) = (note for note in notes if note.startswith("on backwards.npz the model errs by more than the torque"))
     assert "at joint_2, which takes" in told and "joint_1" not in told
+
+
+def test_a_model_that_can_t_be_used_says_so_first(
+    recordings: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.setattr(Model, "trouble", "not usable: it misses more than half of joint_2")
+    session = Desk(tmp_path / "sessions", Allowed(recordings)).open(["run_1"], [])
+    Work(session).do({"task": "open"}, lambda share, words: None)
+    view = View(session, 0)
+    assert next_step(view, Job(), []).words.startswith("Not usable: it misses more than half of joint_2. ")
+    assert candidates(view, [], running=False)[0].children == where(view, 1)[0].children == view.trouble
 
 
 def test_the_command_lines_give_the_same_model(
