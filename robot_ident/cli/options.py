@@ -392,13 +392,19 @@ TAKES: dict[str, tuple[Option | Group | OneOf, ...]] = {
         ),
         Group(
             "signal processing",
-            LOW_PASS.but("low-pass filter of effort and regressor (default: none if periodic, else 10 Hz)"),
+            LOW_PASS.but(
+                "low-pass filter of effort and regressor (default: chosen by prediction; with base declared none if"
+                " periodic, else 10 Hz)"
+            ),
             option(
                 "--derivative-bandwidth HZ",
-                "low-pass filter of non-periodic positions before differentiation (default: 4 times --low-pass)",
+                "low-pass filter of non-periodic positions before differentiation (default: chosen by prediction; with"
+                " --low-pass or base declared 4 times the low-pass)",
                 type=within(0.01, 1e5),
             ),
-            option("--decimate K", "keep every K-th row after the low-pass filter", 1, type=within(1, 1000, int)),
+            option(
+                "--decimate K", "keep every K-th filtered row (default: 1, or as chosen)", 1, type=within(1, 1000, int)
+            ),
             option(
                 "--minimum-speed V[,V...]",
                 "exclude rows slower than this, rad/s or m/s: one value, or one per joint (default: the robot's)",
@@ -415,7 +421,9 @@ TAKES: dict[str, tuple[Option | Group | OneOf, ...]] = {
         MODEL,
         BAG.but("validation recording, not used in the fit"),
         TOPIC,
-        LOW_PASS.but("cut-off of the zero-phase low-pass filter", default=10.0),
+        LOW_PASS.but(
+            "cut-off of the zero-phase low-pass filter (default: the model file's, as in predict, else 10 Hz)"
+        ),
         option("--max-rms NM", "exit with 3 if a joint's residual rms exceeds this value", type=within(0.0, 1e9)),
         JSON,
     ),

@@ -27,7 +27,7 @@ def run(args: argparse.Namespace) -> None:
         print_json(result.to_dict())
     else:
         tell(*result.notes)
-        say(f"residual while moving, low-pass filter at {result.low_pass_hz:g} Hz")
+        say(f"residual while moving, low-pass filter at {result.low_pass_hz:.3g} Hz")
         say(fit_table(model.robot, result.residual))
         if result.standstill:
             say("\nresidual near standstill, where stiction leaves the torque indeterminate")

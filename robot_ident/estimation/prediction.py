@@ -22,9 +22,10 @@ from robot_ident.model.structure import Structure
 from robot_ident.recording.checks import STILL, held_angles, still_notes, still_part
 from robot_ident.recording.clock import even_samples, read_clock, roughness
 from robot_ident.recording.conditions import KnownPayload
-from robot_ident.recording.measurement import Measurement, Processing
+from robot_ident.recording.measurement import DEFAULT_LOW_PASS, Measurement, Processing
 from robot_ident.recording.process import process
 from robot_ident.recording.recording import Recording
+from robot_ident.recording.torque_channel import chain_of
 from robot_ident.signals.filters import ZeroPhaseLowPass
 from robot_ident.signals.motion import Array, Motion
 
@@ -71,15 +72,25 @@ def processing_of(model: Model) -> Processing:
 
 
 def as_predicted(model: Model, recording: Recording) -> Processing:
-    """Return how a recording is processed for a model's torque along it: as one pass, differentiated at least cost."""
+    """Return how a recording is processed for a model's torque along it: as one pass, low-passed as the model says,
+    differentiated at least cost.
+    """
     own = processing_of(model)
     wide = prediction_bandwidth(recording, model.structure, model.linear, own)
-    return replace(own, periodic=False, base_frequency=None, decimate=1, derivative_bandwidth=wide)
+    shown = replace(own, low_pass=shown_low_pass(model, recording), derivative_bandwidth=wide)
+    return replace(shown, periodic=False, base_frequency=None, decimate=1)
 
 
-def within_rate(low_pass: float, recording: Recording) -> float:
-    """Return a low pass [Hz] that a recording can take: four fifths of half of its sample rate at most."""
-    return min(low_pass, 0.4 / read_clock(recording).dt)
+def shown_low_pass(model: Model, recording: Recording) -> float:
+    """Return the low pass [Hz] that a model's torque along a recording takes, in predictions and in validations: its
+    band where one was found, else the one that its recordings took, else 10 Hz; no more than the recording can take:
+    four fifths of half of its sample rate (10 Hz: two fifths), and what its torque channel lets be undone.
+    """
+    own, dt = processing_of(model), read_clock(recording).dt
+    stated = own.band or own.low_pass
+    most = 0.4 / dt if stated else 0.2 / dt
+    channel = chain_of(model.robot, own.anti_alias, recording.source, 1.0 / dt, 0.0)
+    return min(stated or DEFAULT_LOW_PASS, most, channel.bandwidth)
 
 
 def with_payload_found(model: Model, recording: Recording) -> Recording:
@@ -139,16 +150,12 @@ class Prediction:
 def predict(model: Model, recording: Recording) -> Prediction:
     """Return the model's torque along a recording's positions, its efforts unused (eq. 1).
 
-    As in a validation positions are differentiated without phase, and the torque passes a zero-phase low pass (10 Hz
-    unless the model was made with another, or its band where one was found), since differentiated noise is all that it
-    holds beyond. Raises InputError where the recording isn't of the model's robot,
-    or of another pose than it holds.
+    As in a validation positions are differentiated without phase, and the torque passes a zero-phase low pass
+    (`shown_low_pass`), since differentiated noise is all that it holds beyond. Raises InputError where the recording
+    isn't of the model's robot, or of another pose than it holds.
     """
     recording = at_pose(model, recording)
-    used = as_predicted(model, recording)
-    if used.band is not None:
-        used = replace(used, low_pass=within_rate(used.band, recording))
-    measured = process(recording, model.robot, used, motion_only=True)
+    measured = process(recording, model.robot, as_predicted(model, recording), motion_only=True)
     made = predict_motion(
         model, recording.t[0] + measured.dt * np.arange(measured.motion.samples), measured.motion, measured.passed
     )

@@ -12,10 +12,10 @@ import numpy as np
 from robot_ident.errors import InputError
 from robot_ident.estimation.effort_checks import EffortChecks, contradictions, taken_as_declared
 from robot_ident.estimation.equations import fit
-from robot_ident.estimation.prediction import as_predicted, processing_of, with_payload_found, within_rate
+from robot_ident.estimation.prediction import as_predicted, processing_of, shown_low_pass, with_payload_found
 from robot_ident.model.model import Fit, Model
 from robot_ident.recording.checks import still_notes
-from robot_ident.recording.measurement import DEFAULT_LOW_PASS, Measurement
+from robot_ident.recording.measurement import Measurement
 from robot_ident.recording.process import process
 from robot_ident.recording.recording import Recording
 from robot_ident.robot.robot import Robot
@@ -144,15 +144,14 @@ class Validation:
 
 
 def validate(model: Model, recording: Recording, *, low_pass: float | None = None) -> Validation:
-    """Predict an independent recording; torque, prediction and noise pass the same zero-phase low pass (10 Hz unless
-    told, or the model's band where it reaches further). Cycles of production data are averaged as where a model is
+    """Predict an independent recording; torque, prediction and noise pass the same zero-phase low pass: that of
+    `predict` (`shown_low_pass`), or `low_pass` [Hz]. Cycles of production data are averaged as where a model is
     identified; all else is taken as one pass.
 
     Raises InputError where the recording isn't of the model's robot, of another pose than it holds, or never moves.
     """
     recording = with_payload_found(model, recording)
-    band = processing_of(model).band or 0.0
-    cutoff = low_pass or max(within_rate(band, recording) if band else 0.0, DEFAULT_LOW_PASS)
+    cutoff = low_pass or shown_low_pass(model, recording)
     measured = _measured(model, recording, cutoff)
     torque = measured.passed(measured.torque)
     error = torque - measured.passed(model.predict(measured.motion))

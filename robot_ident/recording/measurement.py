@@ -37,8 +37,8 @@ class Processing:
     of non-periodic positions; None = 4 low_pass. decimate: every how many rows one is kept after the low pass.
     minimum_speed: rad/s below which samples are left out; None = the robot's own. anti_alias: (order, Hz) of the filter
     in the torque channel, order 0: there is none; None = what the robot declares. band: Hz of the low
-    pass that brings the model's torque nearest to the record, where it was found; predictions take it, and validations,
-    up to 10 Hz at least. band_derivative: Hz of differentiation that predictions take at most.
+    pass that brings the model's torque nearest to the record, where it was found; predictions take it, and validations.
+    band_derivative: Hz of differentiation that predictions take at most.
     """
 
     base_frequency: float | None = None

@@ -63,6 +63,10 @@ def test_identify_and_validate_keep_the_contract(run: Run, bag: Path, tmp_path: 
     assert result.json["low_pass_hz"] == 10.0
     assert set(result.json["residual"]["joint_2"]) == {"mse", "rms", "noise_variance", "relative"}
     assert run("validate", model, bag, "--max-rms", "0.001").code == 3
+    narrow = tmp_path / "narrow.yaml"
+    assert run("identify", bag, "--low-pass", 3, "-o", narrow).code == 0
+    assert run("validate", narrow, bag, "--json").json["low_pass_hz"] == 3.0
+    assert run("validate", narrow, bag, "--low-pass", 8, "--json").json["low_pass_hz"] == 8.0
     again = run("identify", bag, "-o", model)
     assert again.code == 2
     assert "--force" in again.err

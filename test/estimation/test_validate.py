@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from dataclasses import replace
 from typing import Any
 
 import numpy as np
@@ -9,6 +10,7 @@ import pytest
 
 from robot_ident.errors import InputError
 from robot_ident.estimation.identify import identify
+from robot_ident.estimation.prediction import predict
 from robot_ident.estimation.validation import validate
 from robot_ident.planning.validation_motion import validation_motion
 from robot_ident.recording import Recording
@@ -45,3 +47,29 @@ def test_rest_can_not_be_validated(arm: Any) -> None:
     rest = Recording(arm.robot.joints, t, np.zeros((2000, 3)), np.ones((2000, 3)), source="rest")
     with pytest.raises(InputError, match="no joint moves"):
         validate(model, rest)
+
+
+@pytest.mark.parametrize(
+    ("stated", "most", "shown"),
+    [
+        ({}, 75.0, 10.0),
+        ({"low_pass": 3.0}, 75.0, 3.0),
+        ({"low_pass": 30.0, "band": 6.0}, 75.0, 6.0),
+        ({"band": 55.0}, 75.0, 55.0),
+        ({"band": 400.0}, 75.0, 60.0),  # of 150 samples a second
+        ({"band": 400.0, "anti_alias": (4, 20.0)}, 75.0, None),  # no more than can be undone
+        ({}, 10.0, 4.0),  # of 20 samples a second
+    ],
+)
+def test_a_validation_takes_the_low_pass_of_a_prediction(
+    arm: Any, stated: dict[str, Any], most: float, shown: float | None
+) -> None:
+    model = identify([arm.record(0)], arm.robot)
+    model = replace(model, processing={**model.processing, **stated})
+    motion = validation_motion(arm.robot, seed=5)
+    recording = simulate(arm.robot, motion, seed=1, sample_rate=2.0 * most).recording
+    found = validate(model, recording)
+    assert found.low_pass_hz == pytest.approx(shown or 20.0, rel=0.3 if shown is None else 1e-3)
+    passed = f"low-passed at {found.low_pass_hz:g} Hz"
+    assert any(passed in note for note in found.notes)
+    assert any(passed in note for note in predict(model, recording).notes)
