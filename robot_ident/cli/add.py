@@ -22,14 +22,15 @@ def run(args: argparse.Namespace) -> None:
     inputs = read_inputs([args.model, *args.bag], args.validation, args.topic)
     extended = inputs.models[0].structure.with_further(args.effects)
     effects = extended.effects[len(inputs.models[0].structure.effects) :]
+    notes = extended.notes[len(inputs.models[0].structure.notes) :]
     steps = steps_of(inputs, effects)
     last = steps[-1].model
     if args.output:
         write_model(last, args.output, force=args.force)
     if args.json:
-        print_json(_to_dict(steps))
+        print_json(_to_dict(steps, notes))
         return
-    tell(*steps[-1].troubles)
+    tell(*steps[-1].troubles, *notes)
     say(staircase(steps), "")
     names = {e.label for e in effects}
     for p, value, std, at_bound in zip(last.parameters, last.values, last.std, last.at_bound, strict=True):
@@ -41,7 +42,7 @@ def run(args: argparse.Namespace) -> None:
     say_written(args.output)
 
 
-def _to_dict(steps: Sequence[Step]) -> dict[str, Any]:
+def _to_dict(steps: Sequence[Step], notes: Sequence[str]) -> dict[str, Any]:
     before, after = steps[0].model, steps[-1].model
     joints = before.robot.joints
     return {
@@ -53,5 +54,5 @@ def _to_dict(steps: Sequence[Step]) -> dict[str, Any]:
         "validation_mse_before": steps[0].unseen,
         "validation_mse_after": steps[-1].unseen,
         "model": after.to_dict(),
-        "notes": list(steps[-1].troubles),
+        "notes": [*steps[-1].troubles, *notes],
     }

@@ -235,9 +235,11 @@ def run_tell(
     }
     values, names = found.evaluation, found.parameters
     data = design_json(files, values, names, found.margins, found.seconds, target.notes, tell=found_apart)
+    least = f", the least of {found.pairs} pairs" if found.pairs > 1 else ""
     state = "sufficient" if found.separable else f"not separable by motion: {NEEDED:g} is needed"
+    of = f" (a motion of kind: {found.kind})"
     lines = [
-        f"{first} vs. {second}: noncentrality {found.noncentrality:.1f}, {state} (a motion of kind: {found.kind})",
+        f"{first} vs. {second}: noncentrality {found.noncentrality:.1f}{least}, {state}{of}",
         *(f"  {label}: {text}" for label, text in found.otherwise.items()),
     ]
     finish(args, files, found.margins, data, lines, notes=target.notes)

@@ -135,7 +135,7 @@ ROBOT = option(
     "--robot R", "kuka_ir361, kuka_ir361_spring, a robot YAML or a URDF (default: kuka_ir361)", DEFAULT_ROBOT
 )
 OF_MODEL = option("--model MODEL", "model.yaml whose parameters to optimise for")
-EFFECT = option("--effect NAME@JOINT", "additional effects in the model", action="append")
+EFFECT = option("--effect NAME@JOINT", "additional effects in the model (@*: at every joint)", action="append")
 PAYLOAD_ONLY = option("--only {payload}")
 JOINTS = option("--joints A,B")
 HOLD = option("--hold JOINT=ANGLE", action="append")
@@ -215,7 +215,7 @@ TAKES: dict[str, tuple[Option | Group | OneOf, ...]] = {
                 " position noise, needs --model or --iterate); default: %(default)s",
                 "d-optimal",
             ),
-            EFFECT.but("additional effects to identify", nargs="+", action="extend"),
+            EFFECT.but("additional effects to identify (@*: at every joint)", nargs="+", action="extend"),
             option(
                 "--iterate",
                 "with --criterion crlb: measure the simulated robot, estimate, design again until sigma no longer"
@@ -224,7 +224,7 @@ TAKES: dict[str, tuple[Option | Group | OneOf, ...]] = {
             OF_MODEL,
             option("--prior BAG ...", "recordings or models whose information is already available"),
             PAYLOAD_ONLY.but("optimise for the payload's parameters alone, with friction re-estimated"),
-            option("--tell A@j B@k", "optimise the motion to discriminate between two effects"),
+            option("--tell A@j B@k", "optimise the motion to discriminate between two effects (@*: every joint)"),
         ),
         Group(
             "motion",
@@ -302,7 +302,7 @@ TAKES: dict[str, tuple[Option | Group | OneOf, ...]] = {
             "simulated robot",
             ROBOT,
             EFFECT.but(
-                "additional effect of the plant (robot_ident effects NAME lists its values)",
+                "additional effect of the plant; @*: every joint (robot_ident effects NAME lists its values)",
                 metavar="NAME@JOINT[:k=v,...]",
             ),
             option(
@@ -421,9 +421,7 @@ TAKES: dict[str, tuple[Option | Group | OneOf, ...]] = {
         MODEL,
         BAG.but("validation recording, not used in the fit"),
         TOPIC,
-        LOW_PASS.but(
-            "cut-off of the zero-phase low-pass filter (default: the model file's, as in predict, else 10 Hz)"
-        ),
+        LOW_PASS.but("cut-off of the low-pass filter (default: the model file's, as in predict, else 10 Hz)"),
         option("--max-rms NM", "exit with 3 if a joint's residual rms exceeds this value", type=within(0.0, 1e9)),
         JSON,
     ),
@@ -474,7 +472,7 @@ TAKES: dict[str, tuple[Option | Group | OneOf, ...]] = {
     ),
     "add": (
         MODEL.but("the model to extend"),
-        option("effects NAME@JOINT", "effects to add", nargs="+"),
+        option("effects NAME@JOINT", "effects to add (@*: at every joint)", nargs="+"),
         BAGS,
         *output("MODEL2", "write the extended model to this file")[:2],
         VALIDATION,

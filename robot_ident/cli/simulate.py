@@ -16,6 +16,7 @@ from robot_ident.files import refuse_existing, write_text
 from robot_ident.planning.blends import Playback
 from robot_ident.recording.conditions import Conditions, KnownPayload, sidecar
 from robot_ident.robot import Robot, load_robot
+from robot_ident.robot.robot import at_every_joint
 from robot_ident.testbed.phenomena import PHYSICS, plant_physics, values_in_words
 from robot_ident.testbed.scenario import draw_scenario, seal, sealed_path
 from robot_ident.testbed.simulation import simulate
@@ -39,10 +40,10 @@ def run(args: argparse.Namespace) -> None:
     motion = load_motion(args.excitation)
     motion.check_robot(robot)
     scenario = None if args.hidden is None else draw_scenario(args.hidden, robot)
-    effects = args.effect if scenario is None else scenario.all_effects
+    effects = at_every_joint(args.effect if scenario is None else scenario.all_effects, robot.joints)
     if carried is not None:
         x, y, z = carried.centre
-        effects = [*effects, f"payload:payload={carried.mass!r},x={x!r},y={y!r},z={z!r}"]
+        effects = (*effects, f"payload:payload={carried.mass!r},x={x!r},y={y!r},z={z!r}")
     started = time.perf_counter()
     options: dict[str, Any] = {"servo": args.servo, "seed": args.seed, "effects": effects}
     options["anti_alias"] = args.anti_alias

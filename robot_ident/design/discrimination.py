@@ -27,7 +27,7 @@ from robot_ident.limits.certifier import Certifier, Margins, certify
 from robot_ident.limits.feasibility import allowed_poses, require_limits
 from robot_ident.model.structure import Structure
 from robot_ident.parallel import completed
-from robot_ident.robot.robot import Robot
+from robot_ident.robot.robot import Robot, at_every_joint
 from robot_ident.signals.motion import Array, Motion
 from robot_ident.trajectories.excitation import Excitation
 from robot_ident.trajectories.fourier_series import FourierSeries
@@ -160,7 +160,7 @@ class Telling:
 
     noncentrality: the smaller of both ways round, `of_each` [2]: of the first effect against the second, and the
     reverse. kind: what kind of motion it is. evaluation: what it tells of the model's own parameters. otherwise: by
-    effect, the experiment that shows it, where no motion tells.
+    effect, the experiment that shows it, where no motion tells. pairs: of effects, of which the least counts.
     """
 
     excitation: Excitation
@@ -172,6 +172,7 @@ class Telling:
     evaluation: Evaluation
     otherwise: dict[str, str]
     seconds: float
+    pairs: int = 1
 
     @property
     def separable(self) -> bool:
@@ -216,6 +217,33 @@ class Pair:
         return out[0], out[1]
 
 
+@dataclass(frozen=True)
+class Pairs:
+    """Two effects at one joint or another: a motion tells them as well as the pair that it tells worst."""
+
+    every: tuple[Pair, ...]
+
+    @property
+    def target(self) -> Target:
+        """The model."""
+        return self.every[0].target
+
+    @property
+    def poses(self) -> Array:
+        """Poses [K, n] where the workspace's rules are kept."""
+        return self.every[0].poses
+
+    @property
+    def effects(self) -> tuple[Effect, ...]:
+        """The effects of all pairs."""
+        return tuple(effect for pair in self.every for effect in pair.effects)
+
+    def noncentralities(self, excitation: Excitation) -> tuple[float, float]:
+        """Return both noncentralities, each of the pair where it is the least."""
+        each = [pair.noncentralities(excitation) for pair in self.every]
+        return min(first for first, _ in each), min(second for _, second in each)
+
+
 def tell_command(first: str, second: str, robot: Robot) -> str:
     """Return the command that designs the motion which tells two effects (`name@joint`) of a robot apart."""
     name = robot.name if robot.definition is None else robot.source
@@ -251,12 +279,14 @@ def tell_apart(
 ) -> Telling:
     """Return the motion with the largest noncentrality among random ones and a menu, polished by a local search.
 
-    prior [p, p]: what is known of the model's parameters. progress: motions tried and planned, best so far. Raises
-    InputError where the effects are the same, or part of every model of the robot.
+    first, second: `name@joint`; `name@*` is the effect at every joint where it can show, each told apart from the other
+    effect, at the same joint where that is `name@*` too. prior [p, p]: what is known of the model's parameters.
+    progress: motions tried and planned, best so far. Raises InputError where the effects are the same, or part of every
+    model of the robot.
     """
     started = time.monotonic()
     require_limits(target.robot)
-    pair = _pair(target, first, second, base_frequency, sample_rate, prior)
+    pair = _pairs(target, first, second, base_frequency, sample_rate, prior)
     joints = tuple(effect.joint for effect in pair.effects if not effect.whole) or tuple(range(target.robot.n))
     sketches = [
         Sketch(kind, (seed, k), base_frequency, sample_rate, joints)
@@ -284,7 +314,7 @@ def tell_apart(
     return _verdict(best, pair, (first, second), {"seed": seed, "motions": tried}, started)
 
 
-def _verdict(best: _Tried, pair: Pair, labels: Sequence[str], asked: dict[str, Any], started: float) -> Telling:
+def _verdict(best: _Tried, pair: Pairs, labels: Sequence[str], asked: dict[str, Any], started: float) -> Telling:
     """Return the best motion, certified anew as it is written, with what else there is to say."""
     target, robot = pair.target, pair.target.robot
     margins = certify(best.excitation, robot)
@@ -304,6 +334,7 @@ def _verdict(best: _Tried, pair: Pair, labels: Sequence[str], asked: dict[str, A
         evaluation=target.judge([excitation]),
         otherwise={} if best.noncentrality >= NEEDED else otherwise,
         seconds=time.monotonic() - started,
+        pairs=len(pair.every),
     )
 
 
@@ -326,8 +357,8 @@ def _try(case: tuple[bytes, Sketch]) -> _Tried | None:
 
 
 @lru_cache(maxsize=2)
-def _unpacked(packed: bytes) -> tuple[Pair, Certifier]:
-    pair: Pair = pickle.loads(packed)
+def _unpacked(packed: bytes) -> tuple[Pairs, Certifier]:
+    pair: Pairs = pickle.loads(packed)
     return pair, Certifier(pair.target.robot)
 
 
@@ -343,7 +374,7 @@ def certified(sketch: Sketch, robot: Robot, poses: Array, certifier: Certifier) 
 
 
 def _best(
-    pair: Pair, sketches: Sequence[Sketch], best: _Tried | None, deadline: float, workers: int | None
+    pair: Pairs, sketches: Sequence[Sketch], best: _Tried | None, deadline: float, workers: int | None
 ) -> tuple[_Tried | None, int]:
     """Return the best of the sketches' motions (and of one known already), and how many were tried."""
     tried, packed = 0, pickle.dumps(pair)
@@ -358,18 +389,49 @@ def _best(
     return max((found[k] for k in sorted(found)), key=lambda one: one.noncentrality, default=None), tried
 
 
-def _pair(
+def _places(target: Target, label: str) -> list[str]:
+    """Return an effect as `name@joint`; `name@*` at every joint where it can show and is not part of every model."""
+    robot = target.robot
+    if not label.endswith("@*"):
+        return [make_effect(label, robot).label]
+    out, why = [], ""
+    for one in at_every_joint([label], robot.joints):
+        try:
+            effect = make_effect(one, robot)
+        except InputError as error:
+            why = why or str(error)
+            continue
+        if (
+            effect.unseen
+            or effect.hidden_in(_standing(robot))
+            or one in target.structure.labels[: target.structure.given]
+        ):
+            continue
+        out.append(one)
+    if not out:
+        raise InputError(why or f"--tell {label}: no joint is left where it can show and is not in every model")
+    return out
+
+
+def _pairs(
     target: Target, first: str, second: str, base_frequency: float, sample_rate: float, prior: Array | None
-) -> Pair:
+) -> Pairs:
     robot = target.robot
     if first == second:
         raise InputError(f"--tell {first} {second}: two different effects were expected")
-    effects = make_effect(first, robot), make_effect(second, robot)
-    target = without(target, (first, second))
-    if target.values is None and (dependent := [effect.label for effect in effects if effect.uses_torque]):
+    mine, others = _places(target, first), _places(target, second)
+    both = first.endswith("@*") and second.endswith("@*")
+    labels = [
+        (a, b) for a in mine for b in others if a != b and (not both or a.partition("@")[2] == b.partition("@")[2])
+    ]
+    if not labels:
+        raise InputError(f"--tell {first} {second}: no joint is left where both can show")
+    target = without(target, tuple(dict.fromkeys(label for pair in labels for label in pair)))
+    effects = {label: make_effect(label, robot) for pair in labels for label in pair}
+    if target.values is None and (dependent := [label for label, effect in effects.items() if effect.uses_torque]):
         values = values_of_files(target.structure, f"{dependent[0]} depends on the torque")
         target = replace(target, values=values)
-    for effect in effects:
+    for effect in effects.values():
         if reason := effect.hidden_in(_standing(robot)):
             raise InputError(f"--tell: {effect.label} shows in no periodic motion: {reason}")
     sketches = [Sketch("random", (0, k), base_frequency, sample_rate, ()) for k in range(_REFERENCE)]
@@ -377,8 +439,20 @@ def _pair(
     usual = [one for one in (certified(sketch, robot, poses, certifier) for sketch in sketches) if one is not None]
     if not usual:
         raise InputError(f"{robot.name}: no motion was found within the limits")
-    sizes = _size(target, effects[0], usual), _size(target, effects[1], usual)
-    return Pair(target, effects, sizes, target.periods / base_frequency, poses, _rows_of(prior))
+    sizes: dict[str, Array] = {}
+    for label, effect in effects.items():
+        try:
+            sizes[label] = _size(target, effect, usual)
+        except InputError:
+            if label in (first, second):  # else other joints are left
+                raise
+    labels = [pair for pair in labels if all(label in sizes for label in pair)]
+    if not labels:
+        raise InputError(f"--tell {first} {second}: no usual motion shows both at any joint")
+    duration, known = target.periods / base_frequency, _rows_of(prior)
+    return Pairs(
+        tuple(Pair(target, (effects[a], effects[b]), (sizes[a], sizes[b]), duration, poses, known) for a, b in labels)
+    )
 
 
 def _standing(robot: Robot) -> Motion:

@@ -197,11 +197,12 @@ class Effect(ABC):
     periods tells its level alone. symbolic: `terms` works on expressions; where it doesn't, `smooth_terms` writes what
     the design of excitations takes instead. brief: its torque comes in bursts far shorter than the motion's own time
     scale. over_position: its torque is a curve over its joint's position and depends on nothing else. exact: whatever
-    its formula leaves is another effect. scales_links: it multiplies its joint's rows of
-    the links' columns and has none of its own. seen_from: where effort may be measured for it to show; before_sensor:
-    why it can't elsewhere. contains: effects whose column it holds too -> coefficient. after: the effect without which
-    it has no meaning at its place. more_than: the effect that it is but for one cause
-    more, which is named where data can't tell the two.
+    its formula leaves is another effect. scales_links: it multiplies its joint's rows of the links' columns and has
+    none of its own. relative: it compares joints, so that one of them has to be without: the first one, where it is
+    asked for on every joint. seen_from: where effort may be measured for it to show; before_sensor: why it can't
+    elsewhere. contains: effects whose column it holds too -> coefficient. after: the effect without which it has no
+    meaning at its place. more_than: the effect that it is but for one cause more, which is named where data can't tell
+    the two.
     candidate: it may be what a model lacks. measuring: a fault of what is measured, to be put right in the robot YAML
     rather than added to the model. regression: a column shows it; else `evidence` says what does.
     """
@@ -228,6 +229,7 @@ class Effect(ABC):
     over_position: ClassVar[bool] = False
     exact: ClassVar[bool] = False
     scales_links: ClassVar[bool] = False
+    relative: ClassVar[bool] = False
     seen_from: ClassVar[tuple[Side, ...]] = EVERYWHERE
     before_sensor: ClassVar[str] = ""
     contains: ClassVar[Mapping[str, str]] = {}

@@ -32,6 +32,7 @@ class TorqueScale(Effect):
     experiment = "hold a known payload: its weight must show with the same mass at every joint that carries it"
     magnitude = "2-40 %"
     scales_links = True
+    relative = True
     candidate = False
 
     @property

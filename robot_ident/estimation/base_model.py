@@ -67,7 +67,7 @@ class Candidate:
 
     @property
     def scaled(self) -> bool:
-        """Whether joints have torque scales of their own."""
+        """Whether joints have torque scales that nobody asked for."""
         return any(label.startswith(SCALE) for label in self.effects)
 
     @property
@@ -110,7 +110,8 @@ class Choice:
     @property
     def scale_spread(self) -> Array | None:
         """Standard errors [n] of torque scales over the pieces, None where there are none."""
-        return self.taken.fitted.scale_spread if self.taken is not None and self.taken.scaled else None
+        spread = None if self.taken is None else self.taken.fitted.scale_spread
+        return spread if spread is not None and np.any(spread > 0.0) else None
 
     def to_dict(self) -> dict[str, Any] | None:
         """Return what `identify --json` prints of it: what was taken, what was compared, how much worse it was."""
@@ -152,7 +153,8 @@ def choose_base(
     asked = processing or Processing()
     if robot.base == "declared":
         return Choice(asked)
-    plain, _ = Structure.build(robot, effects).with_only(lambda e: not (e.uses_torque or e.inner or e.needs_time))
+    given = Structure.build(robot, effects)
+    plain, _ = given.with_only(lambda e: not (e.uses_torque or e.inner or e.needs_time))
     known = [one for one in recordings if one.conditions.payload is not None or not one.conditions.estimated]
     looked_at = [_looked_at(recording, robot, asked) for recording in known or recordings]
     parts, default = [part for part, _ in looked_at], [measured for _, measured in looked_at]
@@ -167,8 +169,10 @@ def choose_base(
     told, open_ = _identifiable(ways[0].judged[0], full, labels)
     # a stated payload's torque is taken off in Nm, before any scale
     loaded = any(part.conditions.payload is not None for part in parts)
-    scaled = () if robot.ampere_joints or loaded else robot.joints[1:]
-    candidates = [made for way in ways for made in _judged(way, full, labels, told, scaled)]
+    own = given.joints_scaled  # are kept
+    first = next(joint for joint in robot.joints if joint not in own)
+    every = own if robot.ampere_joints or loaded else tuple(joint for joint in robot.joints if joint != first)
+    candidates = [made for way in ways for made in _judged(way, full, labels, told, (every, own))]
     taken = _best_of(candidates)
     used = taken.processing
     if asked.low_pass is None:
@@ -375,26 +379,30 @@ def _identifiable(sums: Grams, structure: Structure, labels: Sequence[str]) -> t
 
 
 def _judged(
-    way: _Way, structure: Structure, labels: Sequence[str], told: np.ndarray, joints: Sequence[str]
+    way: _Way,
+    structure: Structure,
+    labels: Sequence[str],
+    told: np.ndarray,
+    scales: tuple[Sequence[str], Sequence[str]],
 ) -> list[Candidate]:
-    """Return a candidate for every set: offsets, rotor inertias and torque scales (of some joints) in or out."""
+    """Return a candidate for every set: offsets and rotor inertias in or out, torque scales on one set of joints or
+    another, of which the last one is in the model in any case.
+    """
     names = structure.names
     out = []
     sets: list[tuple[str, ...]] = []
-    for *kinds, scaled in product((True, False), repeat=3):
-        if scaled and not joints:
-            continue
-        wanted = [name for name, taken in zip((OFFSET, ROTOR), kinds, strict=True) if taken]
+    for offset, rotor, scaled in product((True, False), (True, False), scales):
+        wanted = [name for name, taken in ((OFFSET, offset), (ROTOR, rotor)) if taken]
         chosen = tuple(x for x in labels if x.partition("@")[0] in wanted and told[names.index(x)])
-        both = (*chosen, *(f"{SCALE}@{joint}" for joint in joints)) if scaled else chosen
+        both = (*chosen, *(f"{SCALE}@{joint}" for joint in scaled if joint not in scales[-1]))
         if both in sets:
             continue
         sets.append(both)
         kept = np.array([k for k, name in enumerate(names) if told[k] and (name not in labels or name in chosen)])
         rigid = kept < len(structure.base.columns)
-        free = scaled * (np.arange(structure.robot.n) > 0)
+        free = np.array([joint in scaled for joint in structure.robot.joints])
         judged = [sums.kept(kept) for sums in way.judged]
-        errors, fitted = held_out(way.fitted.kept(kept), judged, way.independent, rigid, free > 0)
+        errors, fitted = held_out(way.fitted.kept(kept), judged, way.independent, rigid, free)
         torque = way.judged[0].yy.sum(axis=0)  # the same in every differentiation
         made = [Candidate(way.processing, both, way.averaged, error, torque, kept, fitted) for error in errors]
         out.append(min(made, key=lambda one: one.score))
@@ -443,10 +451,12 @@ def torque_scale_notes(choice: Choice, scales: Mapping[str, tuple[float, float]]
     told = ", ".join(f"{joint} {value:.3g} ± {std:.1g}" for joint, (value, std) in scales.items())
     known = choice.scale_evidence >= _SCALES_TOLD
     word = "torque scales beside the first joint's" if known else "torque scales that serve prediction and may be none"
+    judged = f"{choice.scale_evidence:.1f} standard errors over the pieces, {_SCALES_TOLD:g} count as measured"
+    if choice.taken is None or not choice.taken.scaled:
+        word, judged = "torque scales", "asked for: not judged by prediction"
     lines = [
-        f"{word}: {told} ({choice.scale_evidence:.1f} standard errors over the pieces, {_SCALES_TOLD:g} count as"
-        " measured); what an effort is reported in, or what the links' model lacks; no drive's gain as long as no known"
-        " payload says the same"
+        f"{word}: {told} ({judged}); what an effort is reported in, or what the links' model lacks; no drive's gain as"
+        " long as no known payload says the same"
     ]
     far = [joint for joint, (value, _) in scales.items() if not _USUAL[0] <= value <= _USUAL[1]]
     if far:

@@ -135,7 +135,7 @@ def with_base(
         return Chosen(known, with_gains, gains, choice)
     if taken != processing:
         measurements = [process(recording, robot, choice.processing) for recording in recordings]
-    structure = structure.with_further(choice.effects)
+    structure = structure.with_further([label for label in choice.effects if structure.lacks(label)])
     return Chosen(*with_known_gains(recordings, measurements, structure, choice.processing), choice)
 
 

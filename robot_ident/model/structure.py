@@ -8,7 +8,7 @@ from typing import Any
 
 import numpy as np
 
-from robot_ident.effects import Effect, Signals, Torques, beside, holder, make_effect
+from robot_ident.effects import CATALOGUE, Effect, Signals, Torques, beside, holder, make_effect
 from robot_ident.effects.torque_scale import TorqueScale
 from robot_ident.errors import InputError
 from robot_ident.model.base_parameters import BaseParameters, random_states, reduce_to_base
@@ -60,8 +60,9 @@ class Structure:
         known = [f"{name}@{joint}" for name in PAPER for joint in robot.joints]
         known += [label for label in robot.known_effects if label not in known]
         made: list[Effect] = []
-        notes: list[str] = []
-        for effect in (make_effect(label, robot) for label in known):
+        spare = _compared_with_none(known, robot)
+        notes = [_reference_note(label) for label in spare]
+        for effect in (make_effect(label, robot) for label in known if label not in spare):
             labels = [other.label for other in made]
             if effect.unseen and effect.name not in PAPER:
                 notes.append(f"{effect.label} is left out: {effect.unseen}")
@@ -93,10 +94,12 @@ class Structure:
     def with_further(self, effects: Sequence[str | Effect]) -> Structure:
         """Return the model with further effects (`name@joint`, or effects themselves); raises InputError as `build`.
 
-        `name@*` is the effect on every joint where the model does not hold its column yet.
+        `name@*` is the effect on every joint where the model does not hold its column yet, none of which is named by
+        itself; of one that compares joints (a torque scale) the first of them stays without, and a note says so.
         """
         made = list(self.effects)
-        for item in self._each(effects):
+        each, notes = self._each(effects)
+        for item in each:
             effect = make_effect(item, self.robot) if isinstance(item, str) else item
             labels = [other.label for other in made]
             if effect.label in labels:
@@ -107,28 +110,53 @@ class Structure:
             if into:
                 raise InputError(f"effect {effect.label!r} merges with {into}: its column is in the model already")
             made.append(beside(effect, labels))
-        return replace(self, effects=tuple(made), parameters=_linear(self.robot, self.base, made), inner=_inner(made))
+        for label in _compared_with_none([effect.label for effect in made], self.robot):
+            name, _, joint = label.partition("@")
+            raise InputError(
+                f"{name} at every joint: it compares joints, and one of them is the reference; leave out {joint}"
+            )
+        parameters, inner = _linear(self.robot, self.base, made), _inner(made)
+        return replace(self, effects=tuple(made), parameters=parameters, inner=inner, notes=(*self.notes, *notes))
 
-    def _each(self, effects: Sequence[str | Effect]) -> list[str | Effect]:
-        """Return effects one by one; InputError where `name@*` has no joint left."""
+    def _each(self, effects: Sequence[str | Effect]) -> tuple[list[str | Effect], list[str]]:
+        """Return effects one by one, and notes on joints left out; InputError where `name@*` has no joint left."""
         out: list[str | Effect] = []
+        notes: list[str] = []
+        named = [item if isinstance(item, str) else item.label for item in effects]
+        held = [*self.labels, *(one for one in named if not one.endswith("@*") and one.partition("@")[0] in CATALOGUE)]
         for item in effects:
             if not isinstance(item, str) or not item.endswith("@*"):
                 out.append(item)
                 continue
-            at = [label for label in at_every_joint([item], self.robot.joints) if self._lacks(label)]
+            at = [label for label in self._possible(item) if self.lacks(label, held)]
+            spare = _reference_note(at.pop(0)) if at and _compared_with_none([*held, *at], self.robot) else ""
+            notes += [spare] if spare else []
             if not at:
                 every = [make_effect(label, self.robot) for label in at_every_joint([item], self.robot.joints)]
-                unseen = next((f": {e.unseen}" for e in every if e.unseen), "")
+                unseen = next((f": {e.unseen}" for e in every if e.unseen), f"; {spare}" if spare else "")
                 raise InputError(f"effect {item!r}: no joint's column is left to add{unseen}")
             out += at
-        return out
+        return out, notes
 
-    def _lacks(self, label: str) -> bool:
-        """Return whether an effect has a column that can be seen and is not in the model."""
-        effect = make_effect(label, self.robot)
-        held = _merges(effect, self.base) or holder(effect, self.labels)
-        return not (label in self.labels or effect.unseen or held)
+    def _possible(self, every: str) -> list[str]:
+        """Return what `name@*` stands for at the joints that can have it; all where none can."""
+        labels = at_every_joint([every], self.robot.joints)
+        kind = CATALOGUE.get(every.partition("@")[0])
+        if kind is None or kind.scope == "robot":
+            return list(labels)
+        return [label for k, label in enumerate(labels) if not kind.available(self.robot, k)] or list(labels)
+
+    def lacks(self, label: str, held: Sequence[str] | None = None) -> bool:
+        """Return whether an effect has a column that can be seen and that none of the effects that are held has (None:
+        those of the model).
+        """
+        effect, held = make_effect(label, self.robot), self.labels if held is None else held
+        return not (label in held or effect.unseen or _merges(effect, self.base) or holder(effect, held))
+
+    @property
+    def joints_scaled(self) -> tuple[str, ...]:
+        """Names of the joints whose torque scale is a parameter."""
+        return tuple(self.robot.joints[joint] for joint in self.scaled)
 
     @property
     def added(self) -> tuple[Effect, ...]:
@@ -334,6 +362,18 @@ def _linear(robot: Robot, base: BaseParameters, effects: Sequence[Effect]) -> tu
         for name, unit in zip(effect.parameter_names(), effect.parameter_units(), strict=True)
     ]
     return (*rigid, *further)
+
+
+def _compared_with_none(labels: Sequence[str], robot: Robot) -> list[str]:
+    """Return of every effect that compares joints and is on all of them the label of the first one."""
+    names = dict.fromkeys(label.partition("@")[0] for label in labels)
+    relative = [name for name in names if name in CATALOGUE and CATALOGUE[name].relative]
+    every = {name: [f"{name}@{joint}" for joint in robot.joints] for name in relative}
+    return [each[0] for each in every.values() if set(each) <= {*labels}]
+
+
+def _reference_note(label: str) -> str:
+    return f"{label} is left out: this joint is the reference of the others"
 
 
 def _inner(effects: Sequence[Effect]) -> tuple[Parameter, ...]:

@@ -162,9 +162,13 @@ class Robot:
 
 
 def at_every_joint(labels: Iterable[str], joints: Sequence[str]) -> tuple[str, ...]:
-    """Return effects as `name@joint`, `name@*` being one at every joint."""
+    """Return effects as `name@joint[:values]`, `name@*[:values]` being one at every joint that has none of its own."""
+    given = list(labels)
+    own = {label.partition(":")[0] for label in given}
     out: list[str] = []
-    for label in labels:
-        name, _, joint = label.partition("@")
-        out += [f"{name}@{each}" for each in joints] if joint == "*" else [label]
+    for label in given:
+        head, colon, values = label.partition(":")
+        name, _, joint = head.partition("@")
+        each = [f"{name}@{one}" for one in joints]
+        out += [f"{one}{colon}{values}" for one in each if one not in own] if joint == "*" else [label]
     return tuple(out)

@@ -173,3 +173,16 @@ def test_installed_script_is_quick_to_refuse() -> None:
     assert done.returncode == 2
     assert "no_such_bag" in done.stderr
     assert "Traceback" not in done.stderr
+
+
+def test_an_effect_on_every_joint_is_named_by_a_star(run: Run, excitation: Path, bag: Path, tmp_path: Path) -> None:
+    words = "simulate", excitation, "--periods", 2, "--effect", "torque_offset@*:2", "-o", tmp_path / "one.npz"
+    told = run(*words)
+    assert told.code == 0, told.err
+    assert [f"with torque_offset@joint_{k}: torque_offset 2 Nm" in told.out for k in (1, 2, 3)] == [True] * 3
+    model = tmp_path / "model.yaml"
+    assert run("identify", bag, "--effect", "torque_offset@*", "-o", model).code == 0
+    added = run("add", model, "torque_scale@*", "--bag", bag, "--json").json
+    assert added["added"] == ["torque_scale@joint_2", "torque_scale@joint_3"]
+    assert added["notes"] == ["torque_scale@joint_1 is left out: this joint is the reference of the others"]
+    assert "torque_scale@joint_1 is left out" in run("add", model, "torque_scale@*", "--bag", bag).err

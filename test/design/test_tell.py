@@ -33,7 +33,7 @@ def test_noncentrality_is_the_gain_that_data_show(kuka: Robot) -> None:
     found = tell_apart(target, "end_stop@joint_2", "gravity_spring@joint_2", workers=1)
     assert certify(found.excitation, kuka).kept
     assert found.noncentrality == min(found.of_each)
-    pair = discrimination._pair(target, "end_stop@joint_2", "gravity_spring@joint_2", 0.1, 150.0, None)
+    (pair,) = discrimination._pairs(target, "end_stop@joint_2", "gravity_spring@joint_2", 0.1, 150.0, None).every
     motion = found.excitation.samples()
     weight = np.sqrt(pair.duration / found.excitation.period / kuka.noise.torque_variance)[:, None]
 
@@ -102,3 +102,21 @@ def test_the_command_names_the_robot(kuka: Robot) -> None:
     assert experiment_between(stribeck, [drift, presliding], kuka) == command
     assert experiment_between(stribeck, [drift], kuka) == stribeck.experiment
     assert experiment_between(stribeck, [], kuka) is None
+
+
+@pytest.mark.usefixtures("few")
+def test_effects_on_every_joint_are_told_apart_where_that_is_hardest(kuka: Robot) -> None:
+    """Gravity does not load the first joint: of a spring against it two pairs are left."""
+    target = Target.of_robot(kuka)
+    pairs = discrimination._pairs(target, "stribeck@*", "gravity_spring@*", 0.1, 150.0, None)
+    assert [[effect.label for effect in pair.effects] for pair in pairs.every] == [
+        [f"stribeck@{joint}", f"gravity_spring@{joint}"] for joint in ("joint_2", "joint_3")
+    ]
+    found = tell_apart(target, "stribeck@*", "gravity_spring@*", workers=1)
+    each = [pair.noncentralities(found.excitation) for pair in pairs.every]
+    assert found.of_each == pytest.approx(np.min(each, axis=0))
+    assert found.pairs == 2
+    one = discrimination._pairs(target, "stribeck@*", "stribeck@joint_2", 0.1, 150.0, None)
+    assert [pair.effects[0].label for pair in one.every] == ["stribeck@joint_1", "stribeck@joint_3"]
+    with pytest.raises(InputError, match="no joint is left"):
+        tell_apart(target, "viscous@*", "stribeck@joint_1")

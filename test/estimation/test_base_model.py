@@ -354,3 +354,25 @@ def test_a_smoothed_torque_is_predicted_as_it_is_reported(robot: Robot) -> None:
 
     unsmoothed = replace(model, processing={**model.processing, "band": model.base["band_hz"]})
     assert error(model) < 0.85 * error(unsmoothed)
+
+
+@pytest.mark.parametrize(
+    ("asked", "scaled"),
+    [
+        (["torque_scale@joint_2"], ["joint_2", "joint_3", "joint_4", "joint_5", "joint_6"]),
+        (["torque_scale@*"], ["joint_2", "joint_3", "joint_4", "joint_5", "joint_6"]),
+        (["torque_scale@joint_1"], ["joint_1", "joint_3", "joint_4", "joint_5", "joint_6"]),
+        (["cable@joint_2", "torque_offset@joint_4"], None),
+    ],
+)
+def test_an_effect_that_is_asked_for_is_kept(robot: Robot, asked: list[str], scaled: list[str] | None) -> None:
+    """Also where prediction chooses its column too, or more of its kind beside it; one joint stays the reference."""
+    scale = np.array([1.0, 1.3, 0.8, 1.2, 0.9, 1.1])
+    model = identify([recorded(robot, 4, offset=OFFSET, scale=scale)], robot, effects=asked, as_declared=True)
+    assert {label for label in asked if not label.endswith("@*")} <= {*model.structure.labels}
+    labels = [label for label in model.structure.labels if label.startswith("torque_scale@")]
+    if scaled is not None:
+        assert sorted(labels) == [f"torque_scale@{joint}" for joint in scaled]
+    assert model.base is not None and model.base["scale_spread"] is not None
+    only = identify([recorded(robot, 5)], robot, effects=["torque_scale@joint_3"], as_declared=True)
+    assert "torque_scale@joint_3" in only.structure.labels

@@ -5,7 +5,7 @@ from __future__ import annotations
 from collections.abc import Sequence
 
 from robot_ident.errors import InputError, did_you_mean
-from robot_ident.robot.robot import Robot
+from robot_ident.robot.robot import Robot, at_every_joint
 from robot_ident.testbed.phenomena import actuation, friction, mechanics, unlisted
 from robot_ident.testbed.phenomena.phenomenon import Physics
 
@@ -96,13 +96,14 @@ def nominal_physics(robot: Robot) -> tuple[Physics, ...]:
 
 
 def plant_physics(robot: Robot, effects: Sequence[str] = ()) -> tuple[Physics, ...]:
-    """Return the phenomena of the robot's description with further ones (`NAME@JOINT[:k=v,...]`).
+    """Return the phenomena of the robot's description with further ones (`NAME@JOINT[:k=v,...]`,
+    `NAME@*` at every joint).
 
     One that is given here takes the place of the same effect at the same joint, and of those that it `replaces`;
     InputError when it is given twice.
     """
     further: dict[str, Physics] = {}
-    for label in effects:
+    for label in at_every_joint(effects, robot.joints):
         physics = make_physics(label, robot)
         if physics.label in further:
             raise InputError(f"effect {physics.label} is given twice")
