@@ -76,10 +76,11 @@ class _Page:
         """Write a line whose value was found."""
         self.lines.append(f"{text}  # {why}" if why else text)
 
-    def guess(self, text: str, why: str) -> None:
-        """Write a line whose value is a guess."""
+    def guess(self, text: str, why: str, of: str = "") -> None:
+        """Write a line whose value is a guess; of: the joint that it belongs to, for who reads the guess alone."""
         self.lines.append(f"{text}  # GUESS: {why}")
-        self.guesses.append(f"{text.strip().removeprefix('- ')}: {why}")
+        key, colon, value = text.strip().removeprefix("- ").partition(":")
+        self.guesses.append(f"{key}{f' of {of}' if of else ''}{colon}{value}: {why}")
 
     def lacks(self, text: str, what: str, why: str) -> None:
         """Write, as a comment, a line that a person has to fill in."""
@@ -214,7 +215,7 @@ def _joint(page: _Page, joint: UrdfJoint, acceleration: float | None, evidence: 
             page.found(f"    {key}: {known:.3g}", f"{of}, from the periods of {evidence.source}")
     step = evidence.of(joint.name, evidence.encoder_step)
     if step is not None:
-        page.guess(f"    encoder_step: {step:.3g}", f"the smallest step in {evidence.source}")
+        page.guess(f"    encoder_step: {step:.3g}", f"the smallest step in {evidence.source}", joint.name)
 
 
 def _held(

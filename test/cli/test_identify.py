@@ -100,3 +100,14 @@ def test_several_effects_after_one_option(bag: Path) -> None:
     assert told("--robot", "kuka_ir361", one, "--effect", a) == ([one], [a])
     with pytest.raises(InputError, match="BAG"):
         told("--effect", a)
+
+
+def test_what_comes_before_the_processing_is_to_be_mended(run: Run, checkout: Path) -> None:
+    """As docs/your_robot.md says it of the lines that `identify` prints."""
+    inputs, line = checkout / "test/golden/inputs", "base model by prediction"
+    told = run("identify", inputs / "six_axis_pass.npz", "--robot", inputs / "six_axis.yaml")
+    assert told.code == 0
+    before = told.err.partition(line)[0].splitlines()
+    assert line in told.err
+    assert all(one.startswith(("not usable", "the data cannot give", "condition number")) for one in before)
+    assert f"`{line} ...`" in (checkout / "docs/your_robot.md").read_text(encoding="utf-8")

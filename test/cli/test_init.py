@@ -81,6 +81,8 @@ def test_from_a_bag_alone(run: Run, bag: Path, tmp_path: Path) -> None:
     assert (tmp_path / "robot.urdf").read_text() == Path(KUKA).read_text()
     robot = load_robot(out)
     np.testing.assert_allclose(robot.drives.encoder_step, 1e-4, rtol=1e-3)
+    steps = [guess for guess in data["guesses"] if "encoder_step" in guess]
+    assert steps == [f"encoder_step of {joint}: 0.0001: the smallest step in drive" for joint in data["moving"]]
 
 
 def two_states(path: Path) -> Path:
