@@ -89,7 +89,7 @@ class Chosen:
             if parameter.effect == TorqueScale.name
         }
         told = [*torque_scale_notes(self.choice, scales), *_lagging(made, self.choice.effects)]
-        first = [made.trouble] if made.trouble else []
+        first = [line for line in (made.trouble or made.filters_doubt,) if line]
         return replace(made, notes=(*first, *made.notes, *told))
 
 

@@ -354,3 +354,16 @@ def test_a_smoothed_torque_is_predicted_as_it_is_reported(robot: Robot) -> None:
 
     unsmoothed = replace(model, processing={**model.processing, "band": model.base["band_hz"]})
     assert error(model) < 0.85 * error(unsmoothed)
+
+
+def test_filters_that_cost_an_inertia_are_told_first(robot: Robot) -> None:
+    """Positions differentiated to 240 Hz: their noise makes the columns of inertias larger, and inertias too small."""
+    noisy = recorded(robot, 1, offset=OFFSET, encoder=1e-4, rate=500.0)
+    chosen, asked = (
+        identify([noisy], robot, processing=Processing(periodic=False, low_pass=low), as_declared=True)
+        for low in (None, 60.0)
+    )
+    assert chosen.trouble is None
+    assert not any("leave --low-pass" in note for note in chosen.notes)
+    assert asked.trouble and asked.trouble == asked.notes[0]
+    assert "leave --low-pass and --derivative-bandwidth out" in asked.trouble
