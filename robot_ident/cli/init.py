@@ -16,7 +16,7 @@ from robot_ident.cli.values import angles_of, numbers_of
 from robot_ident.errors import InputError, did_you_mean
 from robot_ident.estimation.declaration import contradiction, judge_declaration
 from robot_ident.files import read_text, refuse_existing, write_text
-from robot_ident.limits.certifier import Certifier
+from robot_ident.limits.certifier import Certifier, beyond_check
 from robot_ident.recording.resolution import position_step
 from robot_ident.recording.summary import summarise
 from robot_ident.robot import load_robot
@@ -143,15 +143,7 @@ def _unchecked(robot: Robot | None) -> list[str]:
     """Return what no motion of a robot is certified for: what `design` and `check` say, and what they never see."""
     if robot is None:
         return ["anything: the file can't be used yet"]
-    out = list(Certifier(robot).unknown)
-    if robot.workspace:
-        out.append(
-            f"surroundings other than the workspace rule, and any part of the arm but {robot.end_effector} there"
-        )
-    friction = {"viscous", "coulomb"} & set(robot.simulation)
-    return (
-        out if friction else [*out, "friction in the torque (it counts as zero until the YAML's simulation gives it)"]
-    )
+    return [*Certifier(robot).unknown, *beyond_check(robot)]
 
 
 def _test_effort(output: Path, bag: str, topic: str | None) -> None:

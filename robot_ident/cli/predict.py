@@ -25,8 +25,7 @@ def run(args: argparse.Namespace) -> None:
         print_json({**data, "joints": joints, "notes": list(found.notes)})
         return
     tell(*found.notes)
-    units = [model.robot.torque_unit(k) for k in range(model.robot.n)]
-    rows = [(name, *values.values(), unit) for (name, values), unit in zip(joints.items(), units, strict=True)]
+    rows = [(name, *values.values()) for name, values in joints.items()]
     say(table(("joint", "torque rms", "largest", "sigma rms", "unexplained rms", "95 % band rms +-", "unit"), rows))
     say(
         "sigma: from the parameters' uncertainty; unexplained: residual over the noise in the identification recordings"
@@ -34,8 +33,8 @@ def run(args: argparse.Namespace) -> None:
     say_written(args.output)
 
 
-def _of_joint(found: Prediction, k: int) -> dict[str, float]:
-    """Return a joint's figures [Nm]."""
+def _of_joint(found: Prediction, k: int) -> dict[str, float | str]:
+    """Return a joint's figures, and their unit."""
     torque, std, band = found.torque[:, k], found.std[:, k], found.band[:, k]
     return {
         "torque_rms": float(np.sqrt(np.mean(torque**2))),
@@ -43,4 +42,5 @@ def _of_joint(found: Prediction, k: int) -> dict[str, float]:
         "std_rms": float(np.sqrt(np.mean(std**2))),
         "misfit_rms": float(found.misfit[k]),
         "band_rms": float(np.sqrt(np.mean(band**2))),
+        "unit": found.units[k],
     }

@@ -37,6 +37,7 @@ _OWN = 1e-6  # of a column's square that no other column makes, below which the 
 OFFSET, ROTOR, SCALE = "torque_offset", "rotor_inertia", "torque_scale"
 PIECES = 8  # of the path, each left out in turn
 _BETTER = 2.0  # standard errors by which torque scales have to predict better than none, one pass than averages
+_MORE = 1.1  # times the error of filters chosen, from which those that were asked for are said to be worse
 _SCALES_TOLD = 3.0  # from which on they count as measured: true motor torques got .87 to 1.37 below it
 _USUAL = 0.7, 1.4  # what a scale lies between, unless a unit or a gear ratio is wrong
 
@@ -75,6 +76,16 @@ class Candidate:
         """Root of the squared error of all joints over that of the torque."""
         return float(np.sqrt(self.error.sum() / max(float(self.torque.sum()), 1e-300)))
 
+    def to_dict(self) -> dict[str, Any]:
+        """Return what it is, and the error that it leaves."""
+        return {
+            "averaged": self.averaged,
+            "low_pass": self.processing.low_pass,
+            "derivative_bandwidth": self.processing.derivative_bandwidth,
+            "effects": list(self.effects),
+            "error": self.relative,
+        }
+
     def worse(self, best: Candidate) -> float:
         """Return by how many standard errors it predicts worse than another, over the pieces: of squared errors or of
         their logarithms, whichever says more. Where one piece is far worse than the others, it alone makes the spread.
@@ -86,13 +97,16 @@ class Candidate:
 
 @dataclass(frozen=True)
 class Choice:
-    """The candidate that was taken; band: Hz up to which it was judged, None where there was nothing to choose."""
+    """The candidate that was taken; band: Hz up to which it was judged, None where there was nothing to choose. free:
+    the one that would have been taken, had no filter been asked for, where it predicts better.
+    """
 
     processing: Processing
     taken: Candidate | None = None
     band: float | None = None
     candidates: tuple[Candidate, ...] = ()
     notes: tuple[str, ...] = ()
+    free: Candidate | None = None
 
     @property
     def effects(self) -> tuple[str, ...]:
@@ -128,16 +142,10 @@ class Choice:
             "scale_evidence": self.scale_evidence,
             "scale_spread": None if self.scale_spread is None else self.scale_spread.tolist(),
             "compared": [
-                {
-                    "averaged": one.averaged,
-                    "low_pass": one.processing.low_pass,
-                    "derivative_bandwidth": one.processing.derivative_bandwidth,
-                    "effects": list(one.effects),
-                    "error": one.relative,
-                    "score": one.score - best.score,
-                }
+                {**one.to_dict(), "score": one.score - best.score}
                 for one in sorted(self.candidates, key=lambda one: one.score)
             ],
+            "without_asked_filters": None if self.free is None else self.free.to_dict(),
         }
 
 
@@ -169,10 +177,10 @@ def choose_base(
     told, open_ = _identifiable(ways[0].judged[0], full, labels)
     # a stated payload's torque is taken off in Nm, before any scale
     loaded = any(part.conditions.payload is not None for part in parts)
-    own = given.joints_scaled  # are kept
-    first = next(joint for joint in robot.joints if joint not in own)
-    every = own if robot.ampere_joints or loaded else tuple(joint for joint in robot.joints if joint != first)
-    candidates = [made for way in ways for made in _judged(way, full, labels, told, (every, own))]
+    kept = given.joints_scaled
+    first = next(joint for joint in robot.joints if joint not in kept)
+    every = kept if robot.ampere_joints or loaded else tuple(joint for joint in robot.joints if joint != first)
+    candidates = [made for way in ways for made in _judged(way, full, labels, told, (every, kept))]
     taken = _best_of(candidates)
     used = taken.processing
     if asked.low_pass is None:
@@ -191,7 +199,12 @@ def choose_base(
     notes = [_note_of(taken, candidates, band)]
     if open_:
         notes.append(f"left out of the base model, since these data can't tell them: {', '.join(open_)}")
-    return Choice(used, taken, band, tuple(candidates), tuple(notes))
+    free = None
+    if asked.low_pass is not None or asked.derivative_bandwidth is not None:
+        own = replace(asked, low_pass=None, derivative_bandwidth=None)
+        free = choose_base(recordings, robot, effects, own).taken
+    free = free if free and taken.worse(free) >= _BETTER and taken.relative > _MORE * free.relative else None
+    return Choice(used, taken, band, tuple(candidates), tuple(notes), free)
 
 
 def _looked_at(recording: Recording, robot: Robot, asked: Processing) -> tuple[Recording, Measurement]:

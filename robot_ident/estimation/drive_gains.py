@@ -83,8 +83,9 @@ class Gains:
         found = ", ".join(f"{self.joints[k]} {self.values[k]:.4g} +- {self.std[k]:.2g}" for k in known)
         if not self.absolute:
             return (
-                f"drive gains over that of {self.joints[0]}: {found}; results carry the unit A: a recording with a"
-                " known payload beside one without would tell Nm/A (its BAG.conditions.yaml states the payload)",
+                f"drive gains over that of {self.joints[0]}: {found}; results carry the unit A of that drive (predict:"
+                " of each joint's own): a recording with a known payload beside one without would tell Nm/A (its"
+                " BAG.conditions.yaml states the payload)",
             )
         if not known:
             way = f"; exchanged between {self.exchanged} they would" if self.exchanged else ""

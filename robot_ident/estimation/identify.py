@@ -89,7 +89,7 @@ class Chosen:
             if parameter.effect == TorqueScale.name
         }
         told = [*torque_scale_notes(self.choice, scales), *_lagging(made, self.choice.effects)]
-        return replace(made, notes=made.leading((*made.notes, *told)))
+        return replace(made, notes=made.leading((made.filters_doubt, *made.notes, *told)))
 
 
 def with_scale_spread(model: Model) -> Model:

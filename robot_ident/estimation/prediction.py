@@ -22,6 +22,7 @@ from robot_ident.model.structure import Structure
 from robot_ident.recording.checks import STILL, held_angles, still_notes, still_part
 from robot_ident.recording.clock import even_samples, read_clock, roughness
 from robot_ident.recording.conditions import KnownPayload
+from robot_ident.recording.effort import per_reported_ampere
 from robot_ident.recording.measurement import DEFAULT_LOW_PASS, Measurement, Processing
 from robot_ident.recording.process import process
 from robot_ident.recording.recording import Recording
@@ -130,13 +131,15 @@ _ROWS = 20_000  # whose columns are held at once
 
 @dataclass(frozen=True)
 class Prediction:
-    """Torque [N, n] Nm at instants t [N] s of the motion, its standard deviation [N, n] by the parameters' covariance,
-    and the half width [N, n] of a band that holds 95 % of the noise-free torque.
+    """Torque [N, n] at instants t [N] s of the motion, its standard deviation [N, n] by the parameters' covariance,
+    and the half width [N, n] of a band that holds 95 % of the noise-free torque; in Nm, N, or the A of the joint's own
+    drive where its gain is unknown (`units`).
 
-    misfit [n] Nm: rms of what the model left unexplained, beyond the noise, where it was identified; it is in the band.
+    misfit [n]: rms of what the model left unexplained, beyond the noise, where it was identified; it is in the band.
     """
 
     joints: tuple[str, ...]
+    units: tuple[str, ...]
     t: Array
     motion: Motion
     torque: Array
@@ -162,7 +165,9 @@ def predict(model: Model, recording: Recording) -> Prediction:
     carried = payload_in(model, recording) if recording.conditions.estimated else recording.conditions.payload
     torque = made.torque
     if carried is not None:
-        torque = torque + measured.passed(carried.torque(model.robot, measured.motion))
+        torque = torque + measured.passed(carried.torque(model.robot, measured.motion)) / per_reported_ampere(
+            model.robot
+        )
     notes = model.leading((*measured.notes, *made.notes, *still_notes(measured)))
     return replace(made, torque=torque, start_ns=recording.start_ns, notes=notes)
 
@@ -178,14 +183,16 @@ def predict_motion(
     std = standard_deviation(model, motion, passed)
     fits = [model.residual[joint] for joint in model.robot.joints]
     misfit = np.sqrt([max(fit.mse - (fit.noise_variance or 0.0), 0.0) for fit in fits])
+    ampere = per_reported_ampere(model.robot)
     return Prediction(
         joints=model.robot.joints,
+        units=tuple(model.robot.torque_unit(joint) for joint in range(model.robot.n)),
         t=t,
         motion=motion,
-        torque=passed(model.predict(motion)),
-        std=std,
-        band=_BAND * np.sqrt(std**2 + misfit**2),
-        misfit=misfit,
+        torque=passed(model.predict(motion)) / ampere,
+        std=std / ampere,
+        band=_BAND * np.sqrt(std**2 + misfit**2) / ampere,
+        misfit=misfit / ampere,
         start_ns=0,
         notes=model.leading(beyond_notes(model, motion)),
     )

@@ -123,6 +123,18 @@ def not_checked(unknown: Iterable[str]) -> str:
     return f"not checked: {words}" if words else ""
 
 
+def beyond_check(robot: Robot) -> list[str]:
+    """Return what no check of a robot's motions sees, in words: what certificates don't speak of."""
+    out = []
+    if robot.workspace:
+        out.append(
+            f"surroundings other than the workspace rule, and any part of the arm but {robot.end_effector} there"
+        )
+    if not {"viscous", "coulomb"} & set(robot.simulation):
+        out.append("friction in the torque (it counts as zero until the YAML's simulation gives it)")
+    return out
+
+
 def unchecked_refusal(unknown: Iterable[str], accept: str) -> str:
     """Return why a motion with something unchecked is refused, empty where all is checked; accept: what else to do."""
     line = not_checked(unknown)
@@ -188,7 +200,8 @@ class Certifier:
         items = _joint_margins(pieces, self._robot)
         items += self._workspace_margins(pieces) + self._link_margins(pieces) + self._torque_margins(pieces)
         links = self._links[0]
-        return Margins(tuple(items), self.unknown, () if links is None else links.shapes.notes)
+        unseen = [f"no limit here speaks of {what}" for what in beyond_check(self._robot)]
+        return Margins(tuple(items), self.unknown, (*(() if links is None else links.shapes.notes), *unseen))
 
     def keeps(self, motion: Excitation | Certifiable, *, torque: bool = True) -> bool:
         """Return whether a motion keeps all limits, without the rest of the work once one is broken."""

@@ -15,6 +15,7 @@ from robot_ident.robot.robot import Robot
 from robot_ident.signals.motion import Array, Motion, frozen_array
 
 _POOR = 0.5  # of a joint's torque, in rms: a model that misses more is none of that joint
+_TWICE = 2.0  # times the error of filters chosen by prediction: what others must not make of it
 _ABOVE_NOISE = 4.0  # times the noise's variance: what a torque is at least to tell anything
 
 
@@ -148,10 +149,31 @@ class Model:
         return np.array([self.physical["rotor_inertia"][joint] for joint in self.robot.joints])
 
     @property
+    def filters_doubt(self) -> str:
+        """A line on filters that were asked for, where those chosen by prediction do better; empty where not."""
+        base = self.base or {}
+        free = base.get("without_asked_filters")
+        if not free:
+            return ""
+        low, wide = free["low_pass"], free["derivative_bandwidth"]
+        way = f"low pass {low:.3g} Hz" if low else "periods averaged"
+        way += f", positions differentiated to {wide:.3g} Hz" if wide else ""
+        return (
+            f"with the filters that were asked for the model errs by {100 * base['error']:.3g} % on motion left out,"
+            f" with those chosen by prediction by {100 * free['error']:.3g} % ({way}); inertias hang on them: leave"
+            " --low-pass and --derivative-bandwidth out"
+        )
+
+    @property
     def trouble(self) -> str | None:
         """A line that names the joints at which the model misses more than half of the torque of its own recordings,
-        those left out whose torque is hardly more than noise; None where there is none.
+        those left out whose torque is hardly more than noise; or the filters that were asked for, where it errs twice
+        as much as by those chosen by prediction; None where there is neither.
         """
+        base = self.base or {}
+        free = base.get("without_asked_filters")
+        if free and base["error"] > _TWICE * free["error"]:
+            return f"not usable: {self.filters_doubt}"
         poor = [
             f"{joint} {100 * one.relative:.0f} %"
             for joint, one in self.residual.items()
@@ -169,7 +191,8 @@ class Model:
         """Return the notes of a command on this model, each once, before them that it can't be used (`trouble`), if so:
         every command tells its notes by this.
         """
-        return tuple(dict.fromkeys(line for line in (self.trouble, *notes) if line))
+        first = self.trouble or ""
+        return tuple(dict.fromkeys(filter(None, (first, *(line for line in notes if line not in first)))))
 
     def predict(self, motion: Motion) -> Array:
         """Return the model's torque [N, n] Nm along a motion."""

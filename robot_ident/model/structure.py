@@ -72,6 +72,11 @@ class Structure:
                 notes.append(f"{effect.label} merges with {into}")
             else:
                 made.append(beside(effect, labels))
+        notes += [
+            f"{name} follows {leader} in the URDF (mimic: a parallelogram or a belt) and stands still in this model: it"
+            f" is wrong wherever {leader} moves what hangs on {name}"
+            for name, leader in robot.following.items()
+        ]
         notes += _behind_the_gear(robot)
         own = cls(robot, base, tuple(made), _linear(robot, base, made), _inner(made), tuple(notes), len(made))
         return own.with_further(effects)

@@ -52,6 +52,15 @@ def joint_torque(effort: Array, q: Array, robot: Robot) -> Array:
     return tau + _gravity(robot, q) * removed if removed.any() else tau
 
 
+def per_reported_ampere(robot: Robot) -> Array:
+    """Return by joint [n] what a model has of one reported ampere where no gain is known: A of the other drives, or Nm
+    that stand in for it; 1 elsewhere.
+    """
+    one = np.ones((1, robot.n))
+    known = [not robot.in_ampere(joint) for joint in range(robot.n)]
+    return np.where(known, 1.0, (joint_torque(one, 0.0 * one, robot) - joint_torque(0.0 * one, 0.0 * one, robot))[0])
+
+
 def as_reported(torque: Array, q: Array, robot: Robot) -> Array:
     """Return what the drives report [N, n] of a torque at the joints [N, n] Nm: the inverse of `at_the_joints`,
     absolute where they report no sign.

@@ -81,7 +81,8 @@ class Robot:
     `effort` (what each joint reports: torque or current, where measured, sign), `torque_delay` [n] s by which torque
     lags position, `torque_curves` (A, Nm) by joint for a constant.
     `base`: whether identification adds offsets and rotor inertias where they predict better, or takes what is declared.
-    `unchecked`: what its files leave out or only guess, so that no certificate covers it, in words.
+    `unchecked`: what its files leave out or only guess, so that no certificate covers it, in words. `following`: joints
+    that stand still here though they follow another (a parallelogram, a belt), and which.
     `definition` is what it was read from, None for a robot that comes with the package.
     """
 
@@ -107,6 +108,7 @@ class Robot:
     torque_curves: Mapping[str, tuple[tuple[float, float], ...]] = field(default_factory=dict)
     base: Literal["prediction", "declared"] = "prediction"
     unchecked: tuple[str, ...] = ()
+    following: Mapping[str, str] = field(default_factory=dict)
 
     @classmethod
     def load(cls, name: str | Path = "kuka_ir361") -> Robot:

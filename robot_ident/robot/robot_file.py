@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterable
+from collections.abc import Iterable, Mapping, Sequence
 from pathlib import Path
 from typing import Annotated, Any, Literal
 
@@ -23,6 +23,7 @@ from robot_ident.robot.urdf import (
     ENDLESS,
     check_serial,
     find_resource,
+    followed,
     lock,
     parse_urdf,
     refuse_millimetres,
@@ -280,6 +281,7 @@ def _build(file: RobotFile, text: str, path: Path, definition: Definition | None
             raise InputError(f"{path}: workspace: frame {rule.frame!r} is not in the URDF")
     limits = _limits(model, records)
     geometry = _geometry(file, text, urdf, path, joints, limits)
+    following = followed(text, joints)
     return Robot(
         name=file.name,
         source=str(path),
@@ -300,7 +302,8 @@ def _build(file: RobotFile, text: str, path: Path, definition: Definition | None
         ),
         end_effector=end_effector,
         workspace=rules,
-        unchecked=_unchecked(file, rules, geometry, len(joints)),
+        unchecked=_unchecked(file, rules, geometry, joints, following),
+        following=following,
         springs={joint: Spring(spring.length, spring.lever) for joint, spring in file.springs.items()},
         simulation=_simulation(file, joints, path),
         known_effects=at_every_joint(file.effects, joints),
@@ -323,11 +326,18 @@ def _build(file: RobotFile, text: str, path: Path, definition: Definition | None
 
 
 def _unchecked(
-    file: RobotFile, rules: tuple[workspace.WorkspaceRule, ...], geometry: Geometry | None, axes: int
+    file: RobotFile,
+    rules: tuple[workspace.WorkspaceRule, ...],
+    geometry: Geometry | None,
+    joints: Sequence[str],
+    following: Mapping[str, str],
 ) -> tuple[str, ...]:
     """Return what a robot's files leave out or only guess, in words."""
-    out = []
-    if geometry is None and file.self_collision is None and axes > 1:
+    out = [
+        f"where {name} and all beyond it are (it follows {leader}, and stands still in this model)"
+        for name, leader in following.items()
+    ]
+    if geometry is None and file.self_collision is None and len(joints) > 1:
         out.append("self-collision (no collision geometry in the URDF)")
     if "workspace" not in file.model_fields_set:
         out.append("surroundings (no workspace rule)")

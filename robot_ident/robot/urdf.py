@@ -131,6 +131,26 @@ def refuse_mimics(text: str, moving: Iterable[str], path: Path) -> None:
             )
 
 
+def followed(text: str, moving: Collection[str]) -> dict[str, str]:
+    """Return the joints that stand still in a model, by name, though they follow (mimic) one that moves: the leader of
+    each, through others that follow.
+    """
+    leaders = {
+        joint.get("name", ""): mimic.get("joint", "")
+        for joint in ElementTree.fromstring(text).iter("joint")
+        if (mimic := joint.find("mimic")) is not None
+    }
+    out = {}
+    for name in leaders:
+        leader, seen = leaders[name], {name}
+        while leader in leaders and leader not in seen:
+            seen.add(leader)
+            leader = leaders[leader]
+        if leader in moving:
+            out[name] = leader
+    return out
+
+
 def endless(text: str) -> str:
     """Return the URDF with continuous joints as revolute ones without a position limit: one number then tells their
     angle.

@@ -10,6 +10,7 @@ import numpy as np
 import pytest
 
 from robot_ident.limits.certifier import Certifier
+from robot_ident.model.structure import Structure
 from robot_ident.provenance import config_file
 from robot_ident.robot import load_robot
 from robot_ident.robot.robot_file import builtin_robots
@@ -118,3 +119,22 @@ def test_design_writes_its_file_all_the_same(run: Run, tmp_path: Path) -> None:
     accepted = run("design", "--robot", robot, *SHORT, "-o", file, "--force", "--accept-unchecked", "--json")
     assert accepted.code == 0
     assert accepted.json["not_checked"][1] == "surroundings (no workspace rule)"
+
+
+def test_a_joint_that_follows_another_is_not_checked(tmp_path: Path, motion: Path, run: Run) -> None:
+    """A parallelogram's joint stands still in the model: where the arm beyond it is, no certificate knows."""
+    path = write_robot(tmp_path, REST)
+    urdf = URDF.read_text(encoding="utf-8").replace(
+        "</robot>",
+        "<link name='follower'><inertial><mass value='1'/><inertia ixx='1' ixy='0' ixz='0' iyy='1' iyz='0' izz='1'/>"
+        "</inertial></link><joint name='rod' type='revolute'><parent link='base'/><child link='follower'/>"
+        "<axis xyz='0 0 1'/><limit lower='-3' upper='3' effort='9' velocity='9'/><mimic joint='joint_2'/></joint>"
+        "</robot>",
+    )
+    (tmp_path / "arm.urdf").write_text(urdf, encoding="utf-8")
+    text = path.read_text(encoding="utf-8").replace(f"urdf: {URDF}", "urdf: arm.urdf") + "locked: {rod: 0}\n"
+    path.write_text(text, encoding="utf-8")
+    found = run("check", motion, "--robot", path)
+    assert found.code == 3
+    assert found.out.startswith("not checked: where rod and all beyond it are (it follows joint_2")
+    assert any("rod follows joint_2" in note for note in Structure.build(load_robot(path)).notes)

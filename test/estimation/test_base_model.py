@@ -376,3 +376,16 @@ def test_an_effect_that_is_asked_for_is_kept(robot: Robot, asked: list[str], sca
     assert model.base is not None and model.base["scale_spread"] is not None
     only = identify([recorded(robot, 5)], robot, effects=["torque_scale@joint_3"], as_declared=True)
     assert "torque_scale@joint_3" in only.structure.labels
+
+
+def test_filters_that_cost_an_inertia_are_told_first(robot: Robot) -> None:
+    """Positions differentiated to 240 Hz: their noise makes the columns of inertias larger, and inertias too small."""
+    noisy = recorded(robot, 1, offset=OFFSET, encoder=1e-4, rate=500.0)
+    chosen, asked = (
+        identify([noisy], robot, processing=Processing(periodic=False, low_pass=low), as_declared=True)
+        for low in (None, 60.0)
+    )
+    assert chosen.trouble is None
+    assert not any("leave --low-pass" in note for note in chosen.notes)
+    assert asked.trouble and asked.trouble == asked.notes[0]
+    assert "leave --low-pass and --derivative-bandwidth out" in asked.trouble

@@ -17,6 +17,7 @@ from robot_ident.errors import InputError
 from robot_ident.estimation.drive_gains import Gains, estimate_gains
 from robot_ident.estimation.effort_checks import taken_as_declared
 from robot_ident.estimation.identify import extended_with_gains, identify, tells_gains
+from robot_ident.estimation.prediction import predict
 from robot_ident.model.model import Model
 from robot_ident.model.model_file import read_model, write_model
 from robot_ident.model.structure import Structure
@@ -165,6 +166,16 @@ def test_without_a_payload_everything_carries_the_ampere(bare: Model) -> None:
     told = std[1:] < 0.3 * ratio[1:]
     assert told.sum() >= 3
     assert np.all(np.abs(ratio[1:] - GAINS[1:] / GAINS[0])[told] < 4 * std[1:][told])
+
+
+def test_a_prediction_carries_the_amperes_that_each_drive_reports(
+    bare: Model, repeated: tuple[Recording, Recording]
+) -> None:
+    found, reported = predict(bare, repeated[0]), repeated[0].tau
+    assert found.units == ("A",) * 6
+    measured = np.column_stack([np.interp(found.t, repeated[0].t, tau) for tau in reported.T])
+    slope = np.sum(found.torque * measured, axis=0) / np.sum(found.torque**2, axis=0)
+    assert np.all(np.abs(slope - 1.0) < 0.05), "amperes of the first drive would be off by up to 44 %"
 
 
 def test_diagnosis_works_in_ampere(tmp_path: Path) -> None:
