@@ -12,6 +12,7 @@ import numpy as np
 
 from robot_ident.effects import Effect
 from robot_ident.estimation.equations import Equations
+from robot_ident.model.model import IMPOSSIBLE
 from robot_ident.model.structure import Structure
 from robot_ident.recording.measurement import Measurement
 from robot_ident.signals.motion import Array
@@ -120,6 +121,6 @@ def implausible_notes(structure: Structure, equations: Equations, values: Array,
     ]
     more = f", and {len(found) - _NAMED} more" if len(found) > _NAMED else ""
     return [
-        f"no arm of this size has {'; '.join(words)}{more}: others take it off again; check the URDF's axes and the"
+        f"{IMPOSSIBLE} {'; '.join(words)}{more}: others take it off again; check the URDF's axes and the"
         " effort's unit first (robot_ident info BAG --robot)"
     ]

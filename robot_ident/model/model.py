@@ -15,6 +15,9 @@ from robot_ident.robot.robot import Robot
 from robot_ident.signals.motion import Array, Motion, frozen_array
 
 _POOR = 0.5  # of a joint's torque, in rms: a model that misses more is none of that joint
+IMPOSSIBLE = "no arm of this size has"
+"""What the note on base parameters begins with whose torque is many times that of a joint."""
+_NOT_USABLE = "not usable: "
 _TWICE = 2.0  # times the error of filters chosen by prediction: what others must not make of it
 _ABOVE_NOISE = 4.0  # times the noise's variance: what a torque is at least to tell anything
 
@@ -168,21 +171,22 @@ class Model:
     def trouble(self) -> str | None:
         """A line that names the joints at which the model misses more than half of the torque of its own recordings,
         those left out whose torque is hardly more than noise; or the filters that were asked for, where it errs twice
-        as much as by those chosen by prediction; None where there is neither.
+        as much as by those chosen by prediction; or base parameters that no arm can have; None where there is neither.
         """
         base = self.base or {}
         free = base.get("without_asked_filters")
         if free and base["error"] > _TWICE * free["error"]:
-            return f"not usable: {self.filters_doubt}"
+            return f"{_NOT_USABLE}{self.filters_doubt}"
         poor = [
             f"{joint} {100 * one.relative:.0f} %"
             for joint, one in self.residual.items()
             if one.relative and is_poor(one.mse, one.mse / one.relative**2, one.noise_variance)
         ]
         if not poor:
-            return None
+            absurd = next((note for note in self.notes if IMPOSSIBLE in note), None)
+            return absurd and f"{_NOT_USABLE}{absurd.removeprefix(_NOT_USABLE)}"
         return (
-            f"not usable: on the recordings that it was fitted to the model misses more than half of the torque of"
+            f"{_NOT_USABLE}on the recordings that it was fitted to the model misses more than half of the torque of"
             f" {', '.join(poor)}; robot_ident info BAG --robot says whether the effort's unit, sign and axis are as"
             " declared, compare where the model fails"
         )

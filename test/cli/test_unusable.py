@@ -13,6 +13,7 @@ from production_line import production
 
 from robot_ident.bags import write_recording
 from robot_ident.estimation.identify import identify
+from robot_ident.model.model import IMPOSSIBLE
 from robot_ident.model.model_file import read_model, write_model
 from robot_ident.trajectories.point_to_point import PointToPoint
 
@@ -203,3 +204,17 @@ def test_a_model_that_misses_its_own_torque_says_so_first_and_is_not_exported(
         assert refused.code == 2 and "not usable" in refused.err and "--anyway" in refused.err
         assert not target.exists()
     assert "not usable" in run("compare", model, wrong).err.splitlines()[0]
+
+
+def test_base_parameters_that_no_arm_has_make_a_model_unusable(
+    run: Run, model: Path, bag: Path, tmp_path: Path
+) -> None:
+    """As the note of `identify` says it, which the file keeps."""
+    line = f"{IMPOSSIBLE} p2 = 1603 ± 60 kg m, whose torque would be 40 times that of joint_2"
+    path, found = tmp_path / "absurd.yaml", read_model(model)
+    write_model(replace(found, notes=replace(found, notes=(*found.notes, line)).leading(found.notes)), path)
+    assert read_model(path).notes[0] == read_model(path).trouble == f"not usable: {line}"
+    assert run("validate", path, bag).err.splitlines()[0] == f"not usable: {line}"
+    refused = run("export", path, "--c", tmp_path / "code")
+    assert refused.code == 2 and line in refused.err and "--anyway" in refused.err
+    assert found.trouble is None
