@@ -379,7 +379,7 @@ def _identifiable(sums: Grams, structure: Structure, labels: Sequence[str]) -> t
     return kept, dict(reversed(open_.items()))
 
 
-def _spanning(label: str, structure: Structure, columns: Array) -> str:
+def _spanning(label: str, structure: Structure, columns: np.ndarray) -> str:
     """Return what makes the column of a candidate, in words: an offset is alike to weight, a rotor to a link."""
     rigid = len(structure.base.columns)
     others = [structure.names[column] for column in columns if column >= rigid]
