@@ -14,7 +14,7 @@ from robot_ident.recording.effort import at_the_joints
 from robot_ident.recording.measurement import Processing
 from robot_ident.recording.process import process
 from robot_ident.recording.recording import Recording
-from robot_ident.recording.resolution import coarse_notes
+from robot_ident.recording.resolution import coarse_notes, position_step
 from robot_ident.recording.summary import Summary, summarise
 from robot_ident.robot import Robot, load_robot
 
@@ -35,7 +35,7 @@ def run(args: argparse.Namespace) -> None:
             check_plausible(at_the_joints(recording, robot), robot)
             summary = summarise(recording)
             declared, coupled = _judged(recording, robot)
-            coupled += coarse_notes(recording.q, robot.drives.encoder_step, robot.joints)
+            coupled += coarse_notes(position_step(recording.q), robot.drives.encoder_step, robot.joints)
     except InputError as error:
         if robot is not None or args.topic:
             raise
