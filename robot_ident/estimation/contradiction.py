@@ -79,7 +79,11 @@ def contradiction(judged: Sequence[Declared], robot: Robot) -> Contradiction | N
     enough = min(2, robot.n)
     weightless = [d for d in loaded if d.verdict == "compensated"]
     if len(weightless) == len(loaded) >= enough:
-        return _weight_removed(trusted, turned, robot)
+        put_back = [d for d in weightless if robot.effort.of(d.joint).gravity == "removed"]
+        if not put_back:
+            return _weight_removed(trusted, turned, robot)
+        if len(put_back) == len(loaded) and len(turned) == len(trusted):
+            return _weight_turned(turned, robot)
     turned = [d for d in turned if d.verdict == "sign"]
     if turned:
         return _sign(turned, trusted, robot)
@@ -148,6 +152,13 @@ def _weight_removed(trusted: Sequence[Declared], turned: Sequence[Declared], rob
     return _entry(words, robot, weight, found, beside=beside, look=look)
 
 
+def _weight_turned(turned: Sequence[Declared], robot: Robot) -> Contradiction:
+    """Return that efforts hold their weight and are turned round, where what was put back cancels it."""
+    joints = robot.joints if _alike(robot) else [d.joint for d in turned]
+    words = {joint: {"gravity": "included", "sign": -robot.effort.of(joint).sign} for joint in joints}
+    return _entry(words, robot, {d.joint: d.inertia for d in turned}, "share of the URDF's inertial torque in it")
+
+
 def _alike(robot: Robot) -> bool:
     """Return whether all joints report what is declared once for all."""
     return all(robot.effort.of(joint) == robot.effort.common for joint in robot.joints)
@@ -172,6 +183,7 @@ def _entry(
     write with it.
     """
     effort = robot.effort
+    words = {joint: _new(own, effort.of(joint)) for joint, own in words.items() if _new(own, effort.of(joint))}
     first, own = next(iter(words.items()))
     shared = {
         key: value
@@ -193,6 +205,11 @@ def _entry(
     if effort.sources and shared:
         look = "; ".join(text for text in (look, "topic and field stay") if text)
     return Contradiction(where, _word(now), ", ".join(told) + beside, share, found, look=look)
+
+
+def _new(words: Mapping[str, Any], effort: Effort) -> dict[str, Any]:
+    """Return the words that an effort isn't declared by already."""
+    return {key: value for key, value in words.items() if getattr(effort, key) != value}
 
 
 def _differing(effort: Effort, base: Effort) -> dict[str, Any]:

@@ -169,6 +169,16 @@ def test_gravity_taken_out_of_turned_efforts_and_of_scaled_ones(arm: Any, record
     told = found(turned, declared(arm.robot, gravity="removed"))
     assert told is not None
     assert told.change == "effort: {gravity: removed, sign: -1}", "inertia tells a sign where weight was put back"
+    told = found(replace(recording, tau=-recording.tau), declared(arm.robot, gravity="removed"))
+    assert told is not None
+    assert told.change == "effort: {gravity: included, sign: -1}", "what is put back cancels the weight"
+    twice = replace(recording, tau=2.0 * compensated - recording.tau)
+    assert found(twice, declared(arm.robot, gravity="removed")) is None
+    partly = Efforts(by_joint={"joint_1": Effort(gravity="removed", sign=-1)})
+    told = found(turned, replace(arm.robot, effort=partly))
+    assert told is not None
+    own = "{effort: {gravity: removed, sign: -1}}"
+    assert told.change == f"joint_2: {own}, joint_3: {own}", "joint 1 is right"
     thousandth = replace(recording, tau=1000.0 * compensated)
     strong = replace(arm.robot, limits=replace(arm.robot.limits, torque=np.full(3, np.inf)))
     told = found(thousandth, declared(strong, gain=0.001))
