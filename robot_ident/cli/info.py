@@ -7,14 +7,14 @@ import argparse
 from robot_ident.bags import describe, read_for, read_recording
 from robot_ident.cli.output import print_json, say, table, tell
 from robot_ident.errors import InputError
-from robot_ident.estimation.declaration import Declared, coupling_contradiction, judge_measured
+from robot_ident.estimation.declaration import Declared, judge_measured
 from robot_ident.estimation.effort_checks import EffortChecks, undecided_directions
 from robot_ident.recording.checks import check_plausible, check_samples, silent_efforts
 from robot_ident.recording.effort import at_the_joints
 from robot_ident.recording.measurement import Processing
 from robot_ident.recording.process import process
 from robot_ident.recording.recording import Recording
-from robot_ident.recording.resolution import coarse_notes
+from robot_ident.recording.resolution import coarse_notes, position_step
 from robot_ident.recording.summary import Summary, summarise
 from robot_ident.robot import Robot, load_robot
 
@@ -35,7 +35,7 @@ def run(args: argparse.Namespace) -> None:
             check_plausible(at_the_joints(recording, robot), robot)
             summary = summarise(recording)
             declared, coupled = _judged(recording, robot)
-            coupled += coarse_notes(recording.q, robot.drives.encoder_step, robot.joints)
+            coupled += coarse_notes(position_step(recording.q), robot.drives.encoder_step, robot.joints)
     except InputError as error:
         if robot is not None or args.topic:
             raise
@@ -73,11 +73,10 @@ def _judged(recording: Recording, robot: Robot) -> tuple[list[Declared], list[st
     measured = process(recording, robot, Processing(periodic=False))
     declared = judge_measured(measured, robot)
     checks = EffortChecks([measured], robot)
-    gravity = checks.gravity()
-    coupled = coupling_contradiction([measured], robot) if robot.effort.coupling is not None else None
-    told = (checks.foreign(), checks.exchanged(), gravity and gravity.told(robot))
-    more = (undecided_directions(measured, robot), coupled and coupled.told(robot))
-    return declared, [line for line in (*told, *more) if line]
+    foreign = [line for line in (checks.foreign(), checks.exchanged()) if line]
+    found = None if foreign else checks.declaration()
+    told = (*foreign, found and found.told(robot), undecided_directions(measured, robot))
+    return declared, [line for line in told if line]
 
 
 def _print(summary: Summary) -> None:

@@ -14,9 +14,11 @@ from robot_ident.bags import read_recording, read_robot_description, topic_of_jo
 from robot_ident.cli.output import print_json, say, say_written, tell
 from robot_ident.cli.values import angles_of, numbers_of
 from robot_ident.errors import InputError, did_you_mean
-from robot_ident.estimation.declaration import contradiction, judge_declaration
+from robot_ident.estimation.effort_checks import EffortChecks
 from robot_ident.files import read_text, refuse_existing, write_text
 from robot_ident.limits.certifier import Certifier, beyond_check
+from robot_ident.recording.measurement import Processing
+from robot_ident.recording.process import process
 from robot_ident.recording.resolution import position_step
 from robot_ident.recording.summary import summarise
 from robot_ident.robot import load_robot
@@ -150,13 +152,13 @@ def _test_effort(output: Path, bag: str, topic: str | None) -> None:
     """Say where the recording contradicts what the draft guesses of effort, and what to write instead."""
     robot = load_robot(output)
     try:
-        found = contradiction(judge_declaration(read_recording(bag, topic=topic), robot), robot)
+        measured = process(read_recording(bag, topic=topic), robot, Processing(periodic=False))
+        found = EffortChecks([measured], robot).declaration()
     except InputError as error:
         tell(f"effort metadata not checked: {error}")
         return
     if found is not None:
-        kept = f" (its topic stays: {topic})" if topic and found.entry.startswith("effort") else ""
-        tell(f"{found.told(robot)}{kept}")
+        tell(found.told(robot))
 
 
 def _print(draft: Draft, inventory: Inventory, unchecked: list[str], output: Path) -> None:

@@ -34,6 +34,7 @@ _LONGEST = 200_000  # samples of a recording that are looked at: columns of seve
 _SHOWN = (0.125, 0.25, 0.5, 1.0, 2.0, 4.0, 8.0)  # times the band: low passes of predictions, by quarters near the best
 _KEPT = 4.0  # rows in a period of their low pass
 _OWN = 1e-6  # of a column's square that no other column makes, below which the data can't tell it
+_SPANS = 0.1  # of a column's size, that another column must make of it to be named
 OFFSET, ROTOR, SCALE = "torque_offset", "rotor_inertia", "torque_scale"
 PIECES = 8  # of the path, each left out in turn
 _BETTER = 2.0  # standard errors by which torque scales have to predict better than none, one pass than averages
@@ -198,7 +199,8 @@ def choose_base(
         used = replace(used, band=_shown(predicted, full, taken, band).low_pass)
     notes = [_note_of(taken, candidates, band)]
     if open_:
-        notes.append(f"left out of the base model, since these data can't tell them: {', '.join(open_)}")
+        alike = "; ".join(f"{', '.join(labels)} from {of}" for of, labels in open_.items())
+        notes.append(f"left out of the base model, since these data can't tell them apart: {alike}")
     free = None
     if asked.low_pass is not None or asked.derivative_bandwidth is not None:
         own = replace(asked, low_pass=None, derivative_bandwidth=None)
@@ -372,23 +374,35 @@ def _shown(rows: Sequence[ThinRows], structure: Structure, taken: Candidate, ban
     return best(near * 2.0 ** (k / 4.0) for k in range(-3, 4))
 
 
-def _identifiable(sums: Grams, structure: Structure, labels: Sequence[str]) -> tuple[np.ndarray, list[str]]:
-    """Return which columns [P] the data can tell, all but candidates that the others span, and the labels of those."""
+def _identifiable(sums: Grams, structure: Structure, labels: Sequence[str]) -> tuple[np.ndarray, dict[str, list[str]]]:
+    """Return which columns [P] the data can tell, all but candidates that the others span, and the labels of those by
+    what spans them, in words.
+    """
     weight = 1.0 / np.maximum(sums.yy.sum(axis=0), 1e-300)
     square = np.tensordot(weight, sums.xx.sum(axis=0), 1)
     size = np.sqrt(np.maximum(np.diag(square), 1e-300))
     square = square / size / size[:, None]
     kept = np.ones(len(structure.names), dtype=bool)
-    open_ = []
+    open_: dict[str, list[str]] = {}
     for label in reversed(labels):
         place = structure.names.index(label)
         others = np.flatnonzero(kept & (np.arange(len(kept)) != place))
         among = square[np.ix_(others, others)] + _OWN**2 * np.eye(len(others))
-        own = square[place, place] - square[place, others] @ np.linalg.solve(among, square[others, place])
+        made = np.linalg.solve(among, square[others, place])
+        own = square[place, place] - square[place, others] @ made
         if own < _OWN:
             kept[place] = False
-            open_.append(label)
-    return kept, open_[::-1]
+            open_.setdefault(_spanning(label, structure, others[np.abs(made) > _SPANS]), []).insert(0, label)
+    return kept, dict(reversed(open_.items()))
+
+
+def _spanning(label: str, structure: Structure, columns: np.ndarray) -> str:
+    """Return what makes the column of a candidate, in words: an offset is alike to weight, a rotor to a link."""
+    rigid = len(structure.base.columns)
+    others = [structure.names[column] for column in columns if column >= rigid]
+    if others and all(column >= rigid for column in columns):
+        return " and ".join(others)
+    return "gravity" if label.startswith(OFFSET) else "the links' inertia"
 
 
 def _judged(

@@ -4,22 +4,16 @@ What is off alike on every joint is no drive's matter. Stamps that run r times t
 products of speeds r^2 times too small; the weight knows no time: k_g = 1, k_i = r^2 on all joints. A URDF's inertias
 are rarely all wrong by one factor beside right weights. Where both shares are off by one factor, all efforts may have a
 wrong gain: a fit takes it for heavier links.
-
-Where the data contradict what is declared: the entry to change, and its value. A coupling: tau = C u, the drives'
-torques are u = D tau, D = C^-1. Every row of D comes from a fit of that drive's torque to the torques of all joints by
-the URDF's masses, friction set apart. A row that points elsewhere than the declared one is a wrong coupling; a row
-along it, longer or turned round, is a drive's gain or sign.
 """
 
 from __future__ import annotations
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Sequence
 from dataclasses import asdict, dataclass, replace
 from typing import Any
 
 import numpy as np
 
-from robot_ident.configuration import line_of
 from robot_ident.estimation.problem import Solution
 from robot_ident.recording.measurement import Measurement, Processing
 from robot_ident.recording.process import process
@@ -36,11 +30,14 @@ class Declared:
     """What a recording says of a joint's effort: `share` of the URDF's gravity torque (of the inertial one where the
     joint carries no gravity) that is found in it, with its standard deviation, the verdict, and what to look at.
 
-    verdict: consistent, compensated (gravity is taken out), included (though declared to be taken out), sign, factor,
-    driven where friction gives energy, clock where time explains all joints, or not_told where the motion loads the
-    joint too little, or the URDF's torque is hardly in its effort. gravity, inertia: both shares, nan where not told.
+    verdict: consistent, compensated (gravity is taken out, whatever sign and gain inertia shows), included (though
+    declared to be taken out), sign, factor, driven where friction gives energy, clock where time explains all joints,
+    or not_told where the motion loads the joint too little, or the URDF's torque is hardly in its effort. gravity,
+    inertia: both shares, nan where not told.
     friction: power that is lost over the product of rms torque and rms speed; negative where effort has the wrong sign.
     explained: part of the effort, friction left aside, that the URDF's torque times those shares accounts for.
+    felt: the share that tells sign and gain of the effort: of inertia where gravity is taken out, 1 at most where a
+    rotor may be in it.
     """
 
     joint: str
@@ -52,10 +49,11 @@ class Declared:
     inertia: float = NOT_TOLD
     friction: float = 0.0
     explained: float = 0.0
+    felt: float = NOT_TOLD
 
     def to_dict(self) -> dict[str, Any]:
         """Return it as `info --json` prints it: null where nothing is told."""
-        values = asdict(self)
+        values = {key: value for key, value in asdict(self).items() if key != "felt"}
         return {key: None if isinstance(v, float) and not np.isfinite(v) else v for key, v in values.items()}
 
 
@@ -111,7 +109,7 @@ def gain_of_all(judged: Sequence[Declared], robot: Robot) -> list[str]:
     ]
 
 
-_USUAL = 0.35  # a URDF's masses are seldom better than that
+USUAL = 0.35  # a URDF's masses are seldom better than that
 _LITTLE = 0.15  # share below which next to nothing of it is found
 _SURE = 4.0  # standard deviations
 _HARDLY = 0.1  # sigma of the share from which on the motion loads a joint well enough to tell
@@ -173,6 +171,8 @@ def _judge(robot: Robot, measured: Measurement, gravity: Array, inertial: Array,
     spread = np.sqrt(np.maximum(np.diag(covariance), 0.0))
     found = {k: (float(solved[k] / size[k]), float(spread[k] / size[k])) for k in (0, 1) if np.isfinite(size[k])}
     told = {k: (s, std) for k, (s, std) in found.items() if 0.0 < std < _HARDLY or abs(s) > _SURE * std > 0.0}
+    if robot.effort.of(name).gravity == "removed" and len(told) == 2 and abs(told[0][0] - 1.0) < USUAL:
+        told = {1: told[1]}  # the weight was put back from the URDF: it tells nothing of the effort
     power = float(np.linalg.norm(tau - np.mean(tau)) * np.linalg.norm(columns[:, 2]))
     taken = columns[:, 2] @ scaled[:, 2:4]  # by friction, per unit of its coefficients
     lost, lost_std = float(taken @ solved[2:4]), np.sqrt(max(float(taken @ covariance[2:4, 2:4] @ taken), 0.0))
@@ -184,17 +184,21 @@ def _judge(robot: Robot, measured: Measurement, gravity: Array, inertial: Array,
     explained = float(1.0 - left / whole_power) if whole_power > 0 else 0.0
     share, std = told.get(0) or told[1]
     hidden_rotor = not apart and 0 not in told
-    verdict, hint = _verdict(robot, joint, told, hidden_rotor=hidden_rotor)
+    verdict, hint = _verdict(robot, joint, told, apart=apart, hidden_rotor=hidden_rotor)
     if verdict == "factor" and hidden_rotor and share > 1.0 and not robot.in_ampere(joint):
         verdict = "not_told"  # a rotor that the URDF lacks makes just that
-    if verdict in ("sign", "factor") and (explained <= SHAPE or abs(share) <= _SURE * std):
+    gravity_share, inertia_share = (told[k][0] if k in told else NOT_TOLD for k in (0, 1))
+    felt, felt_std = told[1] if verdict == "compensated" else (share, std)
+    if verdict == "compensated" and not apart:
+        felt = float(np.clip(felt, -1.0, 1.0))
+    off = verdict in ("sign", "factor") or (verdict == "compensated" and abs(felt - 1.0) > USUAL)
+    if off and (explained <= SHAPE or abs(felt) <= _SURE * felt_std):
         part = 100.0 * max(explained, 0.0)
         hint = f"not decidable: the URDF's torque makes {part:.0f} % of the effort beside friction here"
         return Declared(name, NOT_TOLD, float("inf"), "not_told", hint, friction=friction, explained=explained)
-    if share > 0 and friction < -LOSSES and lost < -_DRIVES * lost_std:
+    if felt > 0 and friction < -LOSSES and lost < -_DRIVES * lost_std:
         verdict, hint = "driven", "friction drives it: effort, position or time has the wrong sign"
-    gravity_share, inertia_share = (told[k][0] if k in told else NOT_TOLD for k in (0, 1))
-    return Declared(name, share, std, verdict, hint, gravity_share, inertia_share, friction, explained)
+    return Declared(name, share, std, verdict, hint, gravity_share, inertia_share, friction, explained, felt)
 
 
 def _apart_from_rotor(columns: Array) -> bool:
@@ -206,24 +210,30 @@ def _apart_from_rotor(columns: Array) -> bool:
     return bool(np.linalg.norm(inertial - others @ beside) > _APART * np.linalg.norm(inertial))
 
 
-def _verdict(robot: Robot, joint: int, told: dict[int, tuple[float, float]], *, hidden_rotor: bool) -> tuple[str, str]:
+def _verdict(
+    robot: Robot, joint: int, told: dict[int, tuple[float, float]], *, apart: bool, hidden_rotor: bool
+) -> tuple[str, str]:
     """Return verdict and hint for the shares (value, sigma) that are told: 0 of gravity, 1 of inertia.
 
-    hidden_rotor: the share of inertia holds that of a rotor that the URDF lacks, if there is one.
+    apart: the share of inertia holds no rotor. hidden_rotor: it holds that of a rotor that the URDF lacks, if there is
+    one.
     """
     (share, std), (inertia, _) = told.get(0) or told[1], told.get(1) or told[0]
     unit = "N" if robot.prismatic[joint] else "Nm"
     declared = robot.effort.of(robot.joints[joint])
-    if declared.gravity == "removed" and 0 in told and abs(share - 2.0) < max(_USUAL, _SURE * std):
+    if declared.gravity == "removed" and 0 in told and abs(share - 2.0) < max(USUAL, _SURE * std):
         return "included", "gravity is in it already: effort: {gravity: included}"
-    if abs(share - 1.0) < max(_USUAL, _SURE * std):
+    if abs(share - 1.0) < max(USUAL, _SURE * std):
         return "consistent", ""
     if 0 in told and 1 in told and share < -max(_LITTLE, _SURE * std) and inertia > _LITTLE:
         return "sign", "weight is turned round and inertia is not: does gravity point the wrong way?"
     if share < -max(_LITTLE, _SURE * std):
         return "sign", "it grows where the rigid torque falls: opposite sign"
-    if 0 in told and 1 in told and abs(share) < max(_LITTLE, _SURE * std) and inertia > 1.0 - _USUAL:
-        return "compensated", "gravity is not in it: effort: {gravity: removed}"
+    weightless = abs(share) < max(_LITTLE, _SURE * std) and abs(inertia) > 1.0 - USUAL
+    of_a_gain = apart and max(abs(share), std) < _LITTLE * abs(inertia)
+    if 0 in told and 1 in told and (weightless or of_a_gain):
+        off = "" if inertia > 1.0 - USUAL else f", and inertia is {inertia:.3g} times the URDF's: sign, gain or ampere"
+        return "compensated", f"gravity is not in it: effort: {{gravity: removed}}{off}"
     if robot.in_ampere(joint):
         size = f"{1.0 / share:.3g} {'or more' if hidden_rotor else f'+- {2.0 * std / share**2:.1g}'} {unit} per A"
         rotor = "; a rotor that the URDF lacks can't be told apart here" if hidden_rotor else ""
@@ -260,205 +270,6 @@ def scale_notes(measurements: Sequence[Measurement], robot: Robot) -> list[str]:
     """Return what time or all efforts seem to be off by, where recordings of an arm without payload tell."""
     bare = [measured for measured in measurements if measured.conditions.payload is None]
     return [*clock_notes(measurements, robot), *(gain_of_all(judge_all(bare, robot), robot) if bare else [])]
-
-
-_BEYOND = 3.0  # factor by which no URDF with real masses is wrong
-_ONE_GAIN = 0.5  # by which the shares of gravity and inertia may differ where one gain makes both
-_LOST = 0.2  # share of friction that no bearing behind a gear has
-
-
-@dataclass(frozen=True)
-class Contradiction:
-    """An entry of the robot YAML that the data contradict, on some joints: what stands there, and what it should be.
-
-    `share`: of the URDF's torque that is found in the effort, by joint. found: what `share` is, in words. file: where
-    the entry stands, of a recording's conditions; the robot's own where it is empty.
-    """
-
-    entry: str
-    now: str
-    change: str
-    share: Mapping[str, float]
-    found: str = "share of the URDF's torque in it"
-    file: str = ""
-
-    def told(self, robot: Robot) -> str:
-        """Return the contradiction in one line, with the file and its line, and what to write there instead."""
-        file = self.file or str(robot.source)
-        line = line_of(file, self.entry)
-        return f"{file if line is None else f'{file}:{line}'}: {self.in_words}; change it to '{self.change}'"
-
-    @property
-    def in_words(self) -> str:
-        """The contradiction in one line."""
-        shares = ", ".join(f"{joint} {share:.3g}" for joint, share in self.share.items())
-        found = f"{self.found}: {shares}" if shares else self.found
-        return f"{self.entry} is {self.now}, which the data contradict ({found})"
-
-
-def contradiction(judged: Sequence[Declared], robot: Robot) -> Contradiction | None:
-    """Return what the data contradict beyond what a URDF's masses may be wrong by, or None.
-
-    A sign needs gravity and inertia turned round, and no friction that takes energy away; a factor beyond three needs
-    both alike, and a torque of the URDF's shape; gravity taken out shows on every joint that carries some; a link-side
-    sensor feels no friction to speak of on any joint.
-    """
-    trusted = [d for d in judged if d.verdict != "not_told" and d.explained > SHAPE]
-    turned = [
-        d for d in trusted if d.verdict == "sign" and d.friction < LOSSES and d.inertia < 0.0 and not d.gravity >= 0.0
-    ]
-    if turned:
-        return _sign(turned, robot, alone=len(turned) == len(trusted))
-    loaded = [d for d in trusted if np.isfinite(d.gravity)]
-    for verdict, now, then in (("compensated", "included", "removed"), ("included", "removed", "included")):
-        found = [d for d in loaded if d.verdict == verdict]
-        if found and len(found) == len(loaded) and len(found) >= min(2, robot.n):
-            change = f"effort: {{gravity: {then}}}"
-            return Contradiction("effort.gravity", now, change, {d.joint: d.gravity for d in found})
-    index = robot.joint_index
-    behind = [d for d in judged if d.verdict != "not_told" and robot.side(index(d.joint)) == "link"]
-    if behind and min(d.friction for d in behind) > _LOST:
-        return Contradiction("effort.side", "link", "effort: {side: joint}", {d.joint: d.share for d in behind})
-    scaled = [d for d in trusted if d.verdict == "factor" and _scaled(d) and not robot.in_ampere(index(d.joint))]
-    alone = len(scaled) == len(trusted) or _one_message(scaled, trusted, robot)
-    return _of_factor(scaled, robot, alone=alone) if scaled else None
-
-
-def _one_message(scaled: Sequence[Declared], trusted: Sequence[Declared], robot: Robot) -> bool:
-    """Return whether joints whose effort is far too small for Nm speak for all: several do, all efforts come by one
-    message, and no other joint's weight is that of the URDF in Nm. Inertia alone says nothing against it, for it may be
-    a rotor's.
-    """
-    effort = robot.effort
-    alike = not effort.sources and all(effort.of(joint) == effort.common for joint in robot.joints)
-    small = len(scaled) > 1 and all(d.share < 1.0 / _BEYOND for d in scaled)
-    in_torque = [d for d in trusted if d not in scaled and np.isfinite(d.gravity) and abs(d.gravity - 1.0) < _USUAL]
-    return alike and small and effort.common.quantity == "torque" and not in_torque
-
-
-def _scaled(d: Declared) -> bool:
-    far = not 1.0 / _BEYOND < d.share < _BEYOND
-    both = np.isfinite(d.gravity) and np.isfinite(d.inertia)
-    return d.share > 0 and far and (not both or abs(np.log(max(d.inertia, 1e-9) / d.gravity)) < _ONE_GAIN)
-
-
-def _sign(turned: Sequence[Declared], robot: Robot, *, alone: bool) -> Contradiction:
-    share = {d.joint: d.share for d in turned}
-    declared = {joint: robot.effort.of(joint) for joint in share}
-    first = next(iter(share))
-    sign = declared[first].sign
-    if alone and len(turned) > 1 and all(effort == robot.effort.common for effort in declared.values()):
-        return Contradiction("effort.sign", str(sign), f"effort: {{sign: {-sign}}}", share)
-    change = ", ".join(f"{joint}: {{effort: {{sign: {-effort.sign}}}}}" for joint, effort in declared.items())
-    return Contradiction(f"joints.{first}.effort.sign", str(sign), change, share)
-
-
-def _of_factor(scaled: Sequence[Declared], robot: Robot, *, alone: bool) -> Contradiction:
-    """Return what makes of the shares a torque: side, quantity, or the constants."""
-    share = {d.joint: d.share for d in scaled}
-    declared = [robot.effort.of(d.joint) for d in scaled]
-    joints = [robot.joint_index(d.joint) for d in scaled]
-    ratio = robot.drives.gear_ratio[joints]
-    constant = robot.drives.torque_constant[joints]
-    sizes = np.array(list(share.values()))
-    common = (alone or robot.n == 1) and all(e == robot.effort.common for e in declared)
-    where = "effort" if common and (len(scaled) > 1 or robot.n == 1) else f"joints.{scaled[0].joint}.effort"
-
-    def change(*words: str) -> str:
-        """Return the entry with a word for all of them, or that of each joint with its own."""
-        if where == "effort":
-            return f"effort: {words[0]}"
-        own = words if len(words) == len(scaled) else words * len(scaled)
-        return ", ".join(f"{d.joint}: {{effort: {word}}}" for d, word in zip(scaled, own, strict=True))
-
-    if all(e.side != "motor" for e in declared) and _all_near(sizes * ratio):
-        return Contradiction(f"{where}.side", declared[0].side, change("{side: motor}"), share)
-    if all(e.side == "motor" for e in declared) and _all_near(sizes / ratio):
-        return Contradiction(f"{where}.side", "motor", change("{side: joint}"), share)
-    if all(e.quantity == "current" for e in declared):
-        if _all_near(sizes / constant):
-            return Contradiction(f"{where}.quantity", "current", change("torque"), share)
-        first, now = scaled[0].joint, constant[0]
-        if not np.isfinite(now):
-            change_to = f"the curve's torques over {share[first]:.3g}"
-            return Contradiction(f"joints.{first}.torque_curve", "a curve", change_to, share)
-        change_to = f"{first}: {{torque_constant: {now / share[first]:.3g}}}"
-        return Contradiction(f"joints.{first}.torque_constant", f"{now:g}", change_to, share)
-    if np.all(sizes < 1.0 / _BEYOND) and np.ptp(np.log(sizes)) < np.log(_BEYOND * 10) and sizes.max() > 2e-3:
-        fit = ", ".join(f"{d.joint} {1 / d.share:.3g}" for d in scaled)
-        every = " for all joints of the message" if where == "effort" and len(scaled) < robot.n else ""
-        hint = f"{change('current')}{every}, with torque_constant by joint if known ({fit} Nm/A would fit)"
-        return Contradiction(f"{where}.quantity", "torque", hint, share)
-    each = sizes if where != "effort" else np.exp(np.mean(np.log(sizes), keepdims=True))
-    gains = np.array([effort.gain for effort in declared[: len(each)]]) / each
-    power = 10.0 ** np.round(np.log10(gains))  # a unit, where one is near
-    told = change(*(f"{{gain: {gain:.3g}}}" for gain in np.where(np.abs(gains / power - 1.0) < _USUAL, power, gains)))
-    return Contradiction(f"{where}.gain", f"{declared[0].gain:g}", told, share)
-
-
-def _all_near(values: np.ndarray) -> bool:
-    return bool(np.all(np.isfinite(values)) and np.all(np.abs(values - 1.0) < _USUAL))
-
-
-_ALONG = 0.9  # cosine of the angle between found and declared row from which on they are the same
-_TOLD = 0.1  # sigma of an entry over the row's length up to which it is told
-
-
-def coupling_contradiction(measurements: Sequence[Measurement], robot: Robot) -> Contradiction | None:
-    """Return that the declared coupling contradicts the data and the matrix that fits; None where nothing tells so.
-
-    Judged on the recording that tells the rows best, where all of them are told.
-    """
-    declared = robot.effort.coupling
-    if declared is None:
-        return None
-    expected = np.linalg.inv(declared)
-    told = [rows for measured in measurements if (rows := _rows(measured, robot, declared)) is not None]
-    if not told:
-        return None
-    found, _, explained = min(told, key=lambda one: float(one[1].max()))
-    cosine = np.sum(found * expected, axis=1) / np.linalg.norm(found, axis=1) / np.linalg.norm(expected, axis=1)
-    wrong = (np.abs(cosine) < _ALONG) & (explained > SHAPE)
-    if not wrong.any() or np.linalg.matrix_rank(found) < robot.n:
-        return None
-    fit = np.linalg.inv(np.where(wrong[:, None], found, expected))
-    joints = [robot.joints[k] for k in np.flatnonzero(wrong)]
-    share = {joint: float(abs(cosine[robot.joint_index(joint)])) for joint in joints}
-    change = f"effort: {{coupling: {_matrix(fit)}}}"
-    return Contradiction(
-        "effort.coupling", _matrix(declared), change, share, "how far its drives' rows agree, 1 = wholly"
-    )
-
-
-def _rows(measured: Measurement, robot: Robot, coupling: Array) -> tuple[Array, Array, Array] | None:
-    """Return D [n, n], the standard deviations of its entries over the rows' length, and the part [n] of each drive's
-    torque beside friction that it accounts for; None where it isn't told.
-    """
-    rigid = robot.rigid.inverse_dynamics(measured.motion)
-    v = measured.motion.dq
-    columns = measured.passed(np.hstack([rigid, v, np.sign(v), np.ones((len(v), 1))]))
-    used = measured.used[measured.rows].all(axis=1)
-    torque = np.linalg.solve(coupling, measured.passed(measured.torque).T).T[used]
-    columns, n = columns[used], robot.n
-    scale = np.linalg.norm(columns, axis=0)
-    if len(columns) < 10 * columns.shape[1] or not np.all(scale > 0):
-        return None
-    scaled = columns / scale
-    values, *_ = np.linalg.lstsq(scaled, torque, rcond=1e-9)
-    residual, plain = torque - scaled @ values, np.linalg.lstsq(scaled[:, n:], torque, rcond=1e-9)[0]
-    without = np.sum((torque - scaled[:, n:] @ plain) ** 2, axis=0)
-    explained = 1.0 - np.sum(residual**2, axis=0) / np.maximum(without, 1e-300)
-    block = max(1, round(BLOCK / (measured.dt * measured.decimate)))
-    spread = np.column_stack([np.sqrt(np.maximum(np.diag(clustered(scaled, rest, block)), 0.0)) for rest in residual.T])
-    found, std = (np.asarray((part / scale[:, None])[:n].T) for part in (values, spread))
-    relative = std / np.linalg.norm(found, axis=1)[:, None]
-    return (found, relative, explained) if np.all(relative < _TOLD) else None
-
-
-def _matrix(matrix: Array) -> str:
-    """Return a matrix as YAML, to two digits."""
-    rows = ("[" + ", ".join(f"{round(float(x), 2) + 0.0:g}" for x in row) + "]" for row in matrix)
-    return f"[{', '.join(rows)}]"
 
 
 _FACTOR = 20.0  # by which the torque of the links may differ from the URDF's before a word is due

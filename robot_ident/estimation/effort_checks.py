@@ -23,15 +23,13 @@ from itertools import combinations
 import numpy as np
 
 from robot_ident.errors import InputError
+from robot_ident.estimation.contradiction import Contradiction, contradiction, coupling_contradiction, weight_removed
 from robot_ident.estimation.declaration import (
     BLOCK,
-    Contradiction,
     Declared,
     at_all_rows,
     by_clock,
     clustered,
-    contradiction,
-    coupling_contradiction,
     judge_all,
     judge_measured,
     scale_notes,
@@ -146,11 +144,11 @@ class EffortChecks:
     def declaration(self) -> Contradiction | None:
         """Return which entry on effort the data contradict: its coupling, gravity, or sign, side and unit; or None."""
         measurements, robot = [measured for measured, _ in self._measured], self._robot
-        return (
-            coupling_contradiction(measurements, robot)
-            or self.gravity()
-            or contradiction(judge_all(measurements, robot), robot)
-        )
+        first = coupling_contradiction(measurements, robot) or self.gravity()
+        if first is not None and not first.of_weight:
+            return first
+        found = contradiction(judge_all(measurements, robot), robot)
+        return first if found is None or (first is not None and not found.of_weight) else found
 
     def gravity(self) -> Contradiction | None:
         """Return what the efforts say of gravity where that is far from what is declared, by the robot YAML or a
@@ -158,14 +156,15 @@ class EffortChecks:
 
         g [3] m/s^2 is fitted to all joints at once, tau_j = s_j I_j + sum_k g_k G_jk + ... Only what two joints or
         more tell counts, and only where one gravity explains their efforts as well as a share of the declared weight
-        by joint does: a counterbalance on one of them is no other gravity. An unknown payload tells nothing.
+        by joint does: a counterbalance on one of them is no other gravity. Next to no gravity is weight that the driver
+        takes out. An unknown payload tells nothing.
         """
         if any(self._robot.effort.of(joint).gravity == "removed" for joint in self._robot.joints):
             return None
         for measured, rows in self._measured:
             found = None if measured.conditions.estimated else _gravity(rows)
             if found is not None:
-                stated = measured.conditions.gravity is not None
+                stated = measured.conditions.gravity is not None and not found.of_weight
                 return replace(found, file=str(sidecar(measured.source))) if stated else found
         return None
 
@@ -294,6 +293,8 @@ def _gravity(rows: EffortRows) -> Contradiction | None:
     found = min((found, found / scale), key=lambda gravity: abs(np.log(np.linalg.norm(gravity) / 9.81)))
     if np.linalg.norm(found) > _MOST:
         return None  # no arm is as heavy: a joint that counts the other way round, say, of which others tell
+    if np.linalg.norm(found) < _LITTLE:
+        return weight_removed(rows.robot, f"weight is that of {np.linalg.norm(found):.2g} m/s^2")
     readings = (rows.gravity, 3), (_plain(found), 3), (found, 2)
     now, best, told = (f"[{', '.join(f'{value:.{digits}g}' for value in g)}]" for g, digits in readings)
     return Contradiction("gravity", now, f"gravity: {best}", {}, f"weight is that of {told} m/s^2")

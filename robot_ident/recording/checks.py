@@ -15,6 +15,7 @@ from xml.etree import ElementTree
 import numpy as np
 
 from robot_ident.errors import InputError
+from robot_ident.recording.clock import roughness
 from robot_ident.recording.conditions import Conditions, in_metres, sidecar
 from robot_ident.recording.measurement import Measurement
 from robot_ident.recording.period import AT_REST, longest_run
@@ -232,19 +233,19 @@ def _check_speed(recording: Recording, robot: Robot) -> None:
 _ONE_NOISE = 0.25  # of the variance by which two measurements differ: two of one noise differ by less
 _SAME_ROWS = 0.3  # share of the rows of a recording that stand in another one to the last digit
 _ALIKE = 0.05  # of a motion's rms, by which repetitions of it may differ
+_PRINTED = 1e-6  # rad or m: the last of six decimals, which single precision keeps as well
 
 
 def refuse_copies(measurements: Sequence[Measurement]) -> None:
-    """Raise InputError where two measurements hold the same torques of one motion, as a recording under two names does.
+    """Raise InputError where two measurements hold the same torques and positions, as a recording under two names does.
 
-    To the last digit; or, rounded or trimmed, their noise: what is measured again differs by 2 sigma^2 in the mean.
-    A torque that was commanded may be the same on different motions.
+    To the last digit; or, rounded or trimmed, their noise: what is measured again differs by 2 sigma^2 in the mean. A
+    torque that was commanded may be the same twice, on one motion or on two; the positions that were measured with it
+    are not.
     """
     for one, other in combinations(measurements, 2):
-        of_one_torque = np.array_equal(one.torque, other.torque, equal_nan=True) or _of_one_noise(one, other)
-        a, b = one.motion.q, other.motion.q
-        at_once = a.shape == b.shape and np.all(np.abs(a - b).max(axis=0) <= _ALIKE * np.maximum(a.std(axis=0), 1e-9))
-        if one is other or (of_one_torque and (at_once or _repeats(one, other))):
+        later = _later(one, other)
+        if one is other or (later is not None and _of_one_path(one, other, later)):
             raise InputError(
                 f"{other.source} holds the samples of {one.source}: a copy of it, or a simulation of the"
                 " same motion without noise; give every one once, since the noise of both would be counted as"
@@ -252,20 +253,70 @@ def refuse_copies(measurements: Sequence[Measurement]) -> None:
             )
 
 
-def _of_one_noise(one: Measurement, other: Measurement) -> bool:
-    """Return whether two averaged periods differ by far less than their noise, wherever in a period each began.
+def _later(one: Measurement, other: Measurement) -> int | None:
+    """Return by how many rows two measurements of the same torques are apart; None where the torques are not the same.
 
-    min over shifts s of mean_t (a_j(t) - b_j(t - s))^2 / sigma_j^2, from the cross spectrum.
+    Averaged periods are the same where they differ by far less than their noise, wherever in a period each began:
+    min over shifts s of mean_t (a_j(t) - b_j(t - s))^2 / sigma_j^2, from the cross spectrum. The noise of one pass is
+    what it has from sample to sample.
     """
-    if one.base_frequency is None or other.base_frequency is None or one.torque.shape != other.torque.shape:
-        return False
+    if np.array_equal(one.torque, other.torque, equal_nan=True):
+        return 0
+    if one.torque.shape != other.torque.shape or (one.base_frequency is None) != (other.base_frequency is None):
+        return None
+    if one.base_frequency is None:
+        limit = _ONE_NOISE * (roughness(one.torque) ** 2 + roughness(other.torque) ** 2)
+        return 0 if np.all(np.mean((one.torque - other.torque) ** 2, axis=0) <= limit) else None
     sigma = np.sqrt(one.torque_variance / one.averages + other.torque_variance / other.averages)
     if not np.all(np.isfinite(sigma) & (sigma > 0.0)):
-        return False
+        return None
     a, b = (np.nan_to_num(measured.torque / sigma) for measured in (one, other))
     lines = (np.fft.rfft(a, axis=0) * np.fft.rfft(b, axis=0).conj()).sum(axis=1)
-    apart = np.sum(a**2) + np.sum(b**2) - 2.0 * np.fft.irfft(lines, len(a)).max()
-    return bool(apart < _ONE_NOISE * a.size)
+    along = np.fft.irfft(lines, len(a))
+    apart = np.sum(a**2) + np.sum(b**2) - 2.0 * along.max()
+    return int(np.argmax(along)) if apart < _ONE_NOISE * a.size else None
+
+
+def _of_one_path(one: Measurement, other: Measurement, later: int) -> bool:
+    """Return whether the positions of two measurements of the same torques, so many rows apart, are the same but for
+    rounding: by far less than their noise, where it is known, and what printing the one more coarsely makes of it.
+
+    Periods that begin between two samples are shifted by the part of one that brings them together.
+    """
+    a, b = one.motion.q, other.motion.q
+    if a.shape != b.shape:
+        return False
+    if one.base_frequency is not None and other.base_frequency is not None:
+        lines, k = np.fft.rfft(b, axis=0), np.arange(len(b) // 2 + 1)[:, None]
+        shift = float(later)
+        for _ in range(3):
+            turned = lines * np.exp(-2j * np.pi * k * shift / len(b))
+            b = np.fft.irfft(turned, len(a), axis=0)
+            slope = np.fft.irfft(turned * (2j * np.pi * k / len(a)), len(a), axis=0)
+            shift -= float(np.sum((a - b) * slope) / max(float(np.sum(slope**2)), 1e-300))
+        b = np.fft.irfft(lines * np.exp(-2j * np.pi * k * shift / len(b)), len(a), axis=0)
+    steps = [np.zeros(a.shape[1]) if x.position_step is None else x.position_step for x in (one, other)]
+    # what rounding makes may be several times its mean on a few lines, another noise hardly falls to a part of its own
+    rounding = (np.abs(steps[0] ** 2 - steps[1] ** 2) + _PRINTED**2) / 12.0 / _ONE_NOISE
+    limit = _ONE_NOISE * (_row_variance(one) + _row_variance(other)) + rounding
+    return bool(np.all(np.mean((a - b) ** 2, axis=0) <= _kept(one) * limit))
+
+
+def _row_variance(measured: Measurement) -> Array:
+    """Return the noise variance [n] of a row of averaged positions, 0 where it isn't known."""
+    variance = measured.averaged_position_variance
+    return np.nan_to_num(measured.position_variance / measured.averages if variance is None else variance)
+
+
+def _kept(measured: Measurement) -> Array:
+    """Return the share [n] of white noise that the lines of the motion keep, 1 where it isn't made of lines.
+
+    Of N rows, the lines k with the shares w_k keep (w_0^2 + 2 sum w_k^2) / N.
+    """
+    share = measured.line_share
+    if share is None:
+        return np.ones(len(measured.joints))
+    return np.asarray((2.0 * np.sum(share**2, axis=0) - share[0] ** 2) / measured.motion.samples)
 
 
 def refuse_same_rows(recordings: Sequence[Recording]) -> None:

@@ -71,7 +71,8 @@ class Measurement:
     stamps: what the stamps are worth, and sample_rate [Hz] of the recording. off_clock: how far the samples' instants
     scatter about their stamps, None where no periods tell. conditions: what the recording's sidecar states; start_ns:
     absolute stamp of its first sample, 0 where not known. clipped: of which joints' efforts something was cut off.
-    time_scale: what, beside the stamps, tells how fast they run.
+    time_scale: what, beside the stamps, tells how fast they run. position_step [n]: of which all recorded positions are
+    multiples, 0 where there is none.
     """
 
     source: str
@@ -106,6 +107,7 @@ class Measurement:
     start_ns: int = 0
     clipped: tuple[str, ...] = ()
     time_scale: TimeScale = ""
+    position_step: Array | None = None
 
     def facts(self) -> dict[str, Any]:
         """Return how the recording was taken: its rate and clock, what of it repeats, and by joint the lowest and

@@ -19,7 +19,7 @@ from robot_ident.recording.measurement import DEFAULT_LOW_PASS, Measurement, Pro
 from robot_ident.recording.period import find_period, refine_period
 from robot_ident.recording.periodic import at_rest, averaged, averaged_cycles, trusted
 from robot_ident.recording.recording import Recording
-from robot_ident.recording.resolution import coarse_notes
+from robot_ident.recording.resolution import coarse_notes, position_step
 from robot_ident.recording.saturation import without_clipped
 from robot_ident.recording.torque_channel import chain_of
 from robot_ident.robot.robot import Robot
@@ -83,7 +83,8 @@ def process(
         made = low_passed(recording, clock, robot, processing)
     if not motion_only and robot.effort.coupling is None:
         made = without_clipped(made, published, clock)
-    coarse = coarse_notes(recording.q, robot.drives.encoder_step, robot.joints)
+    steps = position_step(recording.q)
+    coarse = coarse_notes(steps, robot.drives.encoder_step, robot.joints)
     found = (line for line in (rate_note(q, clock.dt, robot.joints), *coarse, note) if line)
     made = replace(
         made,
@@ -92,6 +93,7 @@ def process(
         start_ns=recording.start_ns,
         notes=(*recording.notes, *clock.notes, *found, *made.notes),
         time_scale=time_scale(recording, processing.base_frequency),
+        position_step=steps,
     )
     return arm_alone(made, recording.conditions, robot)
 

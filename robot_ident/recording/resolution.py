@@ -26,14 +26,14 @@ def position_step(q: Array) -> Array:
     return np.array([_between_neighbours(x, 1) or _between_neighbours(x, 2) or _spacing(x) for x in columns])
 
 
-def coarse_notes(q: Array, declared: Array, joints: tuple[str, ...]) -> list[str]:
-    """Return a line on the joints whose positions q [N, n] stand on far larger steps than are declared [n] (0: none).
+def coarse_notes(steps: Array, declared: Array, joints: tuple[str, ...]) -> list[str]:
+    """Return a line on the joints whose positions stand on far larger steps [n] than are declared [n] (0: none).
 
     Such steps repeat from period to period, where no scatter shows them, and velocity and acceleration have them too.
     """
     coarse = [
         f"{name} {step:.3g} ({step / told:.0f} times)"
-        for name, step, told in zip(joints, position_step(q), declared, strict=True)
+        for name, step, told in zip(joints, steps, declared, strict=True)
         if step > _FAR * told > 0.0
     ]
     if not coarse:

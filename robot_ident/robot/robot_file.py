@@ -15,7 +15,7 @@ from robot_ident.files import read_text
 from robot_ident.provenance import config_file
 from robot_ident.robot import workspace
 from robot_ident.robot.anti_alias import AntiAlias
-from robot_ident.robot.drives import EffortField, EffortFile, EffortsField, EffortsFile, efforts_of
+from robot_ident.robot.drives import EffortField, EffortFile, Efforts, EffortsField, EffortsFile, efforts_of
 from robot_ident.robot.geometry import CLEARANCE, Geometry
 from robot_ident.robot.rigid_body import RigidBody
 from robot_ident.robot.robot import Definition, Drives, Limits, Noise, Robot, Spring, at_every_joint
@@ -282,6 +282,10 @@ def _build(file: RobotFile, text: str, path: Path, definition: Definition | None
     limits = _limits(model, records)
     geometry = _geometry(file, text, urdf, path, joints, limits)
     following = followed(text, joints)
+    effort = efforts_of(
+        file.effort, {name: record.effort for name, record in zip(joints, records, strict=True)}, joints, path
+    )
+    _refuse_weight_in_ampere(effort, records, joints, path)
     return Robot(
         name=file.name,
         source=str(path),
@@ -313,9 +317,7 @@ def _build(file: RobotFile, text: str, path: Path, definition: Definition | None
         anti_alias=tuple(
             kind.filter if kind else None for kind in (record.anti_alias or file.anti_alias for record in records)
         ),
-        effort=efforts_of(
-            file.effort, {name: record.effort for name, record in zip(joints, records, strict=True)}, joints, path
-        ),
+        effort=effort,
         torque_delay=_column(file.torque_delay if r.torque_delay is None else r.torque_delay for r in records),
         torque_curves={
             name: tuple(record.torque_curve)
@@ -323,6 +325,20 @@ def _build(file: RobotFile, text: str, path: Path, definition: Definition | None
             if record.torque_curve is not None
         },
     )
+
+
+def _refuse_weight_in_ampere(
+    effort: Efforts, records: Sequence[JointFile], joints: tuple[str, ...], path: Path
+) -> None:
+    """Raise InputError where weight, in Nm, would be put back into currents whose Nm/A nobody knows."""
+    for name, record in zip(joints, records, strict=True):
+        one = effort.of(name)
+        known = record.torque_constant is not None or record.torque_curve is not None
+        if one.quantity == "current" and one.gravity == "removed" and not known:
+            raise InputError(
+                f"{path}: effort of {name}: gravity: removed needs torque_constant or torque_curve, since the weight is"
+                " put back in Nm; info --robot with gravity: included says which Nm/A fits the URDF's masses"
+            )
 
 
 def _unchecked(

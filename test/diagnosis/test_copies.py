@@ -12,8 +12,8 @@ from scipy.signal import resample
 from robot_ident.diagnosis.diagnose import diagnose
 from robot_ident.errors import InputError
 from robot_ident.estimation.identify import identify
-from robot_ident.recording import process
-from robot_ident.recording.checks import of_one_motion
+from robot_ident.recording import Processing, process
+from robot_ident.recording.checks import of_one_motion, refuse_copies
 from robot_ident.recording.measurement import Measurement
 from robot_ident.residuals.comparison import compare
 
@@ -74,3 +74,32 @@ def test_a_commanded_torque_may_stand_in_two_motions(bench: Any) -> None:
     (one,) = bench.measure((), [0], noise=1.0)
     elsewhere = replace(one, source="elsewhere", motion=replace(one.motion, q=one.motion.q + 26.0))
     compare(bench.model([one]), [one, elsewhere])
+
+
+@pytest.mark.parametrize("periodic", [None, False])
+def test_a_commanded_torque_may_be_the_same_in_two_recordings_of_one_motion(bench: Any, periodic: bool | None) -> None:
+    """Positions that stray by a hundred times the encoder's noise, or hold another draw of it, are no copy's."""
+    recording = bench.record((), 0, noise=1.0)
+    sigma = np.sqrt(bench.robot.noise.position_variance)
+    slow = np.sin(2.0 * np.pi * 0.1 * recording.t)[:, None]
+    noise = np.random.default_rng(5).normal(size=recording.q.shape)
+    for q in (recording.q + 100.0 * sigma * slow, recording.q + sigma * noise):
+        step = bench.robot.drives.encoder_step
+        again = replace(recording, q=np.round(q / step) * step, dq=None, source="again")
+        refuse_copies([process(one, bench.robot, Processing(periodic=periodic)) for one in (recording, again)])
+
+
+@pytest.mark.parametrize("periodic", [None, False])
+@pytest.mark.parametrize("digits", [None, 6, 4, 3])
+def test_a_file_that_was_printed_or_stored_more_coarsely_is_a_copy(
+    bench: Any, digits: int | None, periodic: bool | None
+) -> None:
+    recording = bench.record((), 0, noise=1.0)
+    q, tau = (
+        x.astype(np.float32).astype(float) if digits is None else np.round(x, digits)
+        for x in (recording.q, recording.tau)
+    )
+    saved = replace(recording, q=q, tau=tau, dq=None, source="saved")
+    both = [process(one, bench.robot, Processing(periodic=periodic)) for one in (recording, saved)]
+    with pytest.raises(InputError, match="saved holds the samples of"):
+        refuse_copies(both)

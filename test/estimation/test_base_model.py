@@ -233,6 +233,21 @@ def test_what_the_data_cannot_tell_is_left_out(robot: Robot) -> None:
     assert f"torque_offset@{robot.joints[1]}" in choice.effects
 
 
+def test_what_an_offset_or_a_rotor_is_like_is_said(robot: Robot) -> None:
+    """Joints 2 to 6 swing so little that weight is one torque; a rotor of joint 2 is like a link always."""
+    motion = recorded(robot, 23)
+    still = np.arange(1, 6)
+    q = np.array(motion.q)
+    q[:, still] = 1e-3 * q[:, still] + 0.3
+    links = robot.rigid.inverse_dynamics(Motion(q, np.zeros_like(q), np.zeros_like(q)))
+    dq = np.gradient(q, motion.t, axis=0)
+    noise = NOISE * np.random.default_rng(2).standard_normal(q.shape)
+    tau = links + VISCOUS * dq + COULOMB * np.sign(dq) + noise
+    (note,) = [x for x in choose_base([replace(motion, q=q, tau=tau)], robot).notes if x.startswith("left out")]
+    assert note.startswith("left out of the base model, since these data can't tell them apart: torque_offset@joint_")
+    assert "torque_offset@joint_6 from gravity; rotor_inertia@joint_2 from the links' inertia" in note
+
+
 def test_short_recordings_work(robot: Robot) -> None:
     model = identify([recorded(robot, 7, offset=OFFSET, seconds=4.0)], robot)
     assert model.base is not None

@@ -13,7 +13,8 @@ import yaml
 
 from robot_ident.bags import write_recording
 from robot_ident.cli.main import main
-from robot_ident.estimation.declaration import Contradiction, contradiction, coupling_contradiction, judge_all
+from robot_ident.estimation.contradiction import Contradiction, contradiction, coupling_contradiction
+from robot_ident.estimation.declaration import judge_all
 from robot_ident.recording import Processing, Recording, process
 from robot_ident.robot import Robot, load_robot
 from robot_ident.robot.drives import Effort, Efforts, EffortSource
@@ -148,10 +149,110 @@ def test_gravity_that_the_driver_takes_out(arm: Any, recording: Any) -> None:
     assert told.change == "effort: {gravity: included}"
 
 
+def without_weight(arm: Any, recording: Recording) -> np.ndarray:
+    still = np.zeros_like(recording.q)
+    weight: np.ndarray = arm.robot.rigid.inverse_dynamics(Motion(recording.q, still, still))
+    return recording.tau - weight
+
+
+def test_gravity_taken_out_of_turned_efforts_and_of_scaled_ones(arm: Any, recording: Any) -> None:
+    """All of it stands in one advice, which makes the data agree with the declaration."""
+    compensated = without_weight(arm, recording)
+    turned = replace(recording, tau=-compensated)
+    told = found(turned, arm.robot)
+    assert told is not None
+    assert (told.entry, told.change) == ("effort.gravity", "effort: {gravity: removed, sign: -1}")
+    assert found(turned, declared(arm.robot, gravity="removed", sign=-1)) is None
+    told = found(turned, declared(arm.robot, sign=-1))
+    assert told is not None
+    assert told.change == "effort: {sign: -1, gravity: removed}"
+    told = found(turned, declared(arm.robot, gravity="removed"))
+    assert told is not None
+    assert told.change == "effort: {gravity: removed, sign: -1}", "inertia tells a sign where weight was put back"
+    told = found(replace(recording, tau=-recording.tau), declared(arm.robot, gravity="removed"))
+    assert told is not None
+    assert told.change == "effort: {gravity: included, sign: -1}", "what is put back cancels the weight"
+    twice = replace(recording, tau=2.0 * compensated - recording.tau)
+    assert found(twice, declared(arm.robot, gravity="removed")) is None
+    partly = Efforts(by_joint={"joint_1": Effort(gravity="removed", sign=-1)})
+    told = found(turned, replace(arm.robot, effort=partly))
+    assert told is not None
+    own = "{effort: {gravity: removed, sign: -1}}"
+    assert told.change == f"joint_2: {own}, joint_3: {own}", "joint 1 is right"
+    thousandth = replace(recording, tau=1000.0 * compensated)
+    strong = replace(arm.robot, limits=replace(arm.robot.limits, torque=np.full(3, np.inf)))
+    told = found(thousandth, declared(strong, gain=0.001))
+    assert told is not None
+    assert told.change == "effort: {gain: 0.001, gravity: removed}"
+
+
+def test_amperes_without_weight(checkout: Path) -> None:
+    robot = load_robot(checkout / "test/golden/inputs/six_axis.yaml")
+    t, rng = np.arange(0.0, 20.0, 0.01), np.random.default_rng(3)
+    w, size, phase = (rng.uniform(*bounds, size=(5, 6)) for bounds in ((0.3, 3.5), (0.1, 0.35), (0.0, 6.0)))
+    angle = w * t[:, None, None] + phase
+    q, dq, ddq = (np.sum(size * x, axis=1) for x in (np.sin(angle), w * np.cos(angle), -(w**2) * np.sin(angle)))
+    constant = np.array([12.0, 12.0, 11.0, 9.5, 9.7, 9.2])
+    rigid, weight = (robot.rigid.inverse_dynamics(Motion(q, *x)) for x in ((dq, ddq), (0.0 * q, 0.0 * q)))
+    recording = Recording(robot.joints, t, q, (rigid - weight + 5.0 * dq + 3.0 * np.sign(dq)) / constant, source="A")
+    told = found(recording, robot)
+    assert told is not None
+    assert told.change.startswith("effort: {gravity: removed, quantity: current}"), told.change
+    assert "torque_constant by joint" in told.change and "joint_2 12" in told.change
+    told = found(recording, declared(robot, quantity="current"))
+    assert told is not None
+    assert told.change.startswith("effort: {quantity: current, gravity: removed}, with torque_constant by joint")
+    assert "can't be put back" in told.told(robot)
+    known = replace(robot, drives=replace(robot.drives, torque_constant=constant))
+    assert found(recording, declared(known, quantity="current", gravity="removed")) is None
+
+
+def test_an_advice_holds_what_is_declared_and_is_never_given_twice(arm: Any, recording: Any) -> None:
+    strong = replace(arm.robot, limits=replace(arm.robot.limits, torque=np.full(3, np.inf)))
+    thousandth = replace(recording, tau=-1000.0 * recording.tau)
+    told = found(thousandth, declared(strong, sign=-1))
+    assert told is not None
+    assert told.change == "effort: {sign: -1, gain: 0.001}"
+    apart = replace(recording, tau=recording.tau * [118.0, 118.0, 1.04e4])
+    for gain in (1.0, 0.001, 0.1):
+        told = found(apart, declared(strong, gain=gain))
+        assert told is not None
+        if told.entry == "effort.gain":
+            assert told.change == "" and "no one gain explains all joints" in told.look
+            assert "gear_ratio" in told.look and "masses" in told.look
+    coupled = Efforts(Effort(), topic="/arm/states", coupling=np.eye(3))
+    told = found(replace(recording, tau=1000.0 * recording.tau), replace(strong, effort=coupled))
+    assert told is not None
+    assert yaml.safe_load(told.change)["effort"] == {
+        "gain": 0.001,
+        "topic": "/arm/states",
+        "coupling": np.eye(3).tolist(),
+    }
+
+
+def test_a_gain_that_is_no_unit_is_not_said_to_be_one(arm: Any, recording: Any) -> None:
+    strong = replace(arm.robot, limits=replace(arm.robot.limits, torque=np.full(3, np.inf)))
+    one = replace(recording, tau=recording.tau * [1.0, 1.0, 43.4])
+    told = found(one, replace(strong, drives=replace(strong.drives, gear_ratio=np.ones(3))))
+    assert told is not None
+    assert told.change.startswith("joint_3: {effort: {gain: 0.02")
+    assert "side: motor" in told.look and "masses" in told.look
+    geared = replace(strong, drives=replace(strong.drives, gear_ratio=np.array([100.0, 80.0, 43.0])))
+    told = found(one, geared)
+    assert told is not None
+    assert told.change == "joint_3: {effort: {gain: 0.0233}}"
+    assert "joint_3 seems to be multiplied by gear_ratio already" in told.look
+    told = found(replace(recording, tau=recording.tau / [1.0, 1.0, 43.0]), geared)
+    assert told is not None
+    assert told.change == "joint_3: {effort: {side: motor}}"
+
+
 def test_friction_behind_the_gear(arm: Any, recording: Any) -> None:
     told = found(recording, declared(arm.robot, side="link"))
     assert told is not None
     assert told.change == "effort: {side: joint}"
+    assert "friction, which a link-side sensor hardly feels" in told.in_words
+    assert min(told.share.values()) > 0.2 and max(told.share.values()) < 1.0
 
 
 def test_real_recordings_are_what_their_files_say(shared_data: Path, checkout: Path, tmp_path: Path) -> None:

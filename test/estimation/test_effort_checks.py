@@ -15,6 +15,7 @@ from robot_ident.estimation.declaration import judge_measured
 from robot_ident.estimation.effort_checks import EffortChecks, EffortRows, paces_apart, undecided_directions
 from robot_ident.recording.measurement import Processing
 from robot_ident.recording.process import process
+from robot_ident.signals.motion import Motion
 
 
 @pytest.fixture(scope="module")
@@ -124,6 +125,19 @@ def test_what_is_no_other_gravity(arm: Any, recording: Any, measured: Any) -> No
     for gravity in ([0.0, 2.0, -9.6], [0.0, 0.0, -7.0], [0.0, 0.0, -13.0]):
         robot = under(arm.robot, gravity)
         assert EffortChecks(measured(recording, robot), robot).gravity() is None, gravity
+
+
+def test_weight_that_the_driver_takes_out_is_no_other_gravity(arm: Any, recording: Any, measured: Any) -> None:
+    """`identify`, `info` and `init` take the same advice from here; another gravity of no size is none."""
+    still = np.zeros_like(recording.q)
+    weight = arm.robot.rigid.inverse_dynamics(Motion(recording.q, still, still))
+    found = EffortChecks(measured(replace(recording, tau=recording.tau - weight)), arm.robot).declaration()
+    assert found is not None
+    assert (found.entry, found.change) == ("effort.gravity", "effort: {gravity: removed}")
+    found = EffortChecks(measured(replace(recording, tau=recording.tau - 0.8 * weight)), arm.robot).declaration()
+    assert found is None or found.change == "effort: {gravity: removed}"
+    with pytest.raises(InputError, match="effort.gravity is included, .* change it to 'effort: {gravity: removed}'"):
+        identify([replace(recording, tau=recording.tau - weight)], arm.robot)
 
 
 def test_a_mirrored_arm_is_not_decidable(arm: Any, recording: Any, measured: Any) -> None:

@@ -134,3 +134,9 @@ def test_a_mistake_is_named(declared: Any, effort: Any, told: str) -> None:
     with pytest.raises(InputError, match="arm.yaml: .*") as caught:
         declared(effort)
     assert told in str(caught.value)
+
+
+def test_weight_is_not_put_back_into_unknown_amperes(declared: Any) -> None:
+    """Nm beside A would look like a clock that runs wrong."""
+    with pytest.raises(InputError, match="effort of joint_2: gravity: removed needs torque_constant or torque_curve"):
+        declared({"quantity": "current", "gravity": "removed"}, joint_2={"torque_constant": None})

@@ -43,10 +43,10 @@ def test_no_step_where_nothing_is_rounded() -> None:
 
 def test_only_what_is_far_coarser_than_declared_is_said() -> None:
     q = np.column_stack([rounded(np.sin(0.8 * T + k), step) for k, step in enumerate((1e-3, 1e-3, 1e-3))])
-    (line,) = coarse_notes(q, np.array([2e-5, 5e-4, 0.0]), ("first", "second", "third"))
+    (line,) = coarse_notes(position_step(q), np.array([2e-5, 5e-4, 0.0]), ("first", "second", "third"))
     assert "first 0.001 (50 times)" in line
     assert "second" not in line and "third" not in line
-    assert coarse_notes(q, np.array([1e-3, 1e-3, 1e-3]), ("first", "second", "third")) == []
+    assert coarse_notes(position_step(q), np.array([1e-3, 1e-3, 1e-3]), ("first", "second", "third")) == []
 
 
 @pytest.mark.parametrize("step", [1e-3, 1e-2])
