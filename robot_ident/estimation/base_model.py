@@ -198,6 +198,9 @@ def choose_base(
         predicted = [thin_rows(part, robot, asked, band, wider=x / band) for part, x in zip(parts, wide, strict=True)]
         used = replace(used, band=_shown(predicted, full, taken, band).low_pass)
     notes = [_note_of(taken, candidates, band)]
+    if len(parts) < len(recordings):
+        by = ", ".join(part.source for part in parts)
+        notes.append(f"that error is of {by} alone: the payload of the others is open; see their residuals")
     if open_:
         alike = "; ".join(f"{', '.join(labels)} from {of}" for of, labels in open_.items())
         notes.append(f"left out of the base model, since these data can't tell them apart: {alike}")

@@ -20,6 +20,7 @@ from robot_ident.model.model import Model
 from robot_ident.model.model_file import read_model, write_model
 from robot_ident.model.structure import Structure
 from robot_ident.recording import Processing, Recording
+from robot_ident.recording.conditions import Conditions
 from robot_ident.recording.process import process
 from robot_ident.robot import Robot, load_robot
 from robot_ident.signals.motion import Array, Motion
@@ -404,3 +405,10 @@ def test_filters_that_cost_an_inertia_are_told_first(robot: Robot) -> None:
     assert not any("leave --low-pass" in note for note in chosen.notes)
     assert asked.trouble and asked.trouble == asked.notes[0]
     assert "leave --low-pass and --derivative-bandwidth out" in asked.trouble
+
+
+def test_the_error_of_the_choice_names_the_recordings_that_it_is_of(robot: Robot) -> None:
+    bare, loaded = recorded(robot, 1, offset=OFFSET), recorded(robot, 2, offset=OFFSET)
+    choice = choose_base([bare, replace(loaded, conditions=Conditions(estimated=True))], robot)
+    assert any(note.startswith("that error is of pass 1 alone") for note in choice.notes)
+    assert not any("that error" in note for note in choose_base([bare, loaded], robot).notes)
