@@ -142,7 +142,7 @@ def test_a_rule_that_is_hardly_kept_is_certified(kuka: Robot, random_excitation:
 
 def test_margins_as_json(kuka: Robot, random_excitation: Callable[..., Excitation]) -> None:
     data = json.loads(json.dumps(certify(random_excitation(0), kuka).to_json()))
-    assert set(data) == {"kept", "position", "velocity", "acceleration", "workspace", "torque"}
+    assert set(data) == {"kept", "position", "velocity", "acceleration", "workspace", "torque", "notes"}
     assert set(data["velocity"]["joint_2"]) == {"margin", "value", "limit", "time", "unit", "proven"}
     assert [rule["rule"] for rule in data["workspace"]] == [rule.text for rule in kuka.workspace]
     assert data["workspace"][0]["proven"] is True
