@@ -492,8 +492,8 @@ def reach_of(robot: Robot) -> float:
 
 
 def followers(robot: Robot) -> list[str]:
-    """Return the joints on the way to the end effector that mimic others, in the order of the chain."""
-    if robot.definition is None or "<mimic" not in robot.definition.urdf:
+    """Return the joints on the way to the end effector that follow one that moves, in the order of the chain."""
+    if robot.definition is None or not robot.following:
         return []
     joints = list(ElementTree.fromstring(robot.definition.urdf).iterfind("joint"))
     above = {one.get("link", ""): joint for joint in joints if (one := joint.find("child")) is not None}
@@ -501,7 +501,7 @@ def followers(robot: Robot) -> list[str]:
     link, out = named.get(robot.end_effector, robot.end_effector), []
     while link in above:
         joint = above.pop(link)
-        if joint.find("mimic") is not None:
+        if joint.get("name", "") in robot.following:
             out.append(joint.get("name", ""))
         parent = joint.find("parent")
         link = "" if parent is None else parent.get("link", "")

@@ -41,7 +41,7 @@ def about(measured: Measurement, validation: bool) -> dict[str, Any]:
 
 def comparison(found: Comparison, model: Model, validation: Sequence[Measurement]) -> dict[str, Any]:
     """Return a comparison as `compare --json` prints it, with its regions in words, why the model can't be used at
-    all, and a line on every recording kept aside on which it is worse than none.
+    all, and a line on every validation recording on which it is worse than none.
     """
     joints = []
     for number, joint in enumerate(found.joints):

@@ -36,7 +36,7 @@ class Findings:
     training: recordings to compare with; validation: those that no fit has seen. diagnoses: by the number of the model,
     from 0. command: what was typed; effects_from: the files of a user's own effects that it named. troubles: a line
     where the last model can't be used at all, one for each validation on which it is worse than none, and one where it
-    is adequate but for what is kept aside.
+    is adequate but for validation.
     """
 
     steps: tuple[Step, ...]

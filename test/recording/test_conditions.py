@@ -206,3 +206,5 @@ def test_a_payload_beyond_a_joint_that_follows_another_is_refused(tmp_path: Path
     for stated in (Conditions(KnownPayload(2.0)), Conditions(estimated=True)):
         with pytest.raises(InputError, match="can't hold a payload: on the way to the flange j3 follows another joint"):
             refuse_payload(stated, arm, "bag")
+    path.write_text("schema: robot_ident/robot/1\nname: p\nurdf: arm.urdf\nlocked: {j2: 0, j3: 0}\n", encoding="utf-8")
+    refuse_payload(Conditions(KnownPayload(2.0)), load_robot(path), "bag")  # the one that it follows stands still, too
