@@ -11,6 +11,8 @@ import numpy as np
 from robot_ident.signals.derivatives import step
 from robot_ident.signals.motion import Array, Motion
 
+_MEMORY = 8.0  # periods of the cutoff: the filter's slowest mode falls to exp(-2 pi sin(pi / 16) 8) = 6e-5 in them
+
 
 class LowPass(Protocol):
     """A linear filter along time."""
@@ -100,13 +102,17 @@ class ZeroPhaseLowPass:
 
     @cached_property
     def _pad(self) -> int:
-        return min(self.samples - 1, int(3.0 / (self.cutoff * self.dt)) + 10)
+        return min(self.samples - 1, int(_MEMORY / (self.cutoff * self.dt)) + 10)
+
+    @cached_property
+    def _size(self) -> int:
+        from scipy.fft import next_fast_len
+
+        return int(next_fast_len(self.samples + 2 * self._pad, real=True))
 
     @cached_property
     def _frequencies(self) -> Array:
-        from scipy.fft import next_fast_len
-
-        return np.asarray(np.fft.rfftfreq(next_fast_len(self.samples + 2 * self._pad, real=True), self.dt))
+        return np.asarray(np.fft.rfftfreq(self._size, self.dt))
 
     @cached_property
     def _gain(self) -> Array:
@@ -120,18 +126,18 @@ class ZeroPhaseLowPass:
 
     def apply(self, x: Array, derivative: int = 0) -> Array:
         """Return x [N, ...] or its time derivative, low-passed."""
-        size = 2 * (len(self._frequencies) - 1)
-        pad = self._pad
+        size, pad = self._size, self._pad
         head = 2.0 * x[0] - x[pad:0:-1]
         tail = 2.0 * x[-1] - x[-2 : -pad - 2 : -1]
         long = np.concatenate([head, x, tail])
-        # the rest of the fast length leads from the last value back to the first, so that the ends meet without a step
-        rest = size - len(long)
-        ramp = np.linspace(0.0, 1.0, rest + 2)[1:-1].reshape(-1, *([1] * (x.ndim - 1)))
-        long = np.concatenate([long, long[-1] + ramp * (long[0] - long[-1])])
+        # less the line between its ends, which passes as it is: a spectrum takes the last value to lead to the first
+        slope = (long[-1] - long[0]) / (len(long) - 1)
+        line = long[0] + np.multiply.outer(np.arange(len(long)), slope)
         factor = self._gain * (2j * np.pi * self._frequencies) ** derivative
-        spectrum = np.fft.rfft(long, axis=0) * factor.reshape(-1, *([1] * (x.ndim - 1)))
-        return np.fft.irfft(spectrum, size, axis=0)[pad : pad + self.samples]
+        spectrum = np.fft.rfft(long - line, size, axis=0) * factor.reshape(-1, *([1] * (x.ndim - 1)))
+        kept = slice(pad, pad + self.samples)
+        passed = {0: line[kept], 1: slope / self.dt}.get(derivative, 0.0)
+        return np.asarray(np.fft.irfft(spectrum, size, axis=0)[kept] + passed)
 
     def noise_gain(self, derivative: int) -> float:
         """Return the noise of a derivative per unit noise of a sample, 1/s^derivative."""

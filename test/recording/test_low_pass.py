@@ -50,3 +50,13 @@ def test_periodic_low_pass_keeps_lines_up_to_the_cutoff() -> None:
     low_pass = PeriodicLowPass(2.0, 0.1, 1000)
     np.testing.assert_allclose(low_pass.apply(x), np.sin(2 * np.pi * 0.7 * t), atol=1e-12)
     assert low_pass.independent == pytest.approx(41 / 1000)
+
+
+@pytest.mark.parametrize("samples", [1998, 2000, 2014, 2048])
+@pytest.mark.parametrize("cutoff", [2.0, 10.0, 40.0])
+def test_a_motion_that_ends_elsewhere_is_differentiated_without_ringing(samples: int, cutoff: float) -> None:
+    t = np.arange(samples) * 0.01
+    motion, speed = 1.5 * np.sin(0.7 * t) + 0.4 * t, 1.05 * np.cos(0.7 * t) + 0.4
+    error = ZeroPhaseLowPass(cutoff, 0.01, samples).apply(motion, 1) - speed
+    assert np.abs(error).max() < 0.04  # where the reflection at an end bends
+    assert np.abs(error[100:-100]).max() < 5e-4
