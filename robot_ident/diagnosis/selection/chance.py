@@ -88,9 +88,11 @@ class Chance:
         for k, h in enumerate(hypotheses):
             made, joints = given.addition(-1, h), list(h.joints)
             along = np.sum([right[j][:, at] for j, at in h.at.items()], axis=0)
+            free = np.diag(made.square) > HELD * made.size  # others are rounding: the set makes them already
             if len(h.ranges) > 1:
-                gain = np.einsum("kp,pq,kq->k", along, pseudo_inverse(made.square), along)
-            elif made.square[0, 0] > HELD * made.size[0]:
+                inverse = pseudo_inverse(made.square[np.ix_(free, free)]) if free.any() else np.zeros((0, 0))
+                gain = np.einsum("kp,pq,kq->k", along[:, free], inverse, along[:, free])
+            elif free[0]:
                 c = np.clip(along[:, 0] / made.square[0, 0], *h.ranges[0])
                 gain = c * (2.0 * along[:, 0] - c * made.square[0, 0])
             else:
