@@ -186,7 +186,7 @@ def choose_base(
     used = taken.processing
     if asked.low_pass is None:
         shown = [
-            _shown([thin_rows(part, robot, asked, band, wider=wider) for part in parts], full, taken, band)
+            _shown([thin_rows(part, robot, asked, band, wider=wider, shown=True) for part in parts], full, taken, band)
             for wider in _differentiation(asked, band)
         ]
         widest = min(shown, key=lambda one: one.score).wide
@@ -195,7 +195,9 @@ def choose_base(
         values = np.zeros(len(full.names))
         values[taken.kept] = taken.fitted.theta
         wide = [prediction_bandwidth(part, full, values, used) or widest for part in parts]
-        predicted = [thin_rows(part, robot, asked, band, wider=x / band) for part, x in zip(parts, wide, strict=True)]
+        predicted = [
+            thin_rows(part, robot, asked, band, wider=x / band, shown=True) for part, x in zip(parts, wide, strict=True)
+        ]
         used = replace(used, band=_shown(predicted, full, taken, band).low_pass)
     notes = [_note_of(taken, candidates, band)]
     if len(parts) < len(recordings):

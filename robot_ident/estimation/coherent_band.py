@@ -70,12 +70,17 @@ class ThinRows:
         return ZeroPhaseLowPass(cutoff, self.dt, len(x)).apply(x)
 
 
-def thin_rows(recording: Recording, robot: Robot, processing: Processing, band: float, *, wider: float) -> ThinRows:
-    """Return a recording as one pass, low-passed at `band` [Hz], its positions differentiated to `wider` times that."""
+def thin_rows(
+    recording: Recording, robot: Robot, processing: Processing, band: float, *, wider: float, shown: bool = False
+) -> ThinRows:
+    """Return a recording as one pass, low-passed at `band` [Hz], its positions differentiated to `wider` times that;
+    shown: velocities no further, as for predictions.
+    """
     nyquist = 0.5 / read_clock(recording.with_joints(robot.joints)).dt
     low_pass, wide = min(band, 0.8 * nyquist), min(wider * band, 0.8 * nyquist)
-    asked = replace(processing, periodic=False, base_frequency=None, decimate=1)
-    measured = process(recording, robot, replace(asked, low_pass=low_pass, derivative_bandwidth=wide))
+    asked = replace(processing, periodic=False, base_frequency=None, decimate=1, low_pass=low_pass)
+    asked = replace(asked, derivative_bandwidth=wide, velocity_bandwidth=wide if shown else None)
+    measured = process(recording, robot, asked)
     return ThinRows(measured, max(1, int(1.0 / (measured.dt * max(_SLOWEST, FINE * low_pass)))), wide)
 
 

@@ -78,7 +78,7 @@ def as_predicted(model: Model, recording: Recording) -> Processing:
     """
     own = processing_of(model)
     wide = prediction_bandwidth(recording, model.structure, model.linear, own)
-    shown = replace(own, low_pass=shown_low_pass(model, recording), derivative_bandwidth=wide)
+    shown = replace(own, low_pass=shown_low_pass(model, recording), derivative_bandwidth=wide, velocity_bandwidth=wide)
     return replace(shown, periodic=False, base_frequency=None, decimate=1)
 
 

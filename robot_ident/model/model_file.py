@@ -69,6 +69,7 @@ class ProcessingFile(Closed):
     periodic: bool | None = None
     low_pass: Positive | None = None
     derivative_bandwidth: Positive | None = None
+    velocity_bandwidth: Positive | None = None
     decimate: int = Field(1, ge=1, le=MOST_DECIMATED)
     minimum_speed: list[NotNegative] | None = None
     anti_alias: tuple[NotNegative, NotNegative] | None = None

@@ -32,13 +32,14 @@ DEFAULT_LOW_PASS = 10.0  # Hz, the paper's choice for validation
 class Processing:
     """How recordings are processed; kept in the model so that later ones are treated alike.
 
-    base_frequency: Hz, None = found from the data. periodic: None = decided by the data. low_pass: Hz, torque and
-    every column; None = none on periodic recordings, 10 Hz on others. derivative_bandwidth: Hz of the differentiation
-    of non-periodic positions; None = 4 low_pass. decimate: every how many rows one is kept after the low pass.
-    minimum_speed: rad/s below which samples are left out; None = the robot's own. anti_alias: (order, Hz) of the filter
-    in the torque channel, order 0: there is none; None = what the robot declares. band: Hz of the low
-    pass that brings the model's torque nearest to the record, where it was found; predictions take it, and validations.
-    band_derivative: Hz of differentiation that predictions take at most.
+    base_frequency: Hz, None = found from the data. periodic: None = decided by the data. low_pass: Hz, torque and every
+    column; None = none on periodic recordings, 10 Hz on others. derivative_bandwidth: Hz of the differentiation of non-
+    periodic positions to accelerations; None = 4 low_pass. velocity_bandwidth: Hz of the differentiation to velocities;
+    None = where the time of a reversal is known best, each never below derivative_bandwidth. decimate: every how many
+    rows one is kept after the low pass. minimum_speed: rad/s below which samples are left out; None = the robot's own.
+    anti_alias: (order, Hz) of the filter in the torque channel, order 0: there is none; None = what the robot declares.
+    band: Hz of the low pass that brings the model's torque nearest to the record, where it was found; predictions take
+    it, and validations. band_derivative: Hz of differentiation that predictions take at most.
     """
 
     base_frequency: float | None = None
@@ -50,6 +51,7 @@ class Processing:
     anti_alias: tuple[float, float] | None = None
     band: float | None = None
     band_derivative: float | None = None
+    velocity_bandwidth: float | None = None
 
 
 @dataclass(frozen=True)

@@ -28,6 +28,7 @@ from robot_ident.signals.motion import Array, Motion
 
 _STRAY = 30.0  # times its noise: how far the position may stray from one period to the next
 _BURSTS = 8.0  # kurtosis of the torque's scatter about the mean period; noise has 3, coloured noise little more
+_SPREAD = np.sqrt(np.log(2.0) / 2.0) / np.pi  # times 1 / f: standard deviation of a Gaussian kernel of half gain at f
 _SMOOTH = 0.5  # correlation of that scatter from one sample to the next; bursts last longer than a sample
 
 
@@ -155,11 +156,32 @@ def _period(recording: Recording, clock: Clock, q: Array, processing: Processing
     return refined if abs(refined - given) < 0.005 * given else given
 
 
+def _velocity_bandwidth(dq: Array, ddq: Array, noise: Array, dt: float) -> Array:
+    """Return the bandwidth [n] Hz of velocities in which the time of a reversal is known best, 0 where there is none.
+
+    The noise of positions [n] moves a reversal by sigma_v / |ddq|, sigma_v^2 = 8 pi^2 noise^2 dt f^3 / 3; the low pass
+    spreads what sticks or leaps there by _SPREAD / f. The sum of both squares is least at
+    f^5 = (_SPREAD |ddq| / noise)^2 / (4 pi^2 dt).
+    """
+    turns = dq[1:] * dq[:-1] < 0.0
+    turning = np.sqrt(np.sum(ddq[1:] ** 2 * turns, axis=0) / np.maximum(turns.sum(axis=0), 1))
+    return np.asarray(((_SPREAD * turning / np.maximum(noise, 1e-12)) ** 2 / (4.0 * np.pi**2 * dt)) ** 0.2)
+
+
+def _velocities_in_words(bandwidths: Array, wide: float) -> str:
+    """Return to which bandwidths [Hz] velocities were differentiated, nothing where to that of accelerations."""
+    least, most = f"{bandwidths.min():.3g}", f"{bandwidths.max():.3g}"
+    if bandwidths.max() <= wide:
+        return ""
+    return f", velocities to {least} Hz" if least == most else f", velocities to {least} to {most} Hz"
+
+
 def low_passed(recording: Recording, clock: Clock, robot: Robot, processing: Processing) -> Measurement:
     """Return a non-periodic recording with the derivatives of its low-passed positions.
 
-    Positions pass a wider low pass (4 times the cutoff unless told) before they are differentiated; torque and
-    columns then pass the same cutoff. Rows near gaps and near the ends, where the filter has no data, don't count.
+    Positions pass a low pass of their own (4 times the cutoff unless told) before they are differentiated twice, and a
+    wider one for velocities, whose sign is friction's; torque and columns then pass the same cutoff. Rows near gaps and
+    near the ends, where the filter has no data, don't count.
     """
     q, tau, present = even_samples(recording, clock)
     nyquist = 0.5 / clock.dt
@@ -170,13 +192,22 @@ def low_passed(recording: Recording, clock: Clock, robot: Robot, processing: Pro
         chain.check_low_pass(cutoff, recording.source)
         tau = chain.undone(tau, 1.0 / clock.dt)
     smoother = ZeroPhaseLowPass(wide, clock.dt, len(q))
-    motion = Motion(smoother.apply(q), smoother.apply(q, 1), smoother.apply(q, 2), dt=clock.dt)
+    noise, dq, ddq = roughness(q), smoother.apply(q, 1), smoother.apply(q, 2)
+    given = processing.velocity_bandwidth
+    found = _velocity_bandwidth(dq, ddq, noise, clock.dt) if given is None else np.full(len(noise), given)
+    finest = np.clip(found, wide, max(wide, 0.8 * nyquist))
+    fine = [ZeroPhaseLowPass(float(one), clock.dt, len(q)) for one in finest]
+    q, dq = (np.stack([one.apply(x, k) for one, x in zip(fine, q.T, strict=True)], axis=1) for k in (0, 1))
+    motion = Motion(q, dq, ddq, dt=clock.dt)
     low_pass = ZeroPhaseLowPass(cutoff, clock.dt, len(q))
-    speed_noise = roughness(q) * smoother.noise_gain(1)
+    speed_noise = noise * [one.noise_gain(1) for one in fine]
     reach = low_pass.smear()
     missing = np.concatenate([[0], np.ones(reach), ~present, np.ones(reach)]).cumsum()  # beyond both ends as well
     whole = (missing[2 * reach + 1 :] - missing[: -2 * reach - 1] < 0.5)[:, None]  # no missing sample within reach
-    notes = [f"taken as one pass, not by periods: low-passed at {cutoff:g} Hz, differentiated to {wide:g} Hz"]
+    notes = [
+        f"taken as one pass, not by periods: low-passed at {cutoff:g} Hz, differentiated to {wide:g} Hz"
+        + _velocities_in_words(finest, wide)
+    ]
     if chain.note:
         notes.append(chain.note)
     if not present.all():

@@ -64,7 +64,7 @@ def test_ten_seconds_of_a_kuka_kr300_are_called_too_little(shared_data: Path) ->
     correlation = model.covariance / np.outer(model.std, model.std)
     assert np.linalg.eigvalsh(correlation).min() > 1e-6
     (line,) = [note for note in model.notes if "the data cannot give" in note]
-    for name in ("Izz1", "Ixy2", "Iyz2", "mx2"):
+    for name in ("Izz1", "Ixy2", "Iyz2", "mx3"):
         assert name in line
     for name in ("my5", "coulomb@joint_1", "viscous@joint_6"):
         assert name not in line

@@ -5,7 +5,11 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
+from robot_ident.recording import Processing, Recording, process
+from robot_ident.robot import load_robot
 from robot_ident.signals.filters import PeriodicLowPass, ZeroPhaseLowPass
+
+KUKA = load_robot("kuka_ir361")
 
 
 @pytest.mark.parametrize("frequency", [0.5, 5.0, 10.0, 20.0])
@@ -60,3 +64,22 @@ def test_a_motion_that_ends_elsewhere_is_differentiated_without_ringing(samples:
     error = ZeroPhaseLowPass(cutoff, 0.01, samples).apply(motion, 1) - speed
     assert np.abs(error).max() < 0.04  # where the reflection at an end bends
     assert np.abs(error[100:-100]).max() < 5e-4
+
+
+@pytest.mark.parametrize("noise", [1e-5, 1e-4, 1e-3])
+def test_a_velocity_tells_a_reversal_as_well_as_any_bandwidth(noise: float) -> None:
+    """A joint that slows down for half a second and breaks away backwards at 1 rad/s: rows of the wrong direction."""
+    t = np.arange(0.0, 20.0, 0.001)
+    phase = t / 0.5 % 2.0
+    speed = np.where(phase < 1.0, 1.0 - phase, phase - 2.0)
+    rng = np.random.default_rng(1)
+    q = np.stack([np.cumsum(speed) * 0.001, np.sin(t), np.sin(t)], axis=1) + rng.normal(size=(len(t), 3)) * noise
+    recording = Recording(KUKA.joints, t, q, rng.normal(size=q.shape), source="breaks away")
+
+    def wrong(bandwidth: float | None) -> int:
+        asked = Processing(periodic=False, low_pass=5.0, derivative_bandwidth=10.0, velocity_bandwidth=bandwidth)
+        return int(np.sum(process(recording, KUKA, asked).motion.dq[:, 0] * speed < 0.0))
+
+    best = min(map(wrong, np.geomspace(10.0, 400.0, 16)))
+    assert wrong(None) <= 1.7 * best
+    assert wrong(None) <= 0.4 * wrong(10.0), "to the bandwidth of accelerations"
