@@ -12,6 +12,7 @@ from robot_ident.effects import Effect, Torques
 from robot_ident.errors import InputError
 from robot_ident.model.structure import Structure
 from robot_ident.recording.measurement import Measurement
+from robot_ident.regression.normal_equations import least_squares
 from robot_ident.signals.motion import Array, Mask, Motion
 
 _FEW = 0.5  # share of the rows, below which those that are not used are worth leaving out
@@ -187,13 +188,8 @@ def fitted(
     for _ in range(3 if structure.uses_torque else 1):
         further = weighed_once(trajectories, effects)
         phi = tuple(t.beside(*pair) for t, *pair in zip(trajectories, links, further, strict=True))
-        stacked = np.concatenate([t.stacked(p) for t, p in zip(trajectories, phi, strict=True)])
-        y = np.concatenate([t.stacked(t.y) for t in trajectories])
-        scale = np.linalg.norm(stacked, axis=0)
-        scale[scale == 0.0] = 1.0
-        stacked /= scale
-        values = np.linalg.lstsq(stacked, y, rcond=1e-10)[0] / scale
-        del stacked
+        rows = [t.stacked(part) for t, part in zip(trajectories, phi, strict=True)]
+        values = least_squares(rows, [t.stacked(t.y) for t in trajectories])
     return Evidence(structure, trajectories, rigid, phi, values, memory)
 
 

@@ -20,6 +20,7 @@ import numpy as np
 
 from robot_ident.effects import Effect
 from robot_ident.regression.evidence import Evidence, weighed_once
+from robot_ident.regression.normal_equations import least_solution, pseudo_inverse
 from robot_ident.signals.motion import Array
 
 Ranges = Sequence[tuple[float, float]]
@@ -28,8 +29,6 @@ Ranges = Sequence[tuple[float, float]]
 FAINT = 0.01
 """Weight of a recording that is left out: parameters that only it determines follow it instead of their noise."""
 
-_OPEN = 1e-11  # of the largest eigenvalue of the scaled Gram matrix: below, the data leave a direction open
-_DEPENDENT = 1e-8  # of the largest eigenvalue, likewise, of a few candidates' columns
 HELD = 1e-9  # of a candidate's own norm: with less than this left after projection the model holds it already
 
 
@@ -126,22 +125,6 @@ def gram(columns: Columns, evidence: Evidence) -> Gram:
             own[t, joint] = c.T @ c
             torque[t, joint] = c.T @ trajectory.y[:, joint]
     return Gram(base, own, torque)
-
-
-def pseudo_inverse(square: Array) -> Array:
-    """Return the pseudo-inverse of a normal matrix, its columns scaled to one first."""
-    scale = np.sqrt(np.maximum(np.diag(square), 1e-300))
-    values, vectors = np.linalg.eigh(square / scale[:, None] / scale)
-    told = values > _OPEN * values[-1]
-    root = vectors[:, told] / np.sqrt(values[told]) / scale[:, None]
-    return np.asarray(root @ root.T)
-
-
-def least_solution(square: Array, right: Array) -> Array:
-    """Return the smallest x that solves a small normal equation S x = r, without directions that S leaves open."""
-    values, vectors = np.linalg.eigh(square)
-    told = values > _DEPENDENT * values[-1]
-    return np.asarray((vectors[:, told] / values[told]) @ (vectors[:, told].T @ right))
 
 
 @dataclass(frozen=True)

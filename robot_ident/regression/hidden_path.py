@@ -22,7 +22,7 @@ from typing import NamedTuple
 import numpy as np
 
 from robot_ident.regression.evidence import Evidence, Trajectory
-from robot_ident.regression.gram import pseudo_inverse
+from robot_ident.regression.normal_equations import pseudo_inverse
 from robot_ident.regression.spectrum import inertia_along
 from robot_ident.signals.fourier import Lines, evaluate, least_above_noise, lines_of_grid
 from robot_ident.signals.motion import Array, Mask

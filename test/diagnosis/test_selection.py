@@ -485,7 +485,7 @@ def test_friction_behind_a_play_is_named_only_where_chance_does_not_prefer_it(be
 
 
 def test_two_parameters_of_which_only_the_product_is_known_are_not_zero(bench: Any) -> None:
-    found = by_sets(bench, [smeared(bench, "presliding@joint_3:reach=0.002", 1.0)])
+    found = by_sets(bench, [smeared(bench, "presliding@joint_3:reach=0.0015", 0.6)])
     assert labels(found) == {"presliding@joint_3"}
     (way,) = (one for one in found.missing[0].parameters if one.name.startswith("presliding.x0"))
     assert way.std < way.value < 2.0 * way.std

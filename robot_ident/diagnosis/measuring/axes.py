@@ -20,7 +20,8 @@ from robot_ident.diagnosis.measuring.fitted_fault import FittedFault, fitted_los
 from robot_ident.effects import Effect
 from robot_ident.effects.catalogue import CATALOGUE
 from robot_ident.regression.evidence import Evidence
-from robot_ident.regression.gram import BaseFit, BaseGram, base_gram, pseudo_inverse
+from robot_ident.regression.gram import BaseFit, BaseGram, base_gram
+from robot_ident.regression.normal_equations import pseudo_inverse
 from robot_ident.robot.robot import Robot
 from robot_ident.signals.motion import Array, Motion
 

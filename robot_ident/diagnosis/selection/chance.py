@@ -18,7 +18,8 @@ from robot_ident.diagnosis.selection.constants import RESAMPLES
 from robot_ident.diagnosis.selection.fitted_set import FittedSet
 from robot_ident.diagnosis.selection.hypotheses import Hypothesis
 from robot_ident.diagnosis.selection.search import Search, Selected
-from robot_ident.regression.gram import HELD, pseudo_inverse
+from robot_ident.regression.gram import HELD
+from robot_ident.regression.normal_equations import pseudo_inverse
 from robot_ident.signals.motion import Array
 
 _NOTHING = 1e-300  # left of a joint that stands still

@@ -16,7 +16,8 @@ import numpy as np
 from robot_ident.diagnosis.selection.data_set import DataSet
 from robot_ident.diagnosis.selection.fitted_set import FittedSet, standard_errors
 from robot_ident.diagnosis.selection.hypotheses import Hypothesis
-from robot_ident.regression.gram import HELD, least_solution
+from robot_ident.regression.gram import HELD
+from robot_ident.regression.normal_equations import least_solution
 from robot_ident.signals.motion import Mask
 
 _FREE = (-np.inf, np.inf)

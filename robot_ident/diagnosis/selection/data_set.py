@@ -18,7 +18,8 @@ from robot_ident.effects.effort_filter import EffortFilter
 from robot_ident.model.structure import Structure
 from robot_ident.recording.measurement import Measurement
 from robot_ident.regression.evidence import Evidence, Trajectory, fitted, gather, split, trajectory
-from robot_ident.regression.gram import FAINT, pseudo_inverse
+from robot_ident.regression.gram import FAINT
+from robot_ident.regression.normal_equations import pseudo_inverse
 from robot_ident.regression.spectrum import white_lines, whitened
 from robot_ident.regression.weighed_by_residual import tells_noise, weighed_alike, weighed_by_residual
 from robot_ident.signals.motion import Array, Mask, joined

@@ -14,7 +14,8 @@ import numpy as np
 
 from robot_ident.diagnosis.selection.data_set import DataSet
 from robot_ident.diagnosis.selection.hypotheses import TIMING, Hypothesis
-from robot_ident.regression.gram import HELD, pseudo_inverse, within_ranges
+from robot_ident.regression.gram import HELD, within_ranges
+from robot_ident.regression.normal_equations import pseudo_inverse
 from robot_ident.signals.motion import Array
 
 

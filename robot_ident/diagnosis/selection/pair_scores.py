@@ -7,7 +7,7 @@ from collections.abc import Collection, Sequence
 import numpy as np
 
 from robot_ident.diagnosis.selection.hypotheses import Hypothesis
-from robot_ident.regression.gram import least_solution
+from robot_ident.regression.normal_equations import least_solution
 from robot_ident.signals.motion import Array
 
 _APART = 1e-6  # of a column's square, by which two must differ to be told apart
