@@ -52,6 +52,13 @@ class Trajectory:
         lines = np.fft.rfft(rows, axis=0) * self.whitening[:, chosen, None]
         return np.asarray(np.fft.irfft(lines, len(rows), axis=0))
 
+    def transposed(self, rows: Array) -> Array:
+        """Return rows [N, n, k] in units of the noise through the transpose of `in_noise`, which is linear."""
+        if self.whitening is not None:
+            lines = np.fft.rfft(rows, axis=0) * self.whitening[:, :, None]
+            rows = np.fft.irfft(lines, len(rows), axis=0)
+        return np.asarray(rows * self.weight[:, :, None])
+
     @cached_property
     def used(self) -> Mask | None:
         """Rows [N] that weighed columns have where they are few: all others are zero; None where they may be many."""

@@ -30,30 +30,48 @@ from robot_ident.signals.motion import Array, Mask
 
 @dataclass(frozen=True)
 class Nuisance:
-    """Columns K [M, k] that the trajectories at `places` share, their rows of all joints stacked: M = n sum N."""
+    """Columns K of the trajectories at `places`, parts of one measurement: low-passed torques T [N n, k] that these
+    share, in units of the noise of each, K_p = N_p T. K isn't held: K' X = T' sum_p N_p' X_p; square is K' K [k, k].
+    """
 
     places: tuple[int, ...]
-    columns: Array
+    parts: tuple[Trajectory, ...]
+    torques: Array
+    square: Array
 
     @classmethod
-    def of(cls, places: Sequence[int], parts: Sequence[Array]) -> Nuisance:
-        """Return the nuisance with the columns [N, n, k] of each place."""
-        rows = [part.reshape(-1, part.shape[2]) for part in parts]
-        return cls(tuple(places), rows[0] if len(rows) == 1 else np.concatenate(rows))
+    def of(
+        cls, places: Sequence[int], parts: Sequence[Trajectory], torques: Iterable[Array], least: float = 0.0
+    ) -> Nuisance | None:
+        """Return the nuisance of torques [N, n, c], few at once, whose columns are of more than a least square; None
+        where none is.
+        """
+        kept: list[Array] = []
+        square = np.zeros((0, 0))
+        for some in torques:
+            seen = np.sum([t.transposed(t.in_noise(some)) for t in parts], axis=0)
+            matter = np.einsum("ijk,ijk->k", some, seen) > least
+            if not matter.any():
+                continue
+            kept.append(some[:, :, matter].reshape(some[:, :, 0].size, -1))
+            seen = seen[:, :, matter].reshape(kept[-1].shape)
+            cross = np.concatenate([one.T @ seen for one in kept])
+            old, new = len(square), len(cross)
+            square = np.pad(square, (0, new - old))
+            square[:, old:], square[old:, :old] = cross, cross[:old].T
+        return cls(tuple(places), tuple(parts), np.concatenate(kept, axis=1), square) if kept else None
 
     @cached_property
     def _root(self) -> Array:
         """The lower triangular root L [k, k] of I + K' K."""
-        return np.asarray(np.linalg.cholesky(np.eye(self.columns.shape[1]) + self.columns.T @ self.columns))
+        return np.asarray(np.linalg.cholesky(np.eye(len(self.square)) + self.square))
 
-    def onto(self, parts: Sequence[Array]) -> Array:
-        """Return L^-1 K' X [k, c] for X given by place, each [N, n, c]."""
+    def onto(self, back: Array) -> Array:
+        """Return L^-1 K' X [k, c] for sum_p N_p' X_p [N, n, c]."""
         from scipy.linalg import solve_triangular
 
-        mine = [parts[place] for place in self.places]
-        rows = [part.reshape(-1, part.shape[2]) for part in mine]
-        x = rows[0] if len(rows) == 1 else np.concatenate(rows)
-        return np.asarray(solve_triangular(self._root, self.columns.T @ x, lower=True))
+        x = back.reshape(len(self.torques), -1)
+        return np.asarray(solve_triangular(self._root, self.torques.T @ x, lower=True))
 
     def without(self, parts: Sequence[Array]) -> list[Array]:
         """Return r - K h by place for r [N, n] each, h = (I + K' K)^-1 K' r: what the nuisance most likely has not
@@ -62,10 +80,10 @@ class Nuisance:
         from scipy.linalg import solve_triangular
 
         mine = [parts[place] for place in self.places]
-        sizes = solve_triangular(self._root, self.onto([part[:, :, None] for part in parts]), lower=True, trans="T")
-        ends = np.cumsum([part.size for part in mine])
-        made = np.split(self.columns @ sizes[:, 0], ends[:-1])
-        return [part - one.reshape(part.shape) for part, one in zip(mine, made, strict=True)]
+        back = np.sum([t.transposed(r[:, :, None]) for r, t in zip(mine, self.parts, strict=True)], axis=0)
+        sizes = solve_triangular(self._root, self.onto(back), lower=True, trans="T")
+        made = (self.torques @ sizes).reshape(*mine[0].shape, 1)
+        return [r - t.in_noise(made)[:, :, 0] for r, t in zip(mine, self.parts, strict=True)]
 
 
 def without(groups: Sequence[Nuisance], parts: Sequence[Array]) -> tuple[Array, ...]:
@@ -77,14 +95,18 @@ def without(groups: Sequence[Nuisance], parts: Sequence[Array]) -> tuple[Array, 
     return tuple(out)
 
 
-def products(groups: Sequence[Nuisance], parts: Sequence[Array]) -> Array:
+def products(groups: Sequence[Nuisance], parts: Iterable[Array]) -> Array:
     """Return X' (I + K K')^-1 X [c, c] for X given by trajectory, each [N, n, c], with the nuisance of all groups."""
-    square = np.zeros((parts[0].shape[2],) * 2)
-    for part in parts:
+    square, back = np.zeros(()), [np.zeros(()) for _ in groups]
+    of = {place: (k, t) for k, one in enumerate(groups) for place, t in zip(one.places, one.parts, strict=True)}
+    for place, part in enumerate(parts):
         rows = part.reshape(-1, part.shape[2])
-        square += rows.T @ rows
-    for group in groups:
-        seen = group.onto(parts)
+        square = square + rows.T @ rows
+        if place in of:
+            k, t = of[place]
+            back[k] = back[k] + t.transposed(part)
+    for group, whole in zip(groups, back, strict=True):
+        seen = group.onto(whole)
         square -= seen.T @ seen
     return square
 
@@ -121,7 +143,7 @@ def misfit_beside_hidden_path(evidence: Evidence) -> tuple[Array, ...]:
     if beside is None:
         return evidence.residual
     residual = evidence.residual
-    both = [np.concatenate([g, r[:, :, None]], axis=2) for g, r in zip(beside.given_way, residual, strict=True)]
+    both = (np.concatenate([g, r[:, :, None]], axis=2) for g, r in zip(beside.given_way, residual, strict=True))
     square = products(beside.kinks, both)
     sizes = np.linalg.solve(square[:-1, :-1] + np.eye(len(square) - 1), square[:-1, -1])
     return without(beside.kinks, [r - g @ sizes for g, r in zip(beside.given_way, residual, strict=True)])
@@ -160,7 +182,7 @@ def _with_hidden_path(evidence: Evidence) -> _Beside | None:
         return None
     given_way = tuple(part[:, :, matter] for part in given)
     whole = zip(evidence.phi, given_way, evidence.trajectories, strict=True)
-    square = products(kinks, [np.concatenate([phi, given, t.y[:, :, None]], axis=2) for phi, given, t in whole])
+    square = products(kinks, (np.concatenate([phi, given, t.y[:, :, None]], axis=2) for phi, given, t in whole))
     further = np.arange(evidence.phi[0].shape[2], len(square) - 1)
     square[further, further] += 1.0
     return _Beside(kinks, given_way, pseudo_inverse(square[:-1, :-1]) @ square[:-1, -1])
@@ -182,17 +204,11 @@ def _weighed_kinks(evidence: Evidence) -> tuple[Nuisance, ...]:
         places.setdefault(id(t.measured), []).append(place)
     out = []
     for mine in places.values():
-        here = [evidence.trajectories[place] for place in mine]
-        kept: list[list[Array]] = [[] for _ in here]
-        inertia = inertia_along(here[0], evidence)
-        for kinks in _kinks(here[0], inertia):  # of hundreds on a fine grid, few may matter
-            parts = [t.weighed(kinks) for t in here]
-            matter = np.sum([np.einsum("ijk,ijk->k", part, part) for part in parts], axis=0) > _MATTERS
-            for part, own in zip(parts, kept, strict=True):
-                own.append(part[:, :, matter])
-        if any(part.shape[2] for part in kept[0]):
-            out.append(Nuisance.of(mine, [np.concatenate(own, axis=2) for own in kept]))
-    return tuple(out)
+        parts = [evidence.trajectories[place] for place in mine]
+        kinks = _kinks(parts[0], inertia_along(parts[0], evidence))
+        torques = (parts[0].measured.passed(some) for some in kinks)
+        out.append(Nuisance.of(mine, parts, torques, _MATTERS))  # of hundreds on a fine grid, few may matter
+    return tuple(one for one in out if one is not None)
 
 
 def _kinks(t: Trajectory, inertia: Array) -> Iterator[Array]:
