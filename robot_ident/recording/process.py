@@ -23,6 +23,7 @@ from robot_ident.recording.resolution import coarse_notes, position_step
 from robot_ident.recording.saturation import without_clipped
 from robot_ident.recording.torque_channel import chain_of
 from robot_ident.robot.robot import Robot
+from robot_ident.signals.derivatives import step
 from robot_ident.signals.filters import ZeroPhaseLowPass
 from robot_ident.signals.motion import Array, Motion
 
@@ -156,16 +157,16 @@ def _period(recording: Recording, clock: Clock, q: Array, processing: Processing
     return refined if abs(refined - given) < 0.005 * given else given
 
 
-def _velocity_bandwidth(dq: Array, ddq: Array, noise: Array, dt: float) -> Array:
+def _velocity_bandwidth(motion: Motion, noise: Array) -> Array:
     """Return the bandwidth [n] Hz of velocities in which the time of a reversal is known best, 0 where there is none.
 
     The noise of positions [n] moves a reversal by sigma_v / |ddq|, sigma_v^2 = 8 pi^2 noise^2 dt f^3 / 3; the low pass
     spreads what sticks or leaps there by _SPREAD / f. The sum of both squares is least at
     f^5 = (_SPREAD |ddq| / noise)^2 / (4 pi^2 dt).
     """
-    turns = dq[1:] * dq[:-1] < 0.0
-    turning = np.sqrt(np.sum(ddq[1:] ** 2 * turns, axis=0) / np.maximum(turns.sum(axis=0), 1))
-    return np.asarray(((_SPREAD * turning / np.maximum(noise, 1e-12)) ** 2 / (4.0 * np.pi**2 * dt)) ** 0.2)
+    turns = motion.dq[1:] * motion.dq[:-1] < 0.0
+    turning = np.sqrt(np.sum(motion.ddq[1:] ** 2 * turns, axis=0) / np.maximum(turns.sum(axis=0), 1))
+    return np.asarray(((_SPREAD * turning / np.maximum(noise, 1e-12)) ** 2 / (4.0 * np.pi**2 * step(motion))) ** 0.2)
 
 
 def _velocities_in_words(bandwidths: Array, wide: float) -> str:
@@ -179,9 +180,10 @@ def _velocities_in_words(bandwidths: Array, wide: float) -> str:
 def low_passed(recording: Recording, clock: Clock, robot: Robot, processing: Processing) -> Measurement:
     """Return a non-periodic recording with the derivatives of its low-passed positions.
 
-    Positions pass a low pass of their own (4 times the cutoff unless told) before they are differentiated twice, and a
+    Positions pass a low pass of their own (by default 4 times the cutoff) before they are differentiated twice, and a
     wider one for velocities, whose sign is friction's; torque and columns then pass the same cutoff. Rows near gaps and
-    near the ends, where the filter has no data, don't count.
+    near the ends, where the filter has no data, don't count, nor do those whose direction neither velocity is sure of:
+    the wider one has more noise, where a joint moves slowly and reverses sharply.
     """
     q, tau, present = even_samples(recording, clock)
     nyquist = 0.5 / clock.dt
@@ -192,15 +194,17 @@ def low_passed(recording: Recording, clock: Clock, robot: Robot, processing: Pro
         chain.check_low_pass(cutoff, recording.source)
         tau = chain.undone(tau, 1.0 / clock.dt)
     smoother = ZeroPhaseLowPass(wide, clock.dt, len(q))
-    noise, dq, ddq = roughness(q), smoother.apply(q, 1), smoother.apply(q, 2)
+    noise = roughness(q)
+    smooth = Motion(smoother.apply(q), smoother.apply(q, 1), smoother.apply(q, 2), dt=clock.dt)
     given = processing.velocity_bandwidth
-    found = _velocity_bandwidth(dq, ddq, noise, clock.dt) if given is None else np.full(len(noise), given)
+    found = _velocity_bandwidth(smooth, noise) if given is None else np.full(len(noise), given)
     finest = np.clip(found, wide, max(wide, 0.8 * nyquist))
     fine = [ZeroPhaseLowPass(float(one), clock.dt, len(q)) for one in finest]
     q, dq = (np.stack([one.apply(x, k) for one, x in zip(fine, q.T, strict=True)], axis=1) for k in (0, 1))
-    motion = Motion(q, dq, ddq, dt=clock.dt)
+    motion = replace(smooth, q=q, dq=dq)
+    certain = trusted(motion, robot, processing, noise * [one.noise_gain(1) for one in fine])
+    certain |= trusted(smooth, robot, processing, noise * smoother.noise_gain(1)) & (dq * smooth.dq > 0.0)
     low_pass = ZeroPhaseLowPass(cutoff, clock.dt, len(q))
-    speed_noise = noise * [one.noise_gain(1) for one in fine]
     reach = low_pass.smear()
     missing = np.concatenate([[0], np.ones(reach), ~present, np.ones(reach)]).cumsum()  # beyond both ends as well
     whole = (missing[2 * reach + 1 :] - missing[: -2 * reach - 1] < 0.5)[:, None]  # no missing sample within reach
@@ -218,8 +222,8 @@ def low_passed(recording: Recording, clock: Clock, robot: Robot, processing: Pro
         dt=clock.dt,
         motion=motion,
         torque=tau,
-        used=trusted(motion, robot, processing, speed_noise) & whole,
-        standstill=at_rest(motion, robot),
+        used=certain & whole,
+        standstill=at_rest(smooth, robot),
         torque_variance=np.full(robot.n, np.nan),
         position_variance=np.full(robot.n, np.nan),
         low_pass=low_pass,
