@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Callable, Hashable, Sequence
 from dataclasses import dataclass, field, replace
-from functools import cached_property
+from functools import cached_property, partial
 
 import numpy as np
 
@@ -15,8 +15,6 @@ from robot_ident.recording.measurement import Measurement
 from robot_ident.regression.normal_equations import least_squares
 from robot_ident.signals.motion import Array, Mask, Motion
 
-_FEW = 0.5  # share of the rows, below which those that are not used are worth leaving out
-
 
 @dataclass(frozen=True)
 class Trajectory:
@@ -24,7 +22,8 @@ class Trajectory:
     not used).
 
     dof [n]: independent rows of each joint. measured: where it comes from. whitening [K + 1, n]: factors on the Fourier
-    lines of what is weighed, so that each is in units of its own noise; None where all are alike.
+    lines of what is weighed, so that each is in units of its own noise; None where all are alike. whole, rows: of a
+    part of time, the trajectory that it is cut out of and its rows there; weighed as the whole, zero in all others.
     """
 
     measured: Measurement
@@ -33,6 +32,8 @@ class Trajectory:
     y: Array
     dof: Array
     whitening: Array | None = None
+    whole: Trajectory | None = None
+    rows: slice = field(default_factory=partial(slice, None))
 
     def weighed(self, columns: Array) -> Array:
         """Return columns [N, n, k] (Nm) low-passed as the torque is, and in units of the noise."""
@@ -40,13 +41,10 @@ class Trajectory:
 
     def in_noise(self, passed: Array, joints: Sequence[int] | None = None) -> Array:
         """Return low-passed columns [N, joints, k] (Nm) in units of the noise; joints: all of them unless told."""
+        if self.whole is not None:
+            return self.cut(self.whole.in_noise(passed, joints))
         chosen = slice(None) if joints is None else list(joints)
-        weight = self.weight[:, chosen, None]
-        if self.used is None:
-            rows = passed * weight
-        else:  # what is left zero takes no memory
-            rows = np.zeros(passed.shape)
-            rows[self.used] = passed[self.used] * weight[self.used]
+        rows = passed * self.weight[:, chosen, None]
         if self.whitening is None:
             return rows
         lines = np.fft.rfft(rows, axis=0) * self.whitening[:, chosen, None]
@@ -54,38 +52,36 @@ class Trajectory:
 
     def transposed(self, rows: Array) -> Array:
         """Return rows [N, n, k] in units of the noise through the transpose of `in_noise`, which is linear."""
+        if self.whole is not None:
+            return self.whole.transposed(self.cut(rows))
         if self.whitening is not None:
             lines = np.fft.rfft(rows, axis=0) * self.whitening[:, :, None]
             rows = np.fft.irfft(lines, len(rows), axis=0)
         return np.asarray(rows * self.weight[:, :, None])
 
-    @cached_property
-    def used(self) -> Mask | None:
-        """Rows [N] that weighed columns have where they are few: all others are zero; None where they may be many."""
-        used = np.asarray((self.weight > 0).any(axis=1))
-        return used if self.whitening is None and used.mean() < _FEW else None
+    def cut(self, rows: Array) -> Array:
+        """Return rows [N, ...] of the whole with zero outside of the part's; what is left zero takes no memory."""
+        if self.whole is None:
+            return rows
+        out = np.zeros(rows.shape)
+        out[self.rows] = rows[self.rows]
+        return out
 
     def times(self, columns: Array, matrix: Array) -> Array:
         """Return weighed columns [N, n, p] times a matrix [p, k]."""
-        if self.used is None:
-            return np.asarray(columns @ matrix)
         out = np.zeros((*columns.shape[:2], matrix.shape[1]))
-        out[self.used] = columns[self.used] @ matrix
+        out[self.rows] = columns[self.rows] @ matrix
         return out
 
-    def beside(self, first: Array, second: Array) -> Array:
-        """Return weighed columns [N, n, p] and [N, n, k] as one [N, n, p + k]."""
-        if self.used is None:
-            return np.concatenate([first, second], axis=2)
-        out = np.zeros((*first.shape[:2], first.shape[2] + second.shape[2]))
-        for columns, part in ((slice(None, first.shape[2]), first), (slice(first.shape[2], None), second)):
-            out[self.used, :, columns] = part[self.used]
+    def beside(self, *some: Array) -> Array:
+        """Return several weighed columns [N, n, k] each as one [N, n, sum of k]."""
+        out = np.zeros((*some[0].shape[:2], sum(one.shape[2] for one in some)))
+        np.concatenate([one[self.rows] for one in some], axis=2, out=out[self.rows])
         return out
 
     def stacked(self, rows: Array) -> Array:
-        """Return weighed rows [N, n, ...] of all joints below one another, without those that are zero for certain."""
-        some = rows if self.used is None else rows[self.used]
-        return some.reshape(-1, *rows.shape[2:])
+        """Return weighed rows [N, n, ...] of all joints below one another, without those of other parts."""
+        return rows[self.rows].reshape(-1, *rows.shape[2:])
 
     def plain(self, rows: Array) -> Array:
         """Return weighed rows [N, n] with their lines as they were before they were put in units of their noise."""
@@ -93,11 +89,18 @@ class Trajectory:
             return rows
         return np.asarray(np.fft.irfft(np.fft.rfft(rows, axis=0) / self.whitening, len(rows), axis=0))
 
-    def weighed_by(self, weight: Array) -> Trajectory:
-        """Return the trajectory with another weight [N, n], 0 in rows more than before."""
-        share = (weight > 0).sum(axis=0) / np.maximum(1, (self.weight > 0).sum(axis=0))
-        other = replace(self, weight=weight, dof=self.dof * share)
+    def weighed_by(self, whitening: Array | None) -> Trajectory:
+        """Return the trajectory with another whitening [K + 1, n]."""
+        other = replace(self, whitening=whitening)
         return replace(other, y=other.weighed(self.measured.torque[:, :, None])[:, :, 0])
+
+    def part(self, rows: slice) -> Trajectory:
+        """Return some rows of the trajectory as one of its own."""
+        weight = np.zeros(self.weight.shape)
+        weight[rows] = self.weight[rows]
+        share = (weight > 0).sum(axis=0) / np.maximum(1, (self.weight > 0).sum(axis=0))
+        part = replace(self, weight=weight, dof=self.dof * share, whole=self, rows=rows)
+        return replace(part, y=part.cut(self.y))
 
 
 @dataclass(frozen=True)
@@ -168,12 +171,13 @@ _RIGID = "rigid"  # of the memory: low-passed columns of the links, by measureme
 def weighed_once(
     trajectories: Sequence[Trajectory], columns: Callable[[int], Array], joints: Sequence[int] | None = None
 ) -> tuple[Array, ...]:
-    """Return columns(place) [N, joints, k] as `Trajectory.weighed` does, once for all parts of one measurement."""
-    passed: dict[int, Array] = {}
+    """Return columns(place) [N, joints, k] as `Trajectory.weighed` does, once for all parts of one trajectory."""
+    made: dict[int, Array] = {}
     for place, t in enumerate(trajectories):
-        if id(t.measured) not in passed:
-            passed[id(t.measured)] = t.measured.passed(columns(place))
-    return tuple(t.in_noise(passed[id(t.measured)], joints) for t in trajectories)
+        whole = t.whole or t
+        if id(whole) not in made:
+            made[id(whole)] = whole.in_noise(t.measured.passed(columns(place)), joints)
+    return tuple(t.cut(made[id(t.whole or t)]) for t in trajectories)
 
 
 def fitted(
@@ -223,20 +227,14 @@ def held(evidence: Evidence, structure: Structure, values: Array) -> Evidence:
     return Evidence(structure, evidence.trajectories, evidence.rigid, phi, values, evidence.memory)
 
 
-def split(evidence: Evidence, parts: int = 4, block: float | None = None) -> Evidence:
-    """Return the evidence with its one trajectory cut into parts of time that can be left out in turn.
-
-    Parts in one piece, or, with a block's length [s], blocks dealt out to the parts in turn.
-    """
+def split(evidence: Evidence, parts: int) -> Evidence:
+    """Return the evidence with its one trajectory cut into parts of time that can be left out in turn."""
     (whole,) = evidence.trajectories
-    rows = np.arange(len(whole.y))
-    size = len(rows) / parts if block is None else block / (whole.measured.dt * whole.measured.decimate)
-    part = (rows // max(1.0, size)).astype(int)
-    part = np.minimum(part, parts - 1) if block is None else part % parts
-    pieces = []
-    for number in range(parts):
-        pieces.append(whole.weighed_by(np.where((part == number)[:, None], whole.weight, 0.0)))
-    return fitted(evidence.structure, tuple(pieces), evidence.rigid * parts, kept_between_parts(evidence))
+    ends = np.linspace(0, len(whole.y), parts + 1).round().astype(int)
+    pieces = tuple(whole.part(slice(*pair)) for pair in zip(ends[:-1], ends[1:], strict=True))
+    phi = tuple(one.cut(evidence.phi[0]) for one in pieces)
+    memory = kept_between_parts(evidence)
+    return Evidence(evidence.structure, pieces, evidence.rigid * parts, phi, evidence.values, memory)
 
 
 def kept_between_parts(evidence: Evidence) -> dict[Hashable, object]:

@@ -21,7 +21,7 @@ from typing import NamedTuple
 
 import numpy as np
 
-from robot_ident.regression.evidence import Evidence, Trajectory
+from robot_ident.regression.evidence import Evidence, Trajectory, weighed_once
 from robot_ident.regression.normal_equations import pseudo_inverse
 from robot_ident.regression.spectrum import inertia_along
 from robot_ident.signals.fourier import Lines, evaluate, least_above_noise, lines_of_grid
@@ -30,14 +30,18 @@ from robot_ident.signals.motion import Array, Mask
 
 @dataclass(frozen=True)
 class Nuisance:
-    """Columns K of the trajectories at `places`, parts of one measurement: low-passed torques T [N n, k] that these
-    share, in units of the noise of each, K_p = N_p T. K isn't held: K' X = T' sum_p N_p' X_p; square is K' K [k, k].
+    """Columns K of the trajectories at `places`, parts of one: low-passed torques T [N n, k] that these share, in units
+    of its noise, K = N T. K isn't held: K' X = T' N' X; square is K' K [k, k].
     """
 
     places: tuple[int, ...]
     parts: tuple[Trajectory, ...]
     torques: Array
     square: Array
+
+    @property
+    def _whole(self) -> Trajectory:
+        return self.parts[0].whole or self.parts[0]
 
     @classmethod
     def of(
@@ -48,8 +52,9 @@ class Nuisance:
         """
         kept: list[Array] = []
         square = np.zeros((0, 0))
+        whole = parts[0].whole or parts[0]
         for some in torques:
-            seen = np.sum([t.transposed(t.in_noise(some)) for t in parts], axis=0)
+            seen = whole.transposed(whole.in_noise(some))
             matter = np.einsum("ijk,ijk->k", some, seen) > least
             if not matter.any():
                 continue
@@ -66,11 +71,11 @@ class Nuisance:
         """The lower triangular root L [k, k] of I + K' K."""
         return np.asarray(np.linalg.cholesky(np.eye(len(self.square)) + self.square))
 
-    def onto(self, back: Array) -> Array:
-        """Return L^-1 K' X [k, c] for sum_p N_p' X_p [N, n, c]."""
+    def onto(self, rows: Array) -> Array:
+        """Return L^-1 K' X [k, c] for X [N, n, c] of the whole."""
         from scipy.linalg import solve_triangular
 
-        x = back.reshape(len(self.torques), -1)
+        x = self._whole.transposed(rows).reshape(len(self.torques), -1)
         return np.asarray(solve_triangular(self._root, self.torques.T @ x, lower=True))
 
     def without(self, parts: Sequence[Array]) -> list[Array]:
@@ -80,10 +85,10 @@ class Nuisance:
         from scipy.linalg import solve_triangular
 
         mine = [parts[place] for place in self.places]
-        back = np.sum([t.transposed(r[:, :, None]) for r, t in zip(mine, self.parts, strict=True)], axis=0)
-        sizes = solve_triangular(self._root, self.onto(back), lower=True, trans="T")
-        made = (self.torques @ sizes).reshape(*mine[0].shape, 1)
-        return [r - t.in_noise(made)[:, :, 0] for r, t in zip(mine, self.parts, strict=True)]
+        rows = np.sum(mine, axis=0)
+        sizes = solve_triangular(self._root, self.onto(rows[:, :, None]), lower=True, trans="T")
+        made = self._whole.in_noise((self.torques @ sizes).reshape(*rows.shape, 1))[:, :, 0]
+        return [t.cut(rows - made) for t in self.parts]
 
 
 def without(groups: Sequence[Nuisance], parts: Sequence[Array]) -> tuple[Array, ...]:
@@ -95,17 +100,16 @@ def without(groups: Sequence[Nuisance], parts: Sequence[Array]) -> tuple[Array, 
     return tuple(out)
 
 
-def products(groups: Sequence[Nuisance], parts: Iterable[Array]) -> Array:
+def products(groups: Sequence[Nuisance], trajectories: Sequence[Trajectory], parts: Iterable[Array]) -> Array:
     """Return X' (I + K K')^-1 X [c, c] for X given by trajectory, each [N, n, c], with the nuisance of all groups."""
-    square, back = np.zeros(()), [np.zeros(()) for _ in groups]
-    of = {place: (k, t) for k, one in enumerate(groups) for place, t in zip(one.places, one.parts, strict=True)}
-    for place, part in enumerate(parts):
-        rows = part.reshape(-1, part.shape[2])
+    square, joined = np.zeros(()), [np.zeros(()) for _ in groups]
+    of = {place: k for k, group in enumerate(groups) for place in group.places}
+    for place, (t, part) in enumerate(zip(trajectories, parts, strict=True)):
+        rows = t.stacked(part)
         square = square + rows.T @ rows
         if place in of:
-            k, t = of[place]
-            back[k] = back[k] + t.transposed(part)
-    for group, whole in zip(groups, back, strict=True):
+            joined[of[place]] = joined[of[place]] + part
+    for group, whole in zip(groups, joined, strict=True):
         seen = group.onto(whole)
         square -= seen.T @ seen
     return square
@@ -143,8 +147,8 @@ def misfit_beside_hidden_path(evidence: Evidence) -> tuple[Array, ...]:
     if beside is None:
         return evidence.residual
     residual = evidence.residual
-    both = (np.concatenate([g, r[:, :, None]], axis=2) for g, r in zip(beside.given_way, residual, strict=True))
-    square = products(beside.kinks, both)
+    triples = zip(evidence.trajectories, beside.given_way, residual, strict=True)
+    square = products(beside.kinks, evidence.trajectories, (t.beside(g, r[:, :, None]) for t, g, r in triples))
     sizes = np.linalg.solve(square[:-1, :-1] + np.eye(len(square) - 1), square[:-1, -1])
     return without(beside.kinks, [r - g @ sizes for g, r in zip(beside.given_way, residual, strict=True)])
 
@@ -173,16 +177,14 @@ def _with_hidden_path(evidence: Evidence) -> _Beside | None:
     if any(t.measured.position_lines is None or t.measured.decimate != 1 for t in evidence.trajectories):
         return None
     kinks = _kinks_by_measurement(evidence)
-    given = [
-        t.weighed(_given_way(t, rigid, evidence))
-        for t, rigid in zip(evidence.trajectories, evidence.rigid, strict=True)
-    ]
+    given = weighed_once(evidence.trajectories, lambda place: _given_way(place, evidence))
     matter = np.sum([np.sum(part**2, axis=(0, 1)) for part in given], axis=0) > _MATTERS
     if not kinks and not matter.any():
         return None
     given_way = tuple(part[:, :, matter] for part in given)
-    whole = zip(evidence.phi, given_way, evidence.trajectories, strict=True)
-    square = products(kinks, (np.concatenate([phi, given, t.y[:, :, None]], axis=2) for phi, given, t in whole))
+    triples = zip(evidence.trajectories, evidence.phi, given_way, strict=True)
+    every = (t.beside(phi, given, t.y[:, :, None]) for t, phi, given in triples)
+    square = products(kinks, evidence.trajectories, every)
     further = np.arange(evidence.phi[0].shape[2], len(square) - 1)
     square[further, further] += 1.0
     return _Beside(kinks, given_way, pseudo_inverse(square[:-1, :-1]) @ square[:-1, -1])
@@ -201,7 +203,7 @@ def _kinks_by_measurement(evidence: Evidence) -> tuple[Nuisance, ...]:
 def _weighed_kinks(evidence: Evidence) -> tuple[Nuisance, ...]:
     places: dict[int, list[int]] = {}
     for place, t in enumerate(evidence.trajectories):
-        places.setdefault(id(t.measured), []).append(place)
+        places.setdefault(id(t.whole or t), []).append(place)
     out = []
     for mine in places.values():
         parts = [evidence.trajectories[place] for place in mine]
@@ -223,15 +225,17 @@ def _kinks(t: Trajectory, inertia: Array) -> Iterator[Array]:
             yield np.asarray(inertia[:, :, [joint]] * hidden[:, None, :])
 
 
-def _given_way(t: Trajectory, rigid: Array, evidence: Evidence) -> Array:
-    """Return the torque [N, n, 4 k] Nm by which the drives may give way to k added effects, unseen in their positions.
+def _given_way(place: int, evidence: Evidence) -> Array:
+    """Return the torque [N, n, 4 k] Nm by which the drives may give way to k added effects, unseen in their positions,
+    along the trajectory of a place.
 
     Lines of the effect's own torque where the position shows none, in phase and in quadrature, as they are and falling
     with frequency.
     """
-    structure, kept = evidence.structure, t.measured.position_lines
+    structure, t = evidence.structure, evidence.trajectories[place]
+    kept = t.measured.position_lines
     assert kept is not None
-    columns = structure.columns(t.motion, evidence.values, rigid)
+    columns = structure.columns(t.motion, evidence.values, evidence.rigid[place])
     mine = {effect.label for effect in structure.added}
     out = [np.zeros((*t.motion.q.shape, 0))]
     for effect, own in structure.placed:

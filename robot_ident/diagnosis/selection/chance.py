@@ -34,7 +34,8 @@ class Chance:
         """Make noises of what a set leaves of the training folds."""
         self.search, self.data, self.selected = search, search.data, selected
         given, rng = search.given(selected), np.random.default_rng(0)
-        self.counted = [rows > 0.0 for rows in self._whole(lambda j, f: search.data.folds[f].weight[:, j])]
+        folds = search.data.folds
+        self.counted = [rows > 0.0 for rows in self._whole(lambda j, f: folds[f].weight[folds[f].rows, j])]
         left = self._whole(given.residual)
         lines = int(np.ceil(given.parameters_of().max()))  # twice as many as the fit can take wholly
         refitted = self._left(given, self._noises(left, [1.0] * len(left), rng))
@@ -57,7 +58,7 @@ class Chance:
     def _whole(self, rows: Callable[[int, int], Array]) -> _Series:
         """Return the rows of every recording, of which a fold holds its part; rows: of a joint in a fold [N]."""
         joints, parts = range(self.data.n), self.data.of_measurement
-        return [np.stack([np.sum([rows(j, f) for f in folds], axis=0) for j in joints], axis=-1) for folds in parts]
+        return [np.stack([np.concatenate([rows(j, f) for f in folds]) for j in joints], axis=-1) for folds in parts]
 
     def _noises(self, left: _Series, factors: Sequence[Array | float], rng: np.random.Generator) -> _Series:
         """Return noises [K, N, n] of the spectra of what is left, times a factor by line, where rows count."""
@@ -68,7 +69,7 @@ class Chance:
         """Return what a set, fitted to rows [K, N, n], leaves of them."""
         right, columns = np.zeros((len(rows[0]), given.q)), []
         for folds, one in zip(self.data.of_measurement, rows, strict=True):
-            columns.append([np.sum([given.columns(j, f) for f in folds], axis=0) for j in range(self.data.n)])
+            columns.append([np.concatenate([given.columns(j, f) for f in folds]) for j in range(self.data.n)])
             for j, own in enumerate(columns[-1]):
                 right += one[:, :, j] @ own / given.dispersion[0, j]
         values = right @ given.whole.inverse
@@ -82,7 +83,7 @@ class Chance:
         for folds, rest in zip(data.of_measurement, self._left(given, rows), strict=True):
             left += np.sum(rest**2, axis=1) / given.dispersion[0]
             for j, pool in enumerate(data.pools):
-                own = np.sum([pool.rows(f, slice(None)) for f in folds], axis=0)
+                own = np.concatenate([pool.rows(f, slice(None)) for f in folds])
                 right[j] += rest[:, :, j] @ own / given.dispersion[0, j]
         independent = data.dof[: data.training].sum(axis=0)
         out = np.zeros((count, len(hypotheses)))

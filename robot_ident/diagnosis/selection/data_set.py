@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass, replace
 
 import numpy as np
@@ -53,21 +53,23 @@ class Rows:
         if not all(tells_noise(measured) for measured in measurements):
             return cls._without_floor(measurements, structure, validation)
         kept = gather(measurements, structure)
-        if len(measurements) == 1:
-            kept = split(kept, _PARTS)
         tested = whitened(kept)
-        aside = [trajectory(measured) for measured in validation if tells_noise(measured)]
-        before = [*tested.trajectories, *white_lines(aside, kept)]
-        after = white_lines([_path_as_uncertain_as_seen(t) for t in (*kept.trajectories, *aside)], kept)
+        others = [trajectory(measured) for measured in validation if tells_noise(measured)]
+        before = [*tested.trajectories, *white_lines(others, kept)]
+        after = white_lines([_path_as_uncertain_as_seen(t) for t in (*kept.trajectories, *others)], kept)
         found = [
             with_unseen_reactions(t, white.whitening, structure.torques(t.motion, kept.values))
             for t, white in zip(before, after, strict=True)
         ]
         after = tuple(t for t, _ in found)
-        training = after[: len(kept.trajectories)]
+        training = after[: len(measurements)]
         evidence = fitted(structure, training, kept.rigid, kept.memory)
         unseen = np.array([power for _, power in found])
         dof = np.array([_left_of_noise(*pair) for pair in zip(before, after, strict=True)])
+        if len(measurements) == 1:
+            evidence, tested = split(evidence, _PARTS), split(tested, _PARTS)
+            share = np.array([t.dof for t in evidence.trajectories]) / np.maximum(training[0].dof, 1e-300)
+            dof, unseen = (np.concatenate([share * of_all[0], of_all[1:]]) for of_all in (dof, unseen))
         return cls(tested, evidence, after[len(training) :], dof, unseen)
 
     @classmethod
@@ -102,18 +104,13 @@ def _left_of_noise(before: Trajectory, after: Trajectory) -> Array:
     return np.asarray(after.dof * np.mean((after.whitening / full) ** 2, axis=0))
 
 
-def _resolved(t: Trajectory, torques: Torques) -> Mask:
-    """Return the samples [N, n] that no unresolved motion at reversals spoils."""
-    assert torques.rigid is not None
-    return ~unresolved_rows(t.measured, torques.rigid.inertia, np.sqrt(t.measured.averaged_variance))
-
-
 class DataSet:
     """Folds of whitened rows with the columns of the base and of all hypotheses.
 
-    The first `training` folds are fitted, each of them left out in turn; the others only validate. base [n][F] of [N,
-    p], y [n][F] of [N], dof [F, n] independent rows, blocks [F] of [N]: the block of each row. base_own [F, n, p, p],
-    base_torque [F, n, p], power [F, n]: inner products. least [n]: the squared error of the least torque worth a name.
+    The first `training` folds are fitted, each of them left out in turn; the others only validate. Of N rows of a fold:
+    base [n][F] of [N, p], y [n][F] of [N], blocks [F] of [N], the block of each row. dof [F, n]: independent rows.
+    base_own [F, n, p, p], base_torque [F, n, p], power [F, n]: inner products. least [n]: the squared error of the
+    least torque worth a name.
     known_errors: of each effect that the model has already, the squared error [n] that its formula may make of the
     first.
     """
@@ -126,8 +123,9 @@ class DataSet:
         self.training = len(evidence.trajectories)
         self.torques, phi = self._seen(evidence, rows.validation)
         self.p = phi[0].shape[2]
-        self.base = [[np.ascontiguousarray(x[:, j]) for x in phi] for j in range(self.n)]
-        self.y = [[np.ascontiguousarray(t.y[:, j]) for t in self.folds] for j in range(self.n)]
+        whose = list(zip(self.folds, phi, strict=True))
+        self.base = [[np.ascontiguousarray(x[t.rows, j]) for t, x in whose] for j in range(self.n)]
+        self.y = [[np.ascontiguousarray(t.y[t.rows, j]) for t in self.folds] for j in range(self.n)]
         self.base_own = np.array([[b.T @ b for b in of_joint] for of_joint in self.base]).swapaxes(0, 1)
         self.base_torque = np.array(
             [[b.T @ y for b, y in zip(*pair, strict=True)] for pair in zip(self.base, self.y, strict=True)]
@@ -138,11 +136,8 @@ class DataSet:
         self.of_measurement = [[f for f, one in enumerate(sources) if one == of] for of in dict.fromkeys(sources)]
         self.blocks = [_blocks(t) for t in self.folds]
         self.floor = rows.floor
-        self.resolved = [
-            _resolved(*pair) if self.floor else ~near_reversals(pair[0].measured)
-            for pair in zip(self.folds, self.torques, strict=True)
-        ]
-        speeds = [np.abs(t.motion.dq[t.measured.rows]) for t in self.folds]
+        self.resolved = self._resolved()
+        speeds = [np.abs(t.motion.dq[t.measured.rows][t.rows]) for t in self.folds]
         creep = CREEP * np.max([speed.max(axis=0) for speed in speeds], axis=0)
         self.moving = [speed > creep for speed in speeds]
         self.weights = np.array([np.sum(t.weight**2, axis=0) for t in self.folds])
@@ -152,6 +147,20 @@ class DataSet:
         self.hypotheses: dict[str, list[Hypothesis]] = {}
         self._add_all(evidence, effects)
         self.grid = {label: len(settings) for label, settings in self.hypotheses.items()}
+
+    def _resolved(self) -> list[Mask]:
+        """Return the samples [N, n] of every fold's motion that no unresolved motion at reversals spoils."""
+        known: dict[int, Mask] = {}
+        for t, torques in zip(self.folds, self.torques, strict=True):
+            key, measured = id(t.measured), t.measured
+            if key in known:
+                continue
+            if self.floor:
+                assert torques.rigid is not None
+                known[key] = ~unresolved_rows(measured, torques.rigid.inertia, np.sqrt(measured.averaged_variance))
+            else:
+                known[key] = ~near_reversals(measured)
+        return [known[id(t.measured)] for t in self.folds]
 
     def _seen(self, evidence: Evidence, validation: Sequence[Trajectory]) -> tuple[list[Torques], list[Array]]:
         """Return torques and whitened base columns of every fold; torque scales are free to first order."""
@@ -195,7 +204,7 @@ class DataSet:
     def kept(self, fold: int, joint: int) -> Mask:
         """Return the rows [N] of a joint that count and that no unresolved motion at reversals spoils."""
         t = self.folds[fold]
-        return np.asarray((t.weight[:, joint] > 0.0) & self.resolved[fold][t.measured.rows, joint])
+        return np.asarray((t.weight[t.rows, joint] > 0.0) & self.resolved[fold][t.measured.rows, joint][t.rows])
 
     def turns_resolved(self, joint: int) -> bool:
         """Return whether most of a joint's reversals are resolved, and tell a filter of effort from a delay.
@@ -263,16 +272,21 @@ class DataSet:
             if id(t.measured) not in raw:
                 made = effect.columns(t.motion, torques)
                 raw[id(t.measured)] = made if only is None else made * only[number][:, :, None]
-        touched = np.flatnonzero(np.any([np.any(c != 0, axis=(0, 2)) for c in raw.values()], axis=0))
-        out: dict[int, list[Array]] = {int(j): [] for j in touched}
-        passed: dict[int, Array] = {}
-        for t in self.folds:
-            key = id(t.measured)
-            if key not in passed:
-                passed[key] = t.measured.passed(raw[key][:, touched])
-            white = t.in_noise(passed[key], [int(j) for j in touched])
-            for place, j in enumerate(touched):
-                out[int(j)].append(white[:, place])
+        touched = np.flatnonzero(np.any([np.any(c != 0, axis=(0, 2)) for c in raw.values()], axis=0)).tolist()
+        white = self.in_noise(lambda fold: raw[id(self.folds[fold].measured)][:, touched], touched)
+        return {j: [rows[:, place] for rows in white] for place, j in enumerate(touched)}
+
+    def in_noise(self, columns: Callable[[int], Array], joints: Sequence[int], count: int | None = None) -> list[Array]:
+        """Return columns [N, joints, k] Nm low-passed and in units of the noise, in the rows of each fold (of the first
+        `count`).
+        """
+        made: dict[int, Array] = {}
+        out = []
+        for fold, t in enumerate(self.folds[:count]):
+            whole = t.whole or t
+            if id(whole) not in made:
+                made[id(whole)] = whole.in_noise(t.measured.passed(columns(fold)), joints)
+            out.append(made[id(whole)][t.rows])
         return out
 
     def add(self, effect: Effect) -> Hypothesis | None:
@@ -299,7 +313,7 @@ class DataSet:
 
 def _blocks(t: Trajectory) -> NDArray[np.intp]:
     size = max(1, round(BLOCK / (t.measured.dt * t.measured.decimate)))
-    return np.arange(len(t.y)) // size
+    return np.arange(len(t.y[t.rows])) // size
 
 
 _ROOM = 64  # columns by which a pool grows at least

@@ -398,7 +398,7 @@ def _colours(
     both, apart = np.zeros(2), np.zeros(2)
     squares = np.zeros((2, data.n))
     for j in range(data.n):
-        pairs = [np.sum([errors(j, f) for f in folds], axis=0) for folds in data.of_measurement]
+        pairs = [np.concatenate([errors(j, f) for f in folds], axis=1) for folds in data.of_measurement]
         squares[:, j] = np.sum([np.sum(np.square(pair), axis=1) for pair in pairs], axis=0)
         series = [np.stack([before, after, before - after]) for before, after in pairs]
         mean = np.concatenate(series, axis=1).mean(axis=1, keepdims=True)  # has no phase that may be by chance

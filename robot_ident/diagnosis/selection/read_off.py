@@ -36,8 +36,8 @@ def add_lines(given: FittedSet, effects: Sequence[TorqueRipple]) -> None:
         return
     data, joint = given.data, effects[0].joint
     folds = data.folds[: data.training]
-    kept = [t.weight[:, joint] > 0.0 for t in folds]
-    moved = joined([t.motion[t.measured.rows][rows] for t, rows in zip(folds, kept, strict=True)])
+    kept = [t.weight[t.rows, joint] > 0.0 for t in folds]
+    moved = joined([t.motion[t.measured.rows][t.rows][rows] for t, rows in zip(folds, kept, strict=True)])
     left = np.concatenate([given.residual(joint, f)[rows] for f, rows in enumerate(kept)])
     orders = effects[0].lines(moved, left, min(t.measured.fastest for t in folds))
     for effect in effects:

@@ -82,13 +82,14 @@ def flexible_beside(given: FittedSet, joint: int, groups: Groups = groups_of) ->
     folds = range(data.training)
     low = np.min([t.motion.q.min(axis=0) for t in data.folds], axis=0)
     high = np.max([t.motion.q.max(axis=0) for t in data.folds], axis=0)
-    columns, sizes = [], [0]
-    for f in folds:
-        t = data.folds[f]
-        made = groups(t.motion, data.torques[f], joint, low, high)
-        sizes = [group.shape[1] for group in made]
-        raw = np.concatenate(made, axis=1)[:, None]
-        columns.append(t.in_noise(t.measured.passed(raw), [joint])[:, 0])
+    sizes: list[int] = []
+
+    def raw(fold: int) -> Array:
+        made = groups(data.folds[fold].motion, data.torques[fold], joint, low, high)
+        sizes[:] = [some.shape[1] for some in made]
+        return np.concatenate(made, axis=1)[:, None]
+
+    columns = [rows[:, 0] for rows in data.in_noise(raw, [joint], data.training)]
     group = np.repeat(np.arange(len(sizes)), sizes)
     rows = [_rows(given, joint, f) for f in folds]
     phi = given.dispersion[:, joint]
