@@ -26,6 +26,7 @@ from robot_ident.model.structure import Structure
 from robot_ident.recording.measurement import Measurement, Processing
 from robot_ident.recording.process import process
 from robot_ident.regression.evidence import extended, gather
+from robot_ident.regression.spectrum import whitened
 from robot_ident.robot import Robot
 from robot_ident.signals.fourier import above_noise
 
@@ -297,6 +298,29 @@ def test_gains_are_those_of_fits_done_anew(search: Search) -> None:
     falls = [b.sum() - a.sum() for b, a in zip(before, after, strict=True)]
     np.testing.assert_allclose(falls, held_out, rtol=1e-6, atol=1e-6)
     assert given.loss.sum() == pytest.approx(sum(block.sum() for block in before), rel=1e-9)
+
+
+def test_the_best_values_of_a_grid_are_those_of_all(search: Search) -> None:
+    """Bounds spare most of the gains, and change none of the best."""
+    given = search.given([search.data.hypotheses["torque_offset@joint_1"][0]])
+    for h in search.best_values(given):
+        every = [given.gain(one) - 2.0 * one.effect.size for one in search.data.hypotheses[h.label]]
+        assert given.gain(h) - 2.0 * h.effect.size == pytest.approx(max(every), rel=1e-6, abs=1e-6)
+
+
+def test_one_recording_is_whitened_as_a_whole_and_cut(bench: Any, sticking: list[Measurement]) -> None:
+    """Its parts hold each row once; blocks of half a second are those of the recording, but for the cuts."""
+    rows = Rows.of(sticking[:1], bench.structure)
+    (whole,) = whitened(gather(sticking[:1], bench.structure)).trajectories
+    assert whole.whitening is not None
+    tested = rows.tested.trajectories
+    np.testing.assert_allclose(sum(t.y for t in tested), whole.y)
+    assert sum(np.count_nonzero(np.any(t.y != 0.0, axis=1)) for t in tested) == np.count_nonzero(whole.y.any(axis=1))
+    data = DataSet(rows)
+    assert [len(y) for y in data.y[0]] == [len(t.y[t.rows]) for t in data.folds]
+    assert sum(len(y) for y in data.y[0]) == len(whole.y)
+    seconds = len(whole.y) * whole.measured.dt
+    assert seconds / 0.5 <= data.block_count <= seconds / 0.5 + len(data.folds)
 
 
 def test_the_error_of_a_size_is_that_of_its_blocks(search: Search) -> None:

@@ -47,10 +47,15 @@ class Rows:
 
     @classmethod
     def of(
-        cls, measurements: Sequence[Measurement], structure: Structure, validation: Sequence[Measurement] = ()
+        cls,
+        measurements: Sequence[Measurement],
+        structure: Structure,
+        validation: Sequence[Measurement] = (),
+        *,
+        floor: bool = True,
     ) -> Rows:
-        """Put the rows in units of their noise, split the only recording."""
-        if not all(tells_noise(measured) for measured in measurements):
+        """Put the rows in units of their noise where all tell it (unless floor is False), split the only recording."""
+        if not floor or not all(tells_noise(measured) for measured in measurements):
             return cls._without_floor(measurements, structure, validation)
         kept = gather(measurements, structure)
         tested = whitened(kept)

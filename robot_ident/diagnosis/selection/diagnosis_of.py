@@ -15,7 +15,7 @@ from robot_ident.diagnosis.measuring.first import CORRECT, exact_fault, fault_be
 from robot_ident.diagnosis.measuring.fitted_fault import with_columns
 from robot_ident.diagnosis.measuring.lookalikes import with_line, with_low_pass
 from robot_ident.diagnosis.power import too_little, unseen_below, with_doubt
-from robot_ident.diagnosis.selection.constants import NAMED
+from robot_ident.diagnosis.selection.constants import NAMED, SHARE
 from robot_ident.diagnosis.selection.fitted_set import FittedSet
 from robot_ident.diagnosis.selection.hypotheses import Hypothesis
 from robot_ident.diagnosis.selection.read_off import hidden_lines
@@ -48,7 +48,7 @@ def diagnosis_of(
     Validation recordings never enter a fit. An effect is named at a probability of .8 and more; below, it is listed,
     and the verdict is `not_decidable` where nothing else is named.
     """
-    found = select(measurements, structure, validation, tell)
+    found = _looked_again(select(measurements, structure, validation, tell), measurements, validation)
     named = tuple(h for h in found.selected if found.probability(h.label) >= NAMED)
     unsure = tuple(h for h in found.selected if h not in named)
     said = (_beyond_noise if found.data.floor else _by_prediction)(found, named, unsure, validation)
@@ -57,6 +57,36 @@ def diagnosis_of(
     ]
     said = replace(said, notes=(*said.notes, *hidden_lines(found.tested, ripples)))
     return _as_fitted(said, measurements, structure)
+
+
+def _looked_again(
+    found: Selection, measurements: Sequence[Measurement], validation: Sequence[Measurement]
+) -> Selection:
+    """Return a selection, or what the same recordings select in units of what the model leaves, where that names more
+    and predicts better: a joint on which several causes act is left more than noise until all of them are named, and
+    its largest ones would not be.
+
+    There, a joint's names count where together they explain most of it (SHARE).
+    """
+    search, labels = found.search, {h.label for h in found.selected}
+    if not found.data.floor or not found.beyond_noise():
+        return found
+    again = select(measurements, found.data.structure, validation, floor=False)
+    effects = [h.effect for h in again.selected if again.probability(h.label) >= NAMED]
+    made = tuple(h for h in map(found.data.add, effects) if h is not None)
+    enough = found.shares_with(made)
+    made = tuple(h for h in made if h.label in labels or enough[h.label] >= SHARE)
+    if not labels < {h.label for h in made} or search.objective(made) >= search.objective(found.selected):
+        return found
+    named = {h.label for h in made}
+    return replace(
+        found,
+        selected=made,
+        vague=tuple(h for h in found.vague if h.label not in named),
+        election=again.election,
+        chances=again.chances,
+        withheld=tuple(one for one in found.withheld if one.label not in named),
+    )
 
 
 def _as_fitted(said: Diagnosis, measurements: Sequence[Measurement], structure: Structure) -> Diagnosis:

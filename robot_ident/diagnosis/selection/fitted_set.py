@@ -15,7 +15,7 @@ import numpy as np
 from robot_ident.diagnosis.selection.data_set import DataSet
 from robot_ident.diagnosis.selection.hypotheses import TIMING, Hypothesis
 from robot_ident.regression.gram import HELD, within_ranges
-from robot_ident.regression.normal_equations import pseudo_inverse
+from robot_ident.regression.normal_equations import least_gains, pseudo_inverse
 from robot_ident.signals.motion import Array
 
 
@@ -184,9 +184,14 @@ class FittedSet:
             if joint in mine.at:
                 cross[:, span] = pool.own[:, mine.at[joint]]
         beside = []
+        of_all = self.whole.weights / self.dispersion[:, joint]
+        all_mixed, all_own = np.tensordot(of_all, cross, 1), np.tensordot(of_all, pool.own, 1)
         for fit in self.fits:
             weights = fit.weights / self.dispersion[:, joint]
-            mixed, own = np.tensordot(weights, cross, 1), np.tensordot(weights, pool.own, 1)
+            mixed, own = all_mixed, all_own
+            for f in np.flatnonzero(weights != of_all):
+                less = of_all[f] - weights[f]
+                mixed, own = mixed - less * cross[f], own - less * pool.own[f]
             right = weights @ pool.torque - mixed.T @ fit.values
             predicted = {f: pool.torque[f] - cross[f].T @ fit.values for f in fit.predicts}
             beside.append(_InPool(mixed, fit.inverse @ mixed, own, right, predicted))
@@ -359,6 +364,19 @@ class FittedSet:
             for f in range(data.training):
                 out[j] += c @ pool.own[f][at[:, None], at] @ c - 2.0 * taken @ pool.cross[f][:, at] @ c
         return np.asarray(out)
+
+    def most_gains(self, joint: int, at: Array) -> Array:
+        """Return the most [H] that hypotheses of a joint alone at places [H, k] of its pool gain, whatever the ranges
+        of their parameters.
+        """
+        seen = self._pool(joint)[1][-1]
+        square = seen.own[at[:, :, None], at[:, None, :]]
+        square = square - np.einsum("qha,qhb->hab", seen.cross[:, at], seen.projected[:, at], optimize=True)
+        own = np.einsum("haa->ha", square)
+        free = own > HELD * np.einsum("haa->ha", seen.own[at[:, :, None], at[:, None, :]])
+        scale = np.where(free, 1.0 / np.sqrt(np.where(free, own, 1.0)), 0.0)
+        right = seen.right[at] * scale
+        return least_gains(square * scale[:, :, None] * scale[:, None, :], right)
 
     def single_gains(self, joint: int) -> tuple[Array, Array]:
         """Return coefficient and right side [P] of every column of a joint's pool alone, whatever its range."""

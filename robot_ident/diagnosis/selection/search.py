@@ -39,6 +39,7 @@ _TOGETHER = 3  # effects of a joint at most of which some are replaced by a pair
 _KEPT = 24  # fitted sets that are remembered
 _CLEARLY = 2.0  # of J, by which another set must be better to take the place of one
 _LEAST_DISPERSION = 1e-9  # of what the model without any effect leaves, where noise is not known
+_ROUNDING = 1e-6  # of a gain, to which a bound of it is computed
 _WITHOUT_WEIGHT = 1e6  # dispersion of a joint whose rows count for nothing
 
 
@@ -67,6 +68,12 @@ class Search:
         self._choices = 2.0 * np.log(max(2, len(data.hypotheses)))
         self._per_parameter = np.log(max(2, data.block_count))
         self.least = data.weights.sum(axis=0) * data.least
+
+    def with_size_error(self, size_error: float) -> Search:
+        """Return another search on the data set that asks for another size error, and knows what this one computed."""
+        other = Search(self.data, size_error)
+        other.refinement, other._fitted, other._looked = self.refinement, self._fitted, self._looked
+        return other
 
     def given(self, selected: Sequence[Hypothesis], dispersion: Array | None = None) -> FittedSet:
         """Return a set, fitted with a dispersion (None: the present one)."""
@@ -296,26 +303,43 @@ class Search:
                 yield self.given((mine,)), [joint]
 
     def best_values(self, given: FittedSet) -> list[Hypothesis]:
-        """Return every hypothesis at the values of its grid that gain most by the score test."""
-        quick: dict[int, tuple[Array, Array]] = {}
+        """Return every hypothesis at the values of its grid that gain most by the score test, less 2 a parameter."""
+        known = {label: settings for label, settings in self.data.hypotheses.items() if label not in self.barred}
+        bounds = self._most_gains(given, [settings for settings in known.values() if len(settings) > 1])
         out = []
-        for label, settings in self.data.hypotheses.items():
-            if label in self.barred:
-                continue
-            best, most = settings[0], -np.inf
-            for h in settings if len(settings) > 1 else ():
-                if len(h.at) == 1 and len(h.ranges) == 1:
-                    ((joint, at),) = h.at.items()
-                    if joint not in quick:
-                        quick[joint] = given.single_gains(joint)
-                    c = quick[joint][0][at[0]]
-                    gain = float(c * quick[joint][1][at[0]]) if h.ranges[0][0] <= c <= h.ranges[0][1] else 0.0
-                else:
-                    gain = given.gain(h)
-                gain -= 2.0 * h.effect.size
-                if gain > most:
-                    best, most = h, gain
-            out.append(best)
+        for settings in known.values():
+            best, most = 0, -np.inf
+            order = sorted(range(len(settings)), key=lambda k: -bounds.get(id(settings[k]), (0.0, True))[0])
+            for k in order if len(settings) > 1 else ():
+                bound, exact = bounds[id(settings[k])]
+                if bound < most - _ROUNDING * abs(most):
+                    break
+                gain = bound if exact else given.gain(settings[k]) - 2.0 * settings[k].effect.size
+                if gain > most or (gain == most and k < best):
+                    best, most = k, gain
+            out.append(settings[best])
+        return out
+
+    def _most_gains(self, given: FittedSet, some: Sequence[Sequence[Hypothesis]]) -> dict[int, tuple[float, bool]]:
+        """Return by id the most that hypotheses may gain, less 2 a parameter, and whether that is what they do gain.
+
+        One column tells; of several on one joint the ranges are not looked at.
+        """
+        out, alike = {}, dict[tuple[int, int], list[Hypothesis]]()
+        for h in (h for settings in some for h in settings):
+            if len(h.at) == 1:
+                alike.setdefault((h.joints[0], len(h.ranges)), []).append(h)
+            else:
+                out[id(h)] = given.gain(h) - 2.0 * h.effect.size, True
+        for (joint, columns), mine in alike.items():
+            at = np.array([h.at[joint] for h in mine])
+            if columns == 1:
+                c, right = (x[at[:, 0]] for x in given.single_gains(joint))
+                low, high = np.array([h.ranges[0] for h in mine]).T
+                gains = np.where((low <= c) & (c <= high), c * right, 0.0)
+            else:
+                gains = given.most_gains(joint, at)
+            out |= {id(h): (float(g) - 2.0 * h.effect.size, columns == 1) for h, g in zip(mine, gains, strict=True)}
         return out
 
     def ranked(self, beside: Sequence[Hypothesis], refine: int = REFINED) -> Ranked:

@@ -77,6 +77,15 @@ class Selection:
             )
         return out
 
+    def beyond_noise(self) -> tuple[int, ...]:
+        """Return the joints of which the set leaves more than formulas, the least torque and noise do."""
+        return tuple(int(j) for j in np.flatnonzero(_Judged(self.search, self.selected).remainder > 1.0))
+
+    def shares_with(self, selected: Selected) -> Mapping[str, float]:
+        """Return by label what share of the excess of its main joint another set explains of motion left out."""
+        judged = _Judged(self.search, selected)
+        return {label: float(judged.share[joint]) for label, joint in judged.main.items()}
+
     def probability(self, label: str) -> float:
         """Return the probability of a selected effect: the share of the resamples that it wins, times one less
         the chance.
@@ -89,9 +98,13 @@ def select(
     structure: Structure,
     validation: Sequence[Measurement] = (),
     tell: Tell = silent,
+    *,
+    floor: bool = True,
 ) -> Selection:
-    """Select what a model lacks from recordings that tell their noise; validation recordings are never fitted."""
-    rows = Rows.of(measurements, structure, validation)
+    """Select what a model lacks; validation recordings are never fitted. floor: whether rows are in units of the noise
+    of recordings that tell it, or of what the model leaves.
+    """
+    rows = Rows.of(measurements, structure, validation, floor=floor)
     fits = lack_of_fit(rows.tested, base_gram(rows.tested)) if rows.floor else ()
     tell(0.3, "trying every effect")
     data = DataSet(rows)
@@ -103,7 +116,7 @@ def select(
     settled = _Settled.of(search)
     vague = _vague(search, settled)
     if vague and any(fit.fails for fit in fits):
-        wider = Search(data, COMPLETE_SIZE_ERROR)
+        wider = search.with_size_error(COMPLETE_SIZE_ERROR)
         complete = _Settled.of(wider)
         if not complete.withheld and _Judged(wider, complete.selected).complete:
             search, settled, vague = wider, complete, _vague(wider, complete)
