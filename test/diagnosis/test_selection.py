@@ -481,6 +481,25 @@ def test_without_a_noise_floor_what_acts_besides_withholds_no_name(bench: Any) -
     assert "viscous_nonlinear@joint_2" in labels(by_sets(bench, dragged))
 
 
+def test_without_a_noise_floor_a_torque_that_turns_round_at_rest_is_no_friction_of_speed(bench: Any) -> None:
+    """Where joint 2 sticks, dry friction goes from one side to the other over tens of milliseconds: a curve that bends
+    near zero speed follows it there, and explains nothing elsewhere.
+    """
+    measured = []
+    for one in one_pass(bench, (), (0, 1, 2)):
+        sign = np.sign(one.motion.dq[:, 1])
+        late = np.convolve(np.pad(sign, 20, mode="edge"), np.full(41, 1.0 / 41.0), "valid")
+        near = near_reversals(one)[:, 1]
+        measured.append(replace(one, torque=one.torque + np.outer(20.0 * near * (late - sign), [0, 1, 0])))
+    search = Search(DataSet(Rows.of(measured, bench.structure)))
+    given = search.given(())
+    best = max(search.data.hypotheses["viscous_nonlinear@joint_2"], key=given.gain)
+    search.weigh_by(())
+    assert search.share(best, ()) > 0.2
+    assert not search.predicts(best, ())
+    assert not labels(by_sets(bench, measured)) & {"viscous_nonlinear@joint_2", "stribeck@joint_2"}
+
+
 def smeared(bench: Any, effect: str, noise: float) -> Measurement:
     """A short recording whose low pass smears reversals."""
     recording = bench.record((effect,), 0, noise=noise)

@@ -283,8 +283,8 @@ def _notes(found: Selection, verdict: Verdict) -> list[str]:
     for h in found.vague:
         known, asked = found.search.size_error_of(h, found.selected), found.search.largest_size_error(h)
         notes.append(
-            f"{h.label} may be missing: its size is known to {100 * known:.0f} %, and no name is given beyond"
-            f" {100 * asked:.0f} %; record more periods or another motion"
+            f"{h.label} may be missing: its size is known to {100 * known:.3g} %, and no name is given beyond"
+            f" {100 * asked:.3g} %; record more periods or another motion"
         )
     notes += [f"{h.label}{CORRECT}" for h in found.selected if h.effect.measuring]
     return list(dict.fromkeys(notes))

@@ -154,7 +154,7 @@ class FittedSet:
                 kept = data.kept(f, joint)
                 before, after = (error[kept] for error in errors(joint, f))
                 used = max(int(np.sum(data.folds[f].weight[:, joint] > 0.0)), 1)
-                excess += float(before @ before) - data.dof[f, joint] * kept.sum() / used
+                excess += float(before @ before) - data.floor * data.dof[f, joint] * kept.sum() / used
                 fall += float(before @ before) - float(after @ after)
         return fall, excess
 

@@ -193,7 +193,7 @@ class Search:
         if not self.data.floor:  # squared errors are in no unit of noise
             beyond = beyond / self.dispersion[0]
         least = PARTIAL_SHARE if h.own_friction or not self.data.floor else SHARE
-        if beyond.sum() <= cost or self._most_share(h, beside) < least:
+        if beyond.sum() <= cost or self._share_that_counts(h, beside) < least:
             return False
         return self._makes_sense(h, given)
 
@@ -251,16 +251,17 @@ class Search:
         formulas = float(self.formula_error(beside)[self._main(h, beside)])
         return fall / max(fall + left + formulas, 1.0)
 
-    def _most_share(self, h: Hypothesis, beside: Sequence[Hypothesis]) -> float:
+    def _share_that_counts(self, h: Hypothesis, beside: Sequence[Hypothesis]) -> float:
         """Return the same as large as it may be: less the standard deviation of noise, of all rows or of those that no
-        unresolved motion at reversals spoils.
+        unresolved motion at reversals spoils. Where noise is not known, of all rows; the lesser of both of an effect
+        without memory, which acts wherever a joint moves, while the torque of one that sticks turns round.
         """
         out = []
-        for resolved in (False, True) if self.data.floor else (False,):
+        for resolved in (False, True):
             fall, left = self._fall_and_left(h, beside, resolved)
             spread = np.sqrt(2.0 * self.data.noise[self._main(h, beside)])
             out.append(fall / max(fall + left - float(np.clip(left, 0.0, spread)), 1.0))
-        return max(out)
+        return max(out) if self.data.floor else out[0] if h.effect.needs_time else min(out)
 
     def _main(self, h: Hypothesis, beside: Sequence[Hypothesis]) -> int:
         """Return the joint where a hypothesis predicts most of motion that was not fitted, in units of its error."""
