@@ -193,9 +193,9 @@ class Search:
         if not self.data.floor:  # squared errors are in no unit of noise
             beyond = beyond / self.dispersion[0]
         least = PARTIAL_SHARE if h.own_friction or not self.data.floor else SHARE
-        if beyond.sum() <= cost or self._share_that_counts(h, beside) < least:
+        if beyond.sum() <= cost or self._most_share(h, beside) < least:
             return False
-        return self._makes_sense(h, given)
+        return self._makes_sense(h, given) and self._acts_everywhere(h, beside)
 
     def stands_out(self, h: Hypothesis, given: FittedSet) -> bool:
         """Return whether a hypothesis explains more of what others leave than it would of noise of the same spectrum:
@@ -251,17 +251,30 @@ class Search:
         formulas = float(self.formula_error(beside)[self._main(h, beside)])
         return fall / max(fall + left + formulas, 1.0)
 
-    def _share_that_counts(self, h: Hypothesis, beside: Sequence[Hypothesis]) -> float:
+    def _most_share(self, h: Hypothesis, beside: Sequence[Hypothesis]) -> float:
         """Return the same as large as it may be: less the standard deviation of noise, of all rows or of those that no
-        unresolved motion at reversals spoils. Where noise is not known, of all rows; the lesser of both of an effect
-        without memory, which acts wherever a joint moves, while the torque of one that sticks turns round.
+        unresolved motion at reversals spoils.
         """
         out = []
-        for resolved in (False, True):
+        for resolved in (False, True) if self.data.floor else (False,):
             fall, left = self._fall_and_left(h, beside, resolved)
             spread = np.sqrt(2.0 * self.data.noise[self._main(h, beside)])
             out.append(fall / max(fall + left - float(np.clip(left, 0.0, spread)), 1.0))
-        return max(out) if self.data.floor else out[0] if h.effect.needs_time else min(out)
+        return max(out)
+
+    def _acts_everywhere(self, h: Hypothesis, beside: Sequence[Hypothesis]) -> bool:
+        """Return whether a hypothesis explains half as much a row as of all rows in those that no unresolved motion at
+        reversals spoils: what has no memory acts wherever a joint moves, while the torque of one that sticks turns
+        round. Not asked of what has a memory, nor where noise is known, by which such rows are few.
+        """
+        if self.data.floor or h.effect.needs_time:
+            return True
+        joint, training = self._main(h, beside), range(self.data.training)
+        fall, _ = self.given(beside).fall_where_resolved(h, joint)
+        whole = float(self.given(beside).held_out_gain(h)[: len(training), joint].sum())
+        kept = sum(int(self.data.kept(f, joint).sum()) for f in training)
+        rows = sum(int(np.sum(self.data.folds[f].weight[:, joint] > 0.0)) for f in training)
+        return fall >= SHARE * kept / max(rows, 1) * whole
 
     def _main(self, h: Hypothesis, beside: Sequence[Hypothesis]) -> int:
         """Return the joint where a hypothesis predicts most of motion that was not fitted, in units of its error."""
