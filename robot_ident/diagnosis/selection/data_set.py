@@ -318,7 +318,8 @@ class DataSet:
 
 def _blocks(t: Trajectory) -> NDArray[np.intp]:
     size = max(1, round(BLOCK / (t.measured.dt * t.measured.decimate)))
-    return np.arange(len(t.y[t.rows])) // size
+    of_recording = np.arange(len(t.y))[t.rows] // size
+    return of_recording - of_recording[:1]
 
 
 _ROOM = 64  # columns by which a pool grows at least
