@@ -35,6 +35,11 @@ class Trajectory:
     whole: Trajectory | None = None
     rows: slice = field(default_factory=partial(slice, None))
 
+    @property
+    def uncut(self) -> Trajectory:
+        """The trajectory that this one is a part of, itself where it is none."""
+        return self.whole or self
+
     def weighed(self, columns: Array) -> Array:
         """Return columns [N, n, k] (Nm) low-passed as the torque is, and in units of the noise."""
         return self.in_noise(self.measured.passed(columns))
@@ -51,9 +56,7 @@ class Trajectory:
         return np.asarray(np.fft.irfft(lines, len(rows), axis=0))
 
     def transposed(self, rows: Array) -> Array:
-        """Return rows [N, n, k] in units of the noise through the transpose of `in_noise`, which is linear."""
-        if self.whole is not None:
-            return self.whole.transposed(self.cut(rows))
+        """Return rows [N, n, k] in units of the noise through the transpose of `in_noise` of what is no part."""
         if self.whitening is not None:
             lines = np.fft.rfft(rows, axis=0) * self.whitening[:, :, None]
             rows = np.fft.irfft(lines, len(rows), axis=0)
@@ -89,7 +92,7 @@ class Trajectory:
             return rows
         return np.asarray(np.fft.irfft(np.fft.rfft(rows, axis=0) / self.whitening, len(rows), axis=0))
 
-    def weighed_by(self, whitening: Array | None) -> Trajectory:
+    def whitened_by(self, whitening: Array | None) -> Trajectory:
         """Return the trajectory with another whitening [K + 1, n]."""
         other = replace(self, whitening=whitening)
         return replace(other, y=other.weighed(self.measured.torque[:, :, None])[:, :, 0])
@@ -172,12 +175,20 @@ def weighed_once(
     trajectories: Sequence[Trajectory], columns: Callable[[int], Array], joints: Sequence[int] | None = None
 ) -> tuple[Array, ...]:
     """Return columns(place) [N, joints, k] as `Trajectory.weighed` does, once for all parts of one trajectory."""
+    return tuple(
+        t.cut(rows) for t, rows in zip(trajectories, weighed_uncut(trajectories, columns, joints), strict=True)
+    )
+
+
+def weighed_uncut(
+    trajectories: Sequence[Trajectory], columns: Callable[[int], Array], joints: Sequence[int] | None = None
+) -> list[Array]:
+    """Return the same in all rows of the trajectories that they are parts of."""
     made: dict[int, Array] = {}
     for place, t in enumerate(trajectories):
-        whole = t.whole or t
-        if id(whole) not in made:
-            made[id(whole)] = whole.in_noise(t.measured.passed(columns(place)), joints)
-    return tuple(t.cut(made[id(t.whole or t)]) for t in trajectories)
+        if id(t.uncut) not in made:
+            made[id(t.uncut)] = t.uncut.in_noise(t.measured.passed(columns(place)), joints)
+    return [made[id(t.uncut)] for t in trajectories]
 
 
 def fitted(

@@ -39,10 +39,6 @@ class Nuisance:
     torques: Array
     square: Array
 
-    @property
-    def _whole(self) -> Trajectory:
-        return self.parts[0].whole or self.parts[0]
-
     @classmethod
     def of(
         cls, places: Sequence[int], parts: Sequence[Trajectory], torques: Iterable[Array], least: float = 0.0
@@ -52,7 +48,7 @@ class Nuisance:
         """
         kept: list[Array] = []
         square = np.zeros((0, 0))
-        whole = parts[0].whole or parts[0]
+        whole = parts[0].uncut
         for some in torques:
             seen = whole.transposed(whole.in_noise(some))
             matter = np.einsum("ijk,ijk->k", some, seen) > least
@@ -75,7 +71,7 @@ class Nuisance:
         """Return L^-1 K' X [k, c] for X [N, n, c] of the whole."""
         from scipy.linalg import solve_triangular
 
-        x = self._whole.transposed(rows).reshape(len(self.torques), -1)
+        x = self.parts[0].uncut.transposed(rows).reshape(len(self.torques), -1)
         return np.asarray(solve_triangular(self._root, self.torques.T @ x, lower=True))
 
     def without(self, parts: Sequence[Array]) -> list[Array]:
@@ -87,7 +83,7 @@ class Nuisance:
         mine = [parts[place] for place in self.places]
         rows = np.sum(mine, axis=0)
         sizes = solve_triangular(self._root, self.onto(rows[:, :, None]), lower=True, trans="T")
-        made = self._whole.in_noise((self.torques @ sizes).reshape(*rows.shape, 1))[:, :, 0]
+        made = self.parts[0].uncut.in_noise((self.torques @ sizes).reshape(*rows.shape, 1))[:, :, 0]
         return [t.cut(rows - made) for t in self.parts]
 
 
@@ -203,7 +199,7 @@ def _kinks_by_measurement(evidence: Evidence) -> tuple[Nuisance, ...]:
 def _weighed_kinks(evidence: Evidence) -> tuple[Nuisance, ...]:
     places: dict[int, list[int]] = {}
     for place, t in enumerate(evidence.trajectories):
-        places.setdefault(id(t.whole or t), []).append(place)
+        places.setdefault(id(t.uncut), []).append(place)
     out = []
     for mine in places.values():
         parts = [evidence.trajectories[place] for place in mine]

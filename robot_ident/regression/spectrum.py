@@ -258,7 +258,7 @@ def _white(t: Trajectory, evidence: Evidence) -> Trajectory:
     path = _of_the_path(t, evidence)
     if np.max(path) >= _MATTERS:
         noise = noise + path
-    return t if np.all(noise == 1.0) else t.weighed_by(1.0 / np.sqrt(noise))
+    return t if np.all(noise == 1.0) else t.whitened_by(1.0 / np.sqrt(noise))
 
 
 def _of_the_path(t: Trajectory, evidence: Evidence) -> Array:

@@ -17,7 +17,7 @@ from robot_ident.effects import Effect, Torques
 from robot_ident.effects.effort_filter import EffortFilter
 from robot_ident.model.structure import Structure
 from robot_ident.recording.measurement import Measurement
-from robot_ident.regression.evidence import Evidence, Trajectory, fitted, gather, split, trajectory
+from robot_ident.regression.evidence import Evidence, Trajectory, fitted, gather, split, trajectory, weighed_uncut
 from robot_ident.regression.gram import FAINT
 from robot_ident.regression.normal_equations import pseudo_inverse
 from robot_ident.regression.spectrum import white_lines, whitened
@@ -285,14 +285,8 @@ class DataSet:
         """Return columns [N, joints, k] Nm low-passed and in units of the noise, in the rows of each fold (of the first
         `count`).
         """
-        made: dict[int, Array] = {}
-        out = []
-        for fold, t in enumerate(self.folds[:count]):
-            whole = t.whole or t
-            if id(whole) not in made:
-                made[id(whole)] = whole.in_noise(t.measured.passed(columns(fold)), joints)
-            out.append(made[id(whole)][t.rows])
-        return out
+        folds = self.folds[:count]
+        return [rows[t.rows] for t, rows in zip(folds, weighed_uncut(folds, columns, joints), strict=True)]
 
     def add(self, effect: Effect) -> Hypothesis | None:
         """Add an effect at further values of its nonlinear parameters; None where its columns are zero."""

@@ -69,7 +69,7 @@ def _looked_again(
     There, a joint's names count where together they explain most of it (SHARE).
     """
     search, labels = found.search, {h.label for h in found.selected}
-    if not found.data.floor or not found.beyond_noise():
+    if not found.data.floor or found.complete:
         return found
     again = select(measurements, found.data.structure, validation, floor=False)
     effects = [h.effect for h in again.selected if again.probability(h.label) >= NAMED]

@@ -322,9 +322,11 @@ class Search:
         bounds = self._most_gains(given, [settings for settings in known.values() if len(settings) > 1])
         out = []
         for settings in known.values():
+            if len(settings) == 1:
+                out.append(settings[0])
+                continue
             best, most = 0, -np.inf
-            order = sorted(range(len(settings)), key=lambda k: -bounds.get(id(settings[k]), (0.0, True))[0])
-            for k in order if len(settings) > 1 else ():
+            for k in sorted(range(len(settings)), key=lambda k: -bounds[id(settings[k])][0]):
                 bound, exact = bounds[id(settings[k])]
                 if bound < most - _ROUNDING * abs(most):
                     break

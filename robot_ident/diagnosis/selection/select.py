@@ -77,9 +77,10 @@ class Selection:
             )
         return out
 
-    def beyond_noise(self) -> tuple[int, ...]:
-        """Return the joints of which the set leaves more than formulas, the least torque and noise do."""
-        return tuple(int(j) for j in np.flatnonzero(_Judged(self.search, self.selected).remainder > 1.0))
+    @property
+    def complete(self) -> bool:
+        """Whether the set leaves no joint more than formulas, the least torque and noise do."""
+        return _Judged(self.search, self.selected).complete
 
     def shares_with(self, selected: Selected) -> Mapping[str, float]:
         """Return by label what share of the excess of its main joint another set explains of motion left out."""

@@ -27,7 +27,7 @@ def with_unseen_reactions(t: Trajectory, whitening: Array | None, torques: Torqu
     measured, share, variance = t.measured, t.measured.line_share, t.measured.averaged_position_variance
     by_lines = measured.decimate == 1 and measured.low_pass is None
     if share is None or variance is None or measured.base_frequency is None or not by_lines or torques.rigid is None:
-        return t.weighed_by(whitening), np.zeros(t.motion.joints)
+        return t.whitened_by(whitening), np.zeros(t.motion.joints)
     inertia, samples = torques.rigid.inertia, t.motion.samples
     lines = np.fft.rfft(t.motion.ddq, axis=0)
     held = np.zeros(lines.shape)
@@ -51,8 +51,8 @@ def with_unseen_reactions(t: Trajectory, whitening: Array | None, torques: Torqu
         missing = np.einsum("Nju,Nu->Nj", inertia[:, :, still], np.fft.irfft(moved, samples, axis=0))
         power += np.abs(np.fft.rfft(missing, axis=0)) ** 2
     if not power.any():
-        return t.weighed_by(whitening), np.zeros(t.motion.joints)
+        return t.whitened_by(whitening), np.zeros(t.motion.joints)
     lost = uniform_filter1d(power, _NEAR, axis=0) / (samples * measured.averaged_variance)
     noise = lost + (1.0 if whitening is None else whitening**-2.0)
     made = np.mean(lost / noise, axis=0) * np.sum(t.weight > 0, axis=0)
-    return t.weighed_by(1.0 / np.sqrt(noise)), made
+    return t.whitened_by(1.0 / np.sqrt(noise)), made
