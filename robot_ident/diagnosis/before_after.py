@@ -52,25 +52,7 @@ def estimates(evidence: Evidence, effect: Effect) -> tuple[Estimate, ...]:
     # in the model it lacks the coefficients whose columns another effect holds
     effect = next((one for one in evidence.structure.effects if one.label == effect.label), effect)
     jacobians, free = _jacobians(evidence, effect)
-    residual = evidence.residual
-    parts = [j.reshape(-1, j.shape[2]) for j in jacobians]
-    scale = np.maximum(np.linalg.norm(np.concatenate(parts), axis=0), 1e-300)
-    parts = [part / scale for part in parts]
-    grams = [part.T @ part for part in parts]
-    bread = np.linalg.pinv(np.sum(grams, axis=0), rcond=1e-11, hermitian=True)
-    scores = [(j / scale) * r[:, :, None] for j, r in zip(jacobians, residual, strict=True)]
-    blocks = np.array(
-        [
-            block.sum(axis=(0, 1))
-            for t, s in zip(evidence.trajectories, scores, strict=True)
-            for block in np.array_split(s, _blocks(t.measured, len(s)))
-        ]
-    )
-    spread = blocks @ bread
-    variance = np.maximum(np.diag(bread), np.sum(spread**2, axis=0))
-    if not effect.trends:  # groups of periods, one after the other, are no repetitions of each other
-        variance = np.maximum(variance, _jackknife(grams, [s.sum(axis=(0, 1)) for s in scores]))
-    std = np.sqrt(np.maximum(variance, 0.0)) / scale
+    std = spread(evidence, jacobians, jackknife=not effect.trends)  # groups of periods are no repetitions of each other
     place = {name: k for k, name in enumerate(evidence.structure.names)}
     linear = [
         Estimate(name, float(evidence.values[place[name]]), float(std[place[name]]), unit)
@@ -82,6 +64,29 @@ def estimates(evidence: Evidence, effect: Effect) -> tuple[Estimate, ...]:
         for name, unit, i in zip(effect.inner_names(), effect.inner_units(), effect.inner, strict=True)
     ]
     return (*linear, *inner)
+
+
+def spread(evidence: Evidence, jacobians: Sequence[Array], *, jackknife: bool) -> Array:
+    """Return the standard deviation [p] of parameters of weighed derivatives [N, n, p] of every trajectory, as
+    `estimates` tells; jackknife: whether it counts what leaving one trajectory out moves.
+    """
+    parts = [j.reshape(-1, j.shape[2]) for j in jacobians]
+    scale = np.maximum(np.linalg.norm(np.concatenate(parts), axis=0), 1e-300)
+    parts = [part / scale for part in parts]
+    grams = [part.T @ part for part in parts]
+    bread = np.linalg.pinv(np.sum(grams, axis=0), rcond=1e-11, hermitian=True)
+    scores = [(j / scale) * r[:, :, None] for j, r in zip(jacobians, evidence.residual, strict=True)]
+    blocks = np.array(
+        [
+            block.sum(axis=(0, 1))
+            for t, s in zip(evidence.trajectories, scores, strict=True)
+            for block in np.array_split(s, _blocks(t.measured, len(s)))
+        ]
+    )
+    variance = np.maximum(np.diag(bread), np.sum((blocks @ bread) ** 2, axis=0))
+    if jackknife:
+        variance = np.maximum(variance, _jackknife(grams, [s.sum(axis=(0, 1)) for s in scores]))
+    return np.asarray(np.sqrt(np.maximum(variance, 0.0)) / scale)
 
 
 def _blocks(measured: Measurement, rows: int) -> int:

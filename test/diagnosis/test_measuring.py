@@ -103,6 +103,25 @@ def test_a_gain_of_one_recording_alone_is_no_load(bench: Any, spoiled: Any, wron
     assert any("effort_gain@joint_2 in recording 2 alone" in note for note in found.notes)
 
 
+@pytest.mark.parametrize(
+    ("angles", "named"), [((0.0, 90.0, 0.0), ["payload"]), ((0.0, 90.0, 215.0), [])], ids=["turned once", "turned twice"]
+)
+def test_a_load_of_no_mass_is_one_where_it_leaves_nothing(
+    bench: Any, spoiled: Any, angles: tuple[float, ...], named: list[str]
+) -> None:
+    """A tool that was turned in one of three recordings is a load of zero mass there; turned anew in each, it leaves
+    much, as whatever swings from the hand does, and is none.
+    """
+    turned = [np.deg2rad(angle) for angle in angles]
+    texts = [
+        f"payload:payload=6.0,x={0.1 * np.cos(a):.5f},y={0.1 * np.sin(a):.5f},z=0.1,recording={k}.0"
+        for k, a in enumerate(turned)
+    ]
+    found = diagnose([process(spoiled(text)[k], bench.robot) for k, text in enumerate(texts)], bench.structure)
+    assert [s.label for s in found.missing if s.label == "payload"] == named
+    assert found.verdict == ("missing" if named else "unexplained")
+
+
 def changed(robot: Robot, fix: str) -> Robot:
     """Return the robot with the line of YAML that a fix names."""
     known = definition_of(robot)

@@ -2,15 +2,18 @@
 
 from __future__ import annotations
 
+from dataclasses import replace
 from functools import partial
 
 import numpy as np
 
+from robot_ident.diagnosis.before_after import spread
 from robot_ident.diagnosis.diagnosis import Estimate
 from robot_ident.diagnosis.measuring.fitted_fault import FittedFault, fitted_loss, with_columns
 from robot_ident.effects.catalogue import CATALOGUE
 from robot_ident.regression.evidence import Evidence
 from robot_ident.regression.gram import BaseGram, Columns, Folds, add, base_gram, columns_of, gram, loss_with
+from robot_ident.regression.misfit import lack_of_fit
 from robot_ident.signals.motion import Array
 
 _SIGMA = 2.0
@@ -52,7 +55,9 @@ def _falls(columns: Columns, evidence: Evidence, folds: Folds) -> tuple[float, f
 
 
 def payloads(evidence: Evidence, base: BaseGram) -> list[FittedFault]:
-    """Return for every recording the load by which it differs from the others; needs two recordings."""
+    """Return for every recording the load by which it differs from the others; needs two recordings. A load whose mass
+    may be zero, though the torque tells it, is one only where it leaves nothing: a tool that was turned.
+    """
     sources = evidence.recordings
     if len(sources) < 2:
         return []
@@ -62,8 +67,12 @@ def payloads(evidence: Evidence, base: BaseGram) -> list[FittedFault]:
     for place, source in enumerate(sources):
         columns = partial(_loaded, place=place)
         after = with_columns(evidence, columns)
-        gain = before - fitted_loss(base_gram(after), everything)
+        with_load = base_gram(after)
+        gain = before - fitted_loss(with_load, everything)
         weight, std = _gravity_change(after)
+        weightless = np.isfinite(std) and abs(weight) < _SIGMA * std
+        if weightless and any(fit.fails for fit in lack_of_fit(replace(after, memory={}), with_load)):
+            continue
         fix = (
             f"{source.source}.conditions.yaml: payload: estimate  # or its mass, com and inertia"
             if weight >= 0.0
@@ -111,12 +120,11 @@ def _gravity_change(after: Evidence) -> tuple[float, float]:
 
 
 def _spread(after: Evidence) -> Array:
-    """Return standard deviations [p] of a fit; inf for what the data leave open."""
+    """Return standard deviations [p] of a fit, errors of the model counted; inf for what the data leave open."""
     base = base_gram(after)
     own = base.own.sum(axis=(0, 1))
     scale = np.sqrt(np.maximum(np.diag(own), 1e-300))
     values, vectors = np.linalg.eigh(own / np.outer(scale, scale))
     told = values > 1e-9 * values.max()
-    inverse = (vectors[:, told] ** 2 / values[told]).sum(axis=1)
     open_ = (vectors[:, ~told] ** 2).sum(axis=1) > 1e-6
-    return np.asarray(np.where(open_, np.inf, np.sqrt(inverse) / scale))
+    return np.where(open_, np.inf, spread(after, after.phi, jackknife=False))
