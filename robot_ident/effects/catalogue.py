@@ -15,6 +15,7 @@ from robot_ident.effects.effort_gain import EffortGain
 from robot_ident.effects.encoder_eccentricity import EncoderEccentricity
 from robot_ident.effects.end_stop import EndStop
 from robot_ident.effects.exchanged_joints import ExchangedJoints
+from robot_ident.effects.external_force import ExternalForce
 from robot_ident.effects.friction_behind_play import FrictionBehindPlay
 from robot_ident.effects.gravity_spring import GravitySpring
 from robot_ident.effects.joint_coupling import JointCoupling
@@ -63,6 +64,7 @@ _ALL: tuple[type[Effect], ...] = (
     Cable,
     GravitySpring,
     BaseTilt,
+    ExternalForce,
     TorqueSaturation,
     TimeDelay,
     EncoderEccentricity,

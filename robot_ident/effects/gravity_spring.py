@@ -7,8 +7,8 @@ from typing import Any
 
 import numpy as np
 
-from robot_ident.effects.base_tilt import gravity_loads, spans_sine, upright
 from robot_ident.effects.effect import Coefficient, Effect, Inner, Mathematics, Signals
+from robot_ident.effects.rigid_arm import gravity_loads, spans_sine, upright
 from robot_ident.robot.robot import Robot
 
 _UPRIGHT = 0.1  # sine of the angle at q = 0 below which the link counts as upright

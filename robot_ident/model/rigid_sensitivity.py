@@ -10,6 +10,7 @@ import numpy as np
 
 from robot_ident.model.base_parameters import BaseParameters
 from robot_ident.robot.robot import Robot
+from robot_ident.robot.symbolic import force_function
 from robot_ident.signals.motion import Array, Motion
 
 _MASSLESS = 1e-3  # kg, for links whose mass nothing tells: a centre of mass needs one, and a gram changes no torque
@@ -67,6 +68,12 @@ class RigidSensitivity:
             for row, q in zip(out[:, :, axis], self.motion.q, strict=True):
                 row[:] = pinocchio.computeGeneralizedGravity(model, data, q)
         return out
+
+    def pulled(self, joint: int) -> Array:
+        """Return the torque [N, n, 4] Nm against forces on the end of a joint's link, as `force_function` tells."""
+        made = np.array(force_function(self.robot, joint)(self.motion.q.T))
+        out = made.reshape(self.robot.n, -1, 4).swapaxes(0, 1)
+        return out if self.scales is None else np.asarray(out * self.scales[:, None])
 
     def mounted(self, joint: int) -> Array:
         """Return the change of torque [N, n, 3] Nm per metre by which a joint's origin moves along x, y, z of the frame

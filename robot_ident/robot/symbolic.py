@@ -120,6 +120,26 @@ def frame_function(robot: Robot, frame: str) -> Any:
     return ca.Function("frame", [q], [p])
 
 
+def force_function(robot: Robot, joint: int) -> Any:
+    """Return the CasADi function q -> [n, 4]: the torques that drives carry against a force of 1 N along x, y and z of
+    the base on the end p of a joint's link, -(dp/dq)' e, and against a spring of 1 N/m to the base's origin,
+    (dp/dq)' p.
+
+    The end is where the next joint sits, on the last link the end effector.
+    """
+    q, model = ca.SX.sym("q", robot.n), robot.rigid.model
+    if joint + 1 < robot.n:
+        there = model.jointPlacements[joint + 2]
+    else:
+        frame = model.frames[model.getFrameId(robot.end_effector)]
+        there = frame.placement if frame.parentJoint == joint + 1 else type(frame.placement).Identity()
+    p = ca.SX(ca.DM(np.array(there.translation)))
+    for r, offset, _, _ in reversed(placements(robot, q)[: joint + 1]):
+        p = offset + ca.mtimes(r, p)
+    slope = ca.jacobian(p, q).T
+    return ca.Function("force", [q], [ca.densify(ca.horzcat(-slope, ca.mtimes(slope, p)))])
+
+
 def placements_function(robot: Robot) -> Any:
     """Return the CasADi function q -> (R [3, 3 n], p [3, n] m): the joints' frames in the base."""
     q = ca.SX.sym("q", robot.n)

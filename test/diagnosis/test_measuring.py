@@ -104,7 +104,9 @@ def test_a_gain_of_one_recording_alone_is_no_load(bench: Any, spoiled: Any, wron
 
 
 @pytest.mark.parametrize(
-    ("angles", "named"), [((0.0, 90.0, 0.0), ["payload"]), ((0.0, 90.0, 215.0), [])], ids=["turned once", "turned twice"]
+    ("angles", "named"),
+    [((0.0, 90.0, 0.0), ["payload"]), ((0.0, 90.0, 215.0), [])],
+    ids=["turned once", "turned twice"],
 )
 def test_a_load_of_no_mass_is_one_where_it_leaves_nothing(
     bench: Any, spoiled: Any, angles: tuple[float, ...], named: list[str]

@@ -27,6 +27,7 @@ friction_behind_play
 position_friction torque_ripple
 torque_ripple_2 torque_ripple_3 backlash joint_elasticity cable gravity_spring base_tilt torque_saturation time_delay
 encoder_eccentricity rotor_inertia payload joint_coupling temperature_drift end_stop wrist_coupling
+external_force
 effort_gain torque_scale effort_filter link_length stamp_jitter mirrored_joint exchanged_joints"""
 
 

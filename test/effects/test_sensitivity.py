@@ -101,6 +101,30 @@ def test_tilted_base_against_pinocchio(arm: str, case: Callable[[str], Any]) -> 
     np.testing.assert_allclose(found, change, atol=1e-6 * np.abs(change).max())
 
 
+@pytest.mark.parametrize("arm", [*ARMS, "slide"])
+def test_an_external_force_against_pinocchio(arm: str, case: Callable[[str], Any]) -> None:
+    """Inverse dynamics of the arm with the force on its link, less those without; columns that are left out lead to
+    the torque of links or of the others.
+    """
+    at, force, k = case(arm), np.array([8.0, -3.0, 5.0]), 12.0
+    model, motion, n = at.robot.rigid.model, at.motion[::20], at.robot.n
+    data = model.createData()
+    for joint in range(n):
+        last = joint + 1 == n
+        frame = model.getFrameId(at.robot.end_effector) if last else None
+        end = model.frames[frame].placement if last else model.jointPlacements[joint + 2]
+        expected = np.empty((motion.samples, n))
+        for row, *x in zip(expected, motion.q, motion.dq, motion.ddq, strict=True):
+            pinocchio.forwardKinematics(model, data, x[0])
+            here = data.oMi[joint + 1] * end
+            pull = pinocchio.Force(here.rotation.T @ (force - k * here.translation), np.zeros(3))
+            outside = [pinocchio.Force.Zero() for _ in range(n + 1)]
+            outside[joint + 1] = end * pull
+            row[:] = pinocchio.rnea(model, data, *x, outside) - pinocchio.rnea(model, data, *x)
+        found = RigidSensitivity(at.robot, at.structure.base, other_values(at), motion).pulled(joint)
+        np.testing.assert_allclose(found @ [*force, k], expected, atol=1e-9 * max(np.abs(expected).max(), 1.0))
+
+
 def test_a_tilt_is_measured_across_gravity(kuka: Any) -> None:
     directions = make_effect("base_tilt", kuka.robot).directions()
     np.testing.assert_allclose(directions, np.eye(3)[:2])

@@ -144,6 +144,25 @@ def test_base_tilt_is_gravity_turned(kuka: Robot, blend, tilt: tuple[float, floa
     assert np.abs(change).max() > 1.0
 
 
+@pytest.mark.parametrize(("joint", "free"), [(1, 0.5), (2, 0.1), (2, 1.2)])
+def test_external_force_is_the_pull_of_a_hose(kuka: Robot, blend, joint: int, free: float) -> None:
+    """By virtual work: Pinocchio's Jacobian of the end times the pull towards the post, nothing where it is slack."""
+    post = np.array([0.3, -0.4, 1.1])
+    values = f"stiffness=200,free_length={free},x={post[0]},y={post[1]},z={post[2]}"
+    made, left, moving = added(kuka, blend, f"external_force@{kuka.joints[joint]}:{values}")
+    model = kuka.rigid.model
+    frame = model.getFrameId(kuka.end_effector if joint == 2 else kuka.joints[joint + 1])
+    data, expected = model.createData(), np.zeros_like(left)
+    for row, q in zip(expected, made.exact.q, strict=True):
+        jacobian = pinocchio.computeFrameJacobian(model, data, q, frame, pinocchio.LOCAL_WORLD_ALIGNED)[:3]
+        away = data.oMf[frame].translation - post
+        length = np.linalg.norm(away)
+        row[:] = jacobian.T @ (200 * max(length - free, 0.0) * away / length)
+    np.testing.assert_allclose(left[moving], expected[moving], atol=1e-8)
+    assert np.abs(expected).max() > 1.0
+    assert (free > 1.0) == bool(np.any(np.abs(expected[moving]).max(axis=1) < 1e-12))
+
+
 def test_payload_is_a_mass_at_the_tool(kuka: Robot, blend) -> None:
     made, left, moving = added(kuka, blend, "payload:payload=12,x=0.05,y=0.1,z=-0.02")
     model = kuka.rigid.model.copy()

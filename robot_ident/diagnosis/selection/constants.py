@@ -14,9 +14,9 @@ BLOCK = 0.5
 FORMULA_ERROR = 0.15
 """Relative rms error of an effect's formula: what it leaves of a real cause is no second cause."""
 
-FIRST_ORDER_ERROR = {"joint_elasticity": 0.4, "backlash": 0.5} | {line.name: 0.4 for line in RIPPLES}
-"""The same of formulas that hold to first order in a small displacement. Under a ripple faster than its servo a joint
-gives way, less than noise shows."""
+FIRST_ORDER_ERROR = {"joint_elasticity": 0.4, "external_force": 0.4, "backlash": 0.5} | {x.name: 0.4 for x in RIPPLES}
+"""The same of formulas that hold to first order in a small displacement, that of a rope in its length. Under a ripple
+faster than its servo a joint gives way, less than noise shows."""
 
 SIZE_ERROR = 0.11
 """Relative standard error, errors of a block taken together, to which the size of an effect must be known; of formulas

@@ -83,9 +83,11 @@ class Selection:
         return _Judged(self.search, self.selected).complete
 
     def shares_with(self, selected: Selected) -> Mapping[str, float]:
-        """Return by label what share of the excess of its main joint another set explains of motion left out."""
+        """Return by label the least share of the excess of a joint that it touches which another set explains of motion
+        left out.
+        """
         judged = _Judged(self.search, selected)
-        return {label: float(judged.share[joint]) for label, joint in judged.main.items()}
+        return {h.label: min(float(judged.share[j]) for j in judged.touched(h)) for h in selected}
 
     def probability(self, label: str) -> float:
         """Return the probability of a selected effect: the share of the resamples that it wins, times one less
@@ -289,15 +291,17 @@ class _Judged:
 
     def _remainder(self, h: Hypothesis) -> str:
         """Return whether more is left on a joint that an effect touches than formulas and noise leave."""
-        data = self.search.data
-        dof = data.dof[: data.training].sum(axis=0)
-        contribution = self.given.contribution(h)
-        for j in () if h.own_friction else h.joints:
-            touched = contribution[j] > self.least[j] + 2.0 * np.sqrt(2.0 * dof[j])
-            if (touched or j == self.main[h.label]) and self.remainder[j] > REMAINDER:
-                name = data.structure.robot.joints[j]
+        for j in () if h.own_friction else self.touched(h):
+            if self.remainder[j] > REMAINDER:
+                name = self.search.data.structure.robot.joints[j]
                 return f"the remainder of {name} is {self.remainder[j]:.2g} times what formulas and noise leave"
         return ""
+
+    def touched(self, h: Hypothesis) -> list[int]:
+        """Return the joint on which a selected effect matters most, and the others where its torque is seen."""
+        data, contribution = self.search.data, self.given.contribution(h)
+        seen = self.least + 2.0 * np.sqrt(2.0 * data.dof[: data.training].sum(axis=0))
+        return [j for j in h.joints if j == self.main[h.label] or contribution[j] > seen[j]]
 
     def _split(self, h: Hypothesis) -> str:
         """Return whether an effect changes with something that it does not depend on; not asked where noise is not

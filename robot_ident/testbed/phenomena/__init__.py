@@ -28,6 +28,7 @@ PHYSICS: dict[str, type[Physics]] = {
         mechanics.Cable,
         mechanics.GravitySpring,
         mechanics.BaseTilt,
+        mechanics.ExternalForce,
         actuation.TorqueSaturation,
         actuation.TimeDelay,
         actuation.EncoderEccentricity,

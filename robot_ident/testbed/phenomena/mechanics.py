@@ -9,6 +9,7 @@ import numpy as np
 
 from robot_ident.errors import InputError
 from robot_ident.robot.robot import Robot, Spring
+from robot_ident.robot.symbolic import frame_function, placements_function
 from robot_ident.signals.motion import Motion
 from robot_ident.testbed.links import links, links_torque
 from robot_ident.testbed.phenomena.friction import Bristles, MaxwellSlip
@@ -330,6 +331,74 @@ class BaseTilt(Physics):
         change = ca.vertcat(*turned) - g
         torque = links_torque(self.robot, ca.vertcat(*x.q), still, still, change, self.robot.rigid.parameters)
         return Contribution(torque=dict(enumerate(ca.vertsplit(torque))))
+
+
+class ExternalForce(Physics):
+    """An elastic hose from a post at (x, y, z) [m] beside the base to the end of a link, slack below its free length.
+
+    At length d it stores k max(0, d - l0)^2 / 2; the drives carry the derivative of that energy by every joint. The end
+    is where the next joint sits, on the last link the end effector.
+    """
+
+    name = "external_force"
+    parameters = (
+        Value("stiffness", "N/m", "N/m", lower=0.0),
+        Value("free_length", "m", "m", lower=0.0),
+        *(Value(axis, "m", "m") for axis in ("x", "y", "z")),
+    )
+    side = "link"
+    largest = 3.0
+    loads_gear = True
+
+    @classmethod
+    def typical(cls, robot: Robot, joint: int) -> dict[str, float]:
+        """Return a hose from a post beside the base that pulls with a twentieth of the joint's torque at arm's
+        length.
+        """
+        reach = cls._reach(robot)
+        return {
+            "stiffness": 0.05 * strength(robot, joint) / reach**2,
+            "free_length": 0.2 * reach,
+            "x": 0.0,
+            "y": 0.4 * reach,
+            "z": 0.5 * reach,
+        }
+
+    @classmethod
+    def draw(cls, robot: Robot, joint: int, rng: np.random.Generator, motion: Motion) -> dict[str, float]:
+        """Return one from a post anywhere around, above or beside the base."""
+        angle, reach = rng.uniform(-np.pi, np.pi), cls._reach(robot)
+        away = reach * rng.uniform(0.2, 0.8)
+        return cls.typical(robot, joint) | {
+            "free_length": reach * rng.uniform(0.0, 0.5),
+            "x": away * float(np.cos(angle)),
+            "y": away * float(np.sin(angle)),
+            "z": reach * rng.uniform(0.1, 1.0),
+        }
+
+    @classmethod
+    def possible(cls, robot: Robot, joint: int) -> bool:
+        """Return whether the link's end moves with more than one joint, and stays on the link."""
+        return joint > 0 and (joint + 1 == robot.n or not robot.prismatic[joint + 1])
+
+    def contribution(self, x: Instant) -> Contribution:
+        """Return the torque against its pull."""
+        q = ca.SX.sym("q", self.robot.n)
+        if self.joint + 1 < self.robot.n:
+            end = placements_function(self.robot)(q)[1][:, self.joint + 1]
+        else:
+            end = frame_function(self.robot, self.robot.end_effector)(q)
+        away = end - ca.vertcat(*(self.values[axis] for axis in ("x", "y", "z")))
+        stretch = ca.fmax(ca.norm_2(away) - self.values["free_length"], 0.0)
+        torque = ca.gradient(0.5 * self.values["stiffness"] * stretch**2, q)
+        here = ca.substitute(torque, q, ca.vertcat(*x.q))
+        return Contribution(torque=dict(enumerate(ca.vertsplit(here))))
+
+    @staticmethod
+    def _reach(robot: Robot) -> float:
+        """Return how far the arm reaches from joint to joint [m]."""
+        placements = list(robot.rigid.model.jointPlacements)[2:]
+        return max(float(sum(np.linalg.norm(one.translation) for one in placements)), 0.1)
 
 
 class Payload(Physics):
