@@ -329,9 +329,9 @@ def fluid(d: Draw) -> Build:
     return build
 
 
-def hose(d: Draw) -> Build:
-    """A rope in space from a post beside the base to a far link, elastic or yielding."""
-    near, far = place(d.arm, 0), place(d.arm, int(d.rng.integers(3, len(d.arm.joints))))
+def external_force(d: Draw) -> Build:
+    """A rope in space from a post beside the base to the end of the link, elastic or yielding."""
+    near, far = place(d.arm, 0), place(d.arm, d.joint + 1)
     post = near.anchor + np.array([d.rng.uniform(-0.4, 0.4), d.rng.uniform(-0.4, 0.4), d.rng.uniform(0.2, 0.8)])
     rest, gives = d.rng.uniform(0.0, 0.6), d.rng.random() < 0.3
 
@@ -416,10 +416,11 @@ KNOWN: dict[str, Callable[[Draw], Build]] = {
     for one in (
         cable, gravity_spring, end_stop, viscous_nonlinear, stribeck, presliding, torque_ripple, joint_elasticity,
         backlash, time_delay, base_tilt, wrist_coupling, position_friction, friction_behind_play,
+        external_force,
     )
 }  # fmt: skip
 UNKNOWN: dict[str, Callable[[Draw], Build]] = {
-    one.__name__: one for one in (fluid, hose, pendulum, slosh, soft_base, rubbing)
+    one.__name__: one for one in (fluid, pendulum, slosh, soft_base, rubbing)
 }
 OF_ROBOT = ("base_tilt",)
 """Those that have no joint."""
@@ -433,4 +434,5 @@ def joints_of(name: str, arm: Arm) -> list[int]:
         "joint_elasticity": [0, 1, 2, 3],
         "backlash": [0, 1, 2, 3],
         "wrist_coupling": list(range(n - 2, n)),
+        "external_force": list(range(2, n - 1)),
     }.get(name, list(range(n)))

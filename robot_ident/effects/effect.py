@@ -117,10 +117,8 @@ class Sensitivity(Protocol):
     def gravity(self, direction: Array) -> Array:
         """Return the torque [N, n] Nm per m/s^2 of gravity in a direction [3] of the base."""
 
-    def pulled(self, joint: int) -> Array:
-        """Return the torque [N, n, 4] Nm against forces on the end of a joint's link: 1 N along x, y, z of the base,
-        and a spring of 1 N/m to its origin.
-        """
+    def reported(self, torque: Array) -> Array:
+        """Return a torque of the arm [N, n, ...] in the scale in which each joint reports its effort."""
 
     def mounted(self, joint: int) -> Array:
         """Return the change of torque [N, n, 3] Nm per metre by which a joint's origin moves along x, y, z of the frame
@@ -161,9 +159,6 @@ class Course(Protocol):
 
     def gravity(self, direction: Array) -> Sequence[Any]:
         """Return the rigid arm's torque by joint [n] per m/s^2 of gravity in a direction [3] of the base."""
-
-    def pulled(self, joint: int) -> Sequence[Sequence[Any]]:
-        """Return the torques by joint [4][n] against forces on the end of a joint's link, like `Sensitivity`."""
 
 
 @dataclass(frozen=True)

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections import deque
 from collections.abc import Mapping, Sequence
 from typing import Any
 
@@ -10,8 +11,9 @@ import numpy as np
 from robot_ident.effects.effect import Coefficient, Course, Effect, Mathematics, Signals, Torques
 from robot_ident.effects.rigid_arm import apart_from_links, random_states
 from robot_ident.robot.robot import Robot
-from robot_ident.robot.symbolic import force_function
 from robot_ident.signals.motion import Array, Motion
+
+_MOTIONS = 16  # whose columns are kept
 
 
 class ExternalForce(Effect):
@@ -41,6 +43,7 @@ class ExternalForce(Effect):
     def __init__(self, robot: Robot, joint: int | None, setting: Mapping[str, float] | None = None) -> None:
         """Leave out what merges with gravity on the links, and what gives no torque of its own."""
         super().__init__(robot, joint, setting)
+        self._known: deque[tuple[Motion, Array]] = deque(maxlen=_MOTIONS)  # they depend on nothing that a fit changes
         kept = _apart(robot, self.joint)
         self.coefficients = tuple(c for k, c in enumerate(type(self).coefficients) if k in kept)
 
@@ -57,15 +60,30 @@ class ExternalForce(Effect):
         """Return the torque against 1 N along x, y, z, and against a spring of 1 N/m to the base's origin."""
         if torques is None or torques.rigid is None:
             return np.zeros((motion.samples, self.robot.n, 4))
-        return torques.rigid.pulled(self.joint)
+        made = next((known for of, known in self._known if of is motion), None)
+        if made is None:
+            made = _along(self.robot, self.joint, motion.q)
+            self._known.append((motion, made))
+        return torques.rigid.reported(made)
 
     def smooth_terms(self, x: Signals, m: Mathematics, course: Course) -> Sequence[dict[int, Any]]:
         """Return the same as expressions."""
-        return [dict(enumerate(column)) for column in course.pulled(self.joint)]
+        import casadi as ca
+
+        from robot_ident.robot.symbolic import force_function
+
+        torques = force_function(self.robot, self.joint)(ca.vertcat(*x.q))
+        return [dict(enumerate(ca.vertsplit(column))) for column in ca.horzsplit(torques)]
+
+
+def _along(robot: Robot, joint: int, q: Array) -> Array:
+    """Return the torques [N, n, 4] along positions [N, n]."""
+    from robot_ident.robot.symbolic import force_function
+
+    return np.array(force_function(robot, joint)(q.T)).reshape(robot.n, len(q), 4).swapaxes(0, 1)
 
 
 def _apart(robot: Robot, joint: int) -> tuple[int, ...]:
     """Return which coefficients give a torque that links can't, nor the ones before."""
     q = random_states(robot.rigid).q
-    torque = np.array(force_function(robot, joint)(q.T)).reshape(robot.n, len(q), 4).swapaxes(0, 1)
-    return apart_from_links(robot.rigid, torque)
+    return apart_from_links(robot.rigid, _along(robot, joint, q))

@@ -16,7 +16,7 @@ from robot_ident.model.base_parameters import BaseParameters
 from robot_ident.model.rigid_sensitivity import standard_parameters
 from robot_ident.model.structure import Structure
 from robot_ident.robot.robot import Robot
-from robot_ident.robot.symbolic import force_function, regressor_expression
+from robot_ident.robot.symbolic import regressor_expression
 from robot_ident.signals.motion import Array
 
 _NAMES = ("q", "dq", "ddq", "d3q", "d4q")
@@ -68,11 +68,6 @@ class SymbolicCourse:
         still = ca.SX(self.robot.n, 1)
         columns = regressor_expression(self.robot, self.symbols[0], still, still, direction)
         return list(ca.vertsplit(ca.densify(ca.mtimes(columns, self._standard))))
-
-    def pulled(self, joint: int) -> list[list[Any]]:
-        """Return the torques by joint [4][n] against forces on the end of a joint's link."""
-        torques = force_function(self.robot, joint)(self.symbols[0])
-        return [list(ca.vertsplit(column)) for column in ca.horzsplit(torques)]
 
     @cached_property
     def _rigid(self) -> Any:

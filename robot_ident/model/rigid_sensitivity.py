@@ -10,7 +10,6 @@ import numpy as np
 
 from robot_ident.model.base_parameters import BaseParameters
 from robot_ident.robot.robot import Robot
-from robot_ident.robot.symbolic import force_function
 from robot_ident.signals.motion import Array, Motion
 
 _MASSLESS = 1e-3  # kg, for links whose mass nothing tells: a centre of mass needs one, and a gram changes no torque
@@ -41,19 +40,16 @@ class RigidSensitivity:
         for matrix, x in zip(self.derivatives, along, strict=True):
             for j in moved:
                 change += matrix[:, :, j] * x[:, [j]]
-        return change if self.scales is None else np.asarray(change * self.scales)
+        return self.reported(change)
 
     def by_joint(self, joint: int) -> tuple[Array, Array, Array]:
         """Return the derivatives [N, n] of the torque by a link's position, velocity and acceleration."""
-        first, second, third = (matrix[:, :, joint] for matrix in self.derivatives)
-        if self.scales is None:
-            return first, second, third
-        return first * self.scales, second * self.scales, third * self.scales
+        first, second, third = (self.reported(matrix[:, :, joint]) for matrix in self.derivatives)
+        return first, second, third
 
     def gravity(self, direction: Array) -> Array:
         """Return the torque [N, n] Nm per m/s^2 of gravity in a direction [3] of the base (it is linear in gravity)."""
-        torque = np.asarray(self._gravity @ np.asarray(direction, dtype=float))
-        return torque if self.scales is None else np.asarray(torque * self.scales)
+        return self.reported(self._gravity @ np.asarray(direction, dtype=float))
 
     @cached_property
     def _gravity(self) -> Array:
@@ -69,11 +65,11 @@ class RigidSensitivity:
                 row[:] = pinocchio.computeGeneralizedGravity(model, data, q)
         return out
 
-    def pulled(self, joint: int) -> Array:
-        """Return the torque [N, n, 4] Nm against forces on the end of a joint's link, as `force_function` tells."""
-        made = np.array(force_function(self.robot, joint)(self.motion.q.T))
-        out = made.reshape(self.robot.n, -1, 4).swapaxes(0, 1)
-        return out if self.scales is None else np.asarray(out * self.scales[:, None])
+    def reported(self, torque: Array) -> Array:
+        """Return a torque of the arm [N, n, ...] in the scale of each joint."""
+        if self.scales is None:
+            return np.asarray(torque)
+        return np.asarray(torque * self.scales.reshape(1, -1, *([1] * (torque.ndim - 2))))
 
     def mounted(self, joint: int) -> Array:
         """Return the change of torque [N, n, 3] Nm per metre by which a joint's origin moves along x, y, z of the frame
@@ -98,7 +94,7 @@ class RigidSensitivity:
         for k, (q, v, a) in enumerate(zip(*path, strict=True)):
             by_position, _, _ = pinocchio.computeRNEADerivatives(model, data, q, v, a)
             out[k] = by_position[rows, joint : joint + 3]
-        return out if self.scales is None else np.asarray(out * self.scales[:, None])
+        return self.reported(out)
 
     @property
     def inertia(self) -> Array:

@@ -15,6 +15,8 @@ from robot_ident.recording import Processing, process
 STRIBECK = "stribeck@joint_2:stribeck=20,speed=0.08"
 LOAD = "load_friction@joint_2:load_friction=0.1"
 OFFSET = "torque_offset@joint_3:torque_offset=5"
+HOSE = "external_force@joint_3:stiffness=20,free_length=0.2,x=0.1,y=0.3,z=0.5"
+"""Its formula is that of a rope; the catalogue has a constant force and a spring."""
 HIDDEN = (
     (STRIBECK,),
     (LOAD,),
@@ -24,6 +26,8 @@ HIDDEN = (
     ("base_tilt:tilt_x=0.04,tilt_y=0.05",),
     ("backlash@joint_1",),
     (STRIBECK, OFFSET),
+    (HOSE,),
+    (HOSE, STRIBECK),
 )
 BUMP = ("unknown_bump@joint_2:bump=25,position=0.1,width=0.08",)
 
@@ -87,6 +91,15 @@ def test_size_is_that_of_the_truth(bench: Any) -> None:
     (finding,) = bench.diagnose((OFFSET,)).missing
     (parameter,) = finding.parameters
     assert parameter.value == pytest.approx(5.0, abs=max(0.2, 5 * parameter.std))
+
+
+def test_a_hose_is_told_with_its_stiffness(bench: Any) -> None:
+    """It is slack below a free length, and pulls along itself: the spring of the catalogue is nearly as stiff."""
+    (finding,) = bench.diagnose((HOSE,)).missing
+    values = {one.name.partition("@")[0]: one.value for one in finding.parameters}
+    assert values["external_force.k"] == pytest.approx(20.0, rel=0.15)
+    assert values["external_force.Fy"] == pytest.approx(0.3 * 20.0, rel=0.25)
+    assert finding.validation_after["joint_1"] < finding.validation_before["joint_1"]
 
 
 def test_one_recording_works_and_is_said_to_be_weaker(bench: Any) -> None:
