@@ -108,6 +108,8 @@ def _print_named(finding: Finding, inputs: Inputs) -> None:
         say(f"  {doing}: rms at {joint} {', '.join(falls)}")
     if finding.fix:
         say(f"  to change: {finding.fix}")
+    if finding.effect.also_like:
+        say(f"  looks alike, but is in no catalogue: {', '.join(finding.effect.also_like)}")
     if finding.tied_with:
         common = f" (all {finding.family})" if finding.family else ""
         say(f"  these recordings cannot discriminate it from {', '.join(finding.tied_with)}{common}")

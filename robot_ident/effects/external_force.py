@@ -35,6 +35,7 @@ class ExternalForce(Effect):
     symmetry = "conservative"
     signature = "static over the pose, on all joints up to the link"
     confused_with = ("base_tilt", "cable", "gravity_spring", "torque_offset")
+    also_like = ("something that the link touches",)
     experiment = "take off the hoses and cables that lead to the link, and record the same motion again"
     magnitude = "5-50 N / 1-10 N"
     uses_torque = True

@@ -38,6 +38,7 @@ class JointElasticity(Effect):
     symmetry = "memory"
     signature = "grows with the 2nd to 4th power of frequency, and rings at its resonance"
     confused_with = ("time_delay", "rotor_inertia", "encoder_eccentricity")
+    also_like = ("a base or pedestal that gives way",)
     experiment = "excite 2.5 to 10 Hz; below 0.5 Hz it hides under 0.1 Nm"
     magnitude = "k 1e5-1e6 / 5e3-3e4 Nm/rad: 1-10 / 30-200 mrad/kNm, below 0.1 Nm under 0.5 Hz"
     uses_torque = True
