@@ -13,6 +13,7 @@ from robot_ident.effects.rigid_arm import apart_from_links, random_states
 from robot_ident.robot.robot import Robot
 from robot_ident.signals.motion import Array, Motion
 
+_FORCE, _STIFFNESS = 1e3, 1e3  # N, N/m: what no hose pulls with
 _MOTIONS = 16  # whose columns are kept
 
 
@@ -29,8 +30,8 @@ class ExternalForce(Effect):
     equation = "-(dp/dq)' (F - k p), p = end of the joint's link in the base"
     meaning = "force on a link from outside: hose, dress pack, spring"
     coefficients = (
-        *(Coefficient(f"F{axis}", "N", "N") for axis in "xyz"),
-        Coefficient("k", "N/m", "N/m"),
+        *(Coefficient(f"F{axis}", "N", "N", largest=_FORCE) for axis in "xyz"),
+        Coefficient("k", "N/m", "N/m", largest=_STIFFNESS),
     )
     symmetry = "conservative"
     signature = "static over the pose, on all joints up to the link"
