@@ -285,11 +285,15 @@ def _notes(found: Selection, verdict: Verdict) -> list[str]:
     if verdict == "missing" and tied:
         notes.append(f"these recordings do not tell the sets apart: {either(tied)}")
     for h in found.vague:
-        known, asked = found.search.size_error_of(h, found.selected), found.search.largest_size_error(h)
-        notes.append(
-            f"{h.label} may be missing: its size is known to {100 * known:.3g} %, and no name is given beyond"
-            f" {100 * asked:.3g} %; record more periods or another motion"
-        )
+        if found.search.size_known(h, found.selected):
+            share = 100 * min(found.search.share(h, found.selected), 1.0)
+            why = f"it explains {share:.0f} % of what is left, but along so few frequencies some effect may by chance"
+            what = "record a motion with more harmonics, or further motions"
+        else:
+            known, asked = found.search.size_error_of(h, found.selected), found.search.largest_size_error(h)
+            why = f"its size is known to {100 * known:.3g} %, and no name is given beyond {100 * asked:.3g} %"
+            what = "record more periods or another motion"
+        notes.append(f"{h.label} may be missing: {why}; {what}")
     notes += [f"{h.label}{CORRECT}" for h in found.selected if h.effect.measuring]
     return list(dict.fromkeys(notes))
 

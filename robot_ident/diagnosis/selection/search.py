@@ -175,8 +175,8 @@ class Search:
                     out = [*rest, part]
         return tuple(out)
 
-    def predicts(self, h: Hypothesis, beside: Sequence[Hypothesis]) -> bool:
-        """Return whether a hypothesis predicts more than it costs and makes sense.
+    def predicts(self, h: Hypothesis, beside: Sequence[Hypothesis], *, beyond_chance: bool = True) -> bool:
+        """Return whether a hypothesis predicts more than it costs and makes sense; beyond_chance: and stands out.
 
         On each joint no more counts than the excess over noise, and only what exceeds the error of the others' formulas
         and the least torque worth a name; where it matters most it must explain a share of what they leave.
@@ -184,7 +184,7 @@ class Search:
         given = self.given(beside)
         gain = given.held_out_gain(h)
         cost = self.cost(h)
-        if (gain / self.dispersion).sum() <= cost or not self.stands_out(h, given):
+        if (gain / self.dispersion).sum() <= cost or beyond_chance and not self.stands_out(h, given):
             return False
         counts = self.dispersion[0] < 0.1 * _WITHOUT_WEIGHT
         by_joint = np.minimum(gain.sum(axis=0), given.largest_excess()) * counts

@@ -45,9 +45,9 @@ class Withheld:
 class Selection:
     """What was selected of a data set.
 
-    selected: the set; vague: what would be in it, were its size known better. election: with its alternatives and their
-    shares. chances: by label, that noise explains as much. fits: lack of fit of the model as it was. tested: the
-    recordings in units of their noise.
+    selected: the set; vague: what would be in it, were its size known better or the motion's lines more. election:
+    with its alternatives and their shares. chances: by label, that noise explains as much. fits: lack of fit of the
+    model as it was. tested: the recordings in units of their noise.
     """
 
     selected: Selected
@@ -118,7 +118,7 @@ def select(
     tell(0.5, "searching for the set that predicts best")
     settled = _Settled.of(search)
     vague = _vague(search, settled)
-    if vague and any(fit.fails for fit in fits):
+    if any(not search.size_known(h, settled.selected) for h in vague) and any(fit.fails for fit in fits):
         wider = search.with_size_error(COMPLETE_SIZE_ERROR)
         complete = _Settled.of(wider)
         if not complete.withheld and _Judged(wider, complete.selected).complete:
@@ -192,13 +192,18 @@ def _told_from_noise(search: Search, selected: Selected) -> tuple[Selected, Mapp
 
 
 def _vague(search: Search, settled: _Settled) -> Selected:
-    """Return by joint the best effect that predicts what a set leaves, and whose size is not known well enough."""
+    """Return by joint the best effect that predicts what a set leaves, and whose size is not known well enough, or
+    which so few lines of the motion do not tell from chance.
+    """
     out: dict[int, Hypothesis] = {}
     selected, withheld = settled.selected, {one.label for one in settled.withheld}
     for gain, h in search.ranked(selected):
-        if gain <= 0.0 or h.label in withheld or not search.predicts(h, selected) or search.size_known(h, selected):
+        if gain <= 0.0 or h.label in withheld:
             continue
-        if search.size_error_of(h, selected) > VAGUE:
+        known = search.size_known(h, selected)
+        if not known and search.size_error_of(h, selected) > VAGUE:
+            continue
+        if not search.predicts(h, selected, beyond_chance=not known):
             continue
         judged = _Judged(search, (*selected, h))
         if not judged.why_not(h):
