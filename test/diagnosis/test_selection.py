@@ -211,19 +211,6 @@ def test_what_may_be_zero_is_not_told_from_it(bench: Any) -> None:
     assert nothing.chance > 1e-3
 
 
-def test_a_size_that_no_such_cause_has_is_said(bench: Any) -> None:
-    """A delay of 6 ms by a column of 6 ms is one; the same column for a quarter of that explains something else."""
-    label = "time_delay@joint_2"
-    model = Structure.build(bench.robot, [label])
-    found = solve(bench.measure((f"{label}:time_delay=0.006",)), model, "wls")
-    assert known_parameters(found)[label].impossible == ""
-    (place,) = np.flatnonzero(model.places_of(lambda effect: effect.label == label))
-    values = found.values.copy()
-    values[place] *= 0.25
-    said = known_parameters(replace(found, values=values))[label].impossible
-    assert said.startswith("time_delay.delay@joint_2 = 1.5") and " ms (from 2." in said
-
-
 @pytest.mark.long
 def test_what_is_slow_beside_a_clearance_hides_it_from_nobody(bench: Any) -> None:
     both = ("backlash@joint_1", "torque_offset@joint_1:torque_offset=3")

@@ -92,7 +92,7 @@ def _looked_again(
 def _as_fitted(said: Diagnosis, measurements: Sequence[Measurement], structure: Structure) -> Diagnosis:
     """Return a diagnosis whose named effects have the parameters, and their spread, that a model with all of them has:
     what `add` prints, with a note where another form of one fits nearly as well. One whose size is no more than two
-    standard deviations there, or as far beyond what a cause of its kind can have, is listed, not named.
+    standard deviations there is listed, not named.
     """
     while True:
         selected = [one for one in said.missing if one.probability is not None]  # not what drifts from period to period
@@ -105,26 +105,22 @@ def _as_fitted(said: Diagnosis, measurements: Sequence[Measurement], structure: 
             return said
         known = known_parameters(solution)
         said = replace(said, missing=tuple(_with_parameters(one, known) for one in said.missing))
-        impossible = next((effect.label for effect in effects if known[effect.label].impossible), None)
-        if impossible is not None:
-            said = _listed(said, impossible, f"{known[impossible].impossible} is no such cause")
-            continue
         label = max((effect.label for effect in effects), key=lambda label: known[label].chance)
         if known[label].chance < TWO_SIGMA:
             of_forms = [note for note in solution.whichever_form().notes if note not in solution.notes]
             return replace(said, notes=(*said.notes, *of_forms))
-        said = _listed(said, label, f"{known[label].least.in_words} may be zero; record more, or another motion")
+        said = _listed(said, label, known[label].least)
 
 
 def _with_parameters(one: Finding, known: Mapping[str, Fitted]) -> Finding:
     return replace(one, parameters=known[one.label].parameters) if one.label in known else one
 
 
-def _listed(said: Diagnosis, label: str, why: str) -> Diagnosis:
-    """Return a diagnosis in which an effect is listed, not named, and why."""
+def _listed(said: Diagnosis, label: str, zero: Estimate) -> Diagnosis:
+    """Return a diagnosis in which an effect is listed, not named, since a parameter may be zero."""
     (one,) = (one for one in said.missing if one.label == label)
     missing = tuple(other for other in said.missing if other is not one)
-    note = f"{label} is not named: {why}"
+    note = f"{label} is not named: {zero.in_words} may be zero; record more, or another motion"
     return replace(
         said,
         verdict=said.verdict if missing else "not_decidable",
@@ -305,14 +301,12 @@ TWO_SIGMA = 0.0455
 @dataclass(frozen=True)
 class Fitted:
     """An effect's parameters, which of them is the least certain to differ from zero, and the probability that data of
-    one which is zero give as large a value. impossible: what no cause of its kind has, in words, empty where all is
-    possible.
+    one which is zero give as large a value.
     """
 
     parameters: tuple[Estimate, ...]
     least: Estimate
     chance: float
-    impossible: str = ""
 
 
 def known_parameters(solution: Solution) -> Mapping[str, Fitted]:
@@ -331,16 +325,8 @@ def known_parameters(solution: Solution) -> Mapping[str, Fitted]:
             for name, k, unit in zip(names, places, units, strict=True)
         )
         if found:
-            out[effect.label] = replace(_fitted(effect, found, solution, places), impossible=_impossible(effect, found))
+            out[effect.label] = _fitted(effect, found, solution, places)
     return out
-
-
-def _impossible(effect: Effect, found: Sequence[Estimate]) -> str:
-    """Return the linear parameter that lies two standard deviations and more outside its range, and that, in words."""
-    for one, (low, high) in zip(found, effect.ranges, strict=False):  # those inside a column follow
-        if one.value + 2.0 * one.std < low or one.value - 2.0 * one.std > high:
-            return f"{one.in_words} (from {low:.3g} to {high:.3g})"
-    return ""
 
 
 def _fitted(effect: Effect, found: tuple[Estimate, ...], solution: Solution, places: Sequence[int]) -> Fitted:
