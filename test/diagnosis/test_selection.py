@@ -211,6 +211,15 @@ def test_what_may_be_zero_is_not_told_from_it(bench: Any) -> None:
     assert nothing.chance > 1e-3
 
 
+def test_what_few_lines_do_not_tell_from_chance_is_listed(bench: Any, monkeypatch: pytest.MonkeyPatch) -> None:
+    """A motion whose lines tell nothing from chance: what predicts most is no name, but a reason to record another."""
+    monkeypatch.setattr(Search, "stands_out", lambda *_: False)
+    found = by_sets(bench, bench.measure((OFFSET,)))
+    assert found.verdict == "not_decidable" and not found.missing
+    assert (found.others[0].label, found.others[0].probability) == ("torque_offset@joint_1", None)
+    assert any(n.startswith("torque_offset@joint_1 may be missing") and "few frequencies" in n for n in found.notes)
+
+
 @pytest.mark.long
 def test_what_is_slow_beside_a_clearance_hides_it_from_nobody(bench: Any) -> None:
     both = ("backlash@joint_1", "torque_offset@joint_1:torque_offset=3")
