@@ -206,7 +206,7 @@ class Pair:
         torques = None if self.target.values is None else structure.torques(motion, self.target.values)
 
         def free(effect: Effect) -> Array:
-            columns = (effect.columns(motion, torques) * weight[:, None]).reshape(len(rows), -1)
+            columns = (structure.columns_of(effect, motion, torques) * weight[:, None]).reshape(len(rows), -1)
             return np.asarray(columns - known @ (known.T @ columns))
 
         own = [free(effect) * size for effect, size in zip(self.effects, self.sizes, strict=True)]
@@ -469,7 +469,7 @@ def _size(target: Target, effect: Effect, usual: Sequence[Excitation]) -> Array:
         torques = None if target.values is None else structure.torques(motion, target.values)
         base = structure.columns(motion, target.values)
         known = _orthonormal(base.reshape(-1, base.shape[2]))
-        columns = effect.columns(motion, torques).reshape(len(known), -1)
+        columns = structure.columns_of(effect, motion, torques).reshape(len(known), -1)
         left = columns - known @ (known.T @ columns)
         total += np.sum(left**2, axis=0) / motion.samples / len(usual)
     if not np.any(total > 0.0):

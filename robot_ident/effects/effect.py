@@ -195,7 +195,8 @@ class Effect(ABC):
     symmetry: what reversal of time does to it. signature: what it looks like in a residual. confused_with: effects
     that resemble it, also_like: causes that are no effects here; experiment: the one that tells. magnitude: what is
     usual, an industrial arm / a cobot. loads_gear: the gear carries its torque. steps: its torque is sign(dq) of its
-    joint times something smooth. uses_torque: its columns depend on the model's torque. needs_time: they depend on
+    joint times something smooth. through_links: its torque reaches the drives through the links, in whose scale each
+    joint reports it. uses_torque: its columns depend on the model's torque. needs_time: they depend on
     samples before or after. trends: its torque changes from one period of a motion to the next, so that the mean of
     periods tells its level alone. symbolic: `terms` works on expressions; where it doesn't, `smooth_terms` writes what
     the design of excitations takes instead. brief: its torque comes in bursts far shorter than the motion's own time
@@ -224,6 +225,7 @@ class Effect(ABC):
     scope: ClassVar[Scope] = "joint"
     loads_gear: ClassVar[bool] = False
     steps: ClassVar[bool] = False
+    through_links: ClassVar[bool] = False
     uses_torque: ClassVar[bool] = False
     needs_time: ClassVar[bool] = False
     trends: ClassVar[bool] = False

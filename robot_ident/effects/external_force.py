@@ -8,7 +8,7 @@ from typing import Any
 
 import numpy as np
 
-from robot_ident.effects.effect import Coefficient, Course, Effect, Mathematics, Signals, Torques
+from robot_ident.effects.effect import Coefficient, Effect, Mathematics, Signals, Torques
 from robot_ident.effects.rigid_arm import apart_from_links, random_states
 from robot_ident.robot.robot import Robot
 from robot_ident.signals.motion import Array, Motion
@@ -39,13 +39,13 @@ class ExternalForce(Effect):
     also_like = ("something that the link touches",)
     experiment = "take off the hoses and cables that lead to the link, and record the same motion again"
     magnitude = "5-50 N / 1-10 N"
-    uses_torque = True
-    symbolic = False
+    loads_gear = True
+    through_links = True
 
     def __init__(self, robot: Robot, joint: int | None, setting: Mapping[str, float] | None = None) -> None:
         """Leave out what merges with gravity on the links, and what gives no torque of its own."""
         super().__init__(robot, joint, setting)
-        self._known: deque[tuple[Motion, Array]] = deque(maxlen=_MOTIONS)  # they depend on nothing that a fit changes
+        self._known: deque[tuple[Array, Array]] = deque(maxlen=_MOTIONS)  # they depend on nothing that a fit changes
         kept = _apart(robot, self.joint)
         self.coefficients = tuple(c for k, c in enumerate(type(self).coefficients) if k in kept)
 
@@ -60,15 +60,13 @@ class ExternalForce(Effect):
 
     def full_columns(self, motion: Motion, torques: Torques | None = None) -> Array:
         """Return the torque against 1 N along x, y, z, and against a spring of 1 N/m to the base's origin."""
-        if torques is None or torques.rigid is None:
-            return np.zeros((motion.samples, self.robot.n, 4))
-        made = next((known for of, known in self._known if of is motion), None)
+        made = next((known for q, known in self._known if q is motion.q), None)
         if made is None:
             made = _along(self.robot, self.joint, motion.q)
-            self._known.append((motion, made))
-        return torques.rigid.reported(made)
+            self._known.append((motion.q, made))
+        return made
 
-    def smooth_terms(self, x: Signals, m: Mathematics, course: Course) -> Sequence[dict[int, Any]]:
+    def full_terms(self, x: Signals, m: Mathematics) -> Sequence[dict[int, Any]]:
         """Return the same as expressions."""
         import casadi as ca
 

@@ -94,19 +94,22 @@ class Compared:
                 self._arm = state, structure.sensitivity(self.measured.motion, values)
             arm = self._arm[1]
         _, *parts = structure.parts(self.measured.motion, values, self.rigid, arm)
-        passed = [self._passed(*pair) for pair in zip(structure.effects, parts, strict=True)]
+        passed = [self._passed(structure, *pair) for pair in zip(structure.effects, parts, strict=True)]
         return np.concatenate([structure.reported(self._links), *passed], axis=2)
 
-    def rows_of(self, effects: Sequence[Effect]) -> Array:
+    def rows_of(self, structure: Structure, effects: Sequence[Effect]) -> Array:
         """Return the columns [R, k] of some effects that don't depend on torque, in the rows of `stack`."""
-        columns = np.concatenate([self._passed(one, one.columns(self.measured.motion)) for one in effects], axis=2)
+        motion = self.measured.motion
+        parts = [self._passed(structure, effect, structure.columns_of(effect, motion)) for effect in effects]
+        columns = np.concatenate(parts, axis=2)
         return np.asarray(columns.swapaxes(0, 1)[self.measured.used[self.measured.rows].T])
 
-    def _passed(self, effect: Effect, columns: Array) -> Array:
+    def _passed(self, structure: Structure, effect: Effect, columns: Array) -> Array:
         """Return an effect's columns as they are compared, as they were where nothing has changed."""
         if effect.uses_torque:
             return self.measured.passed(columns)
-        state = (effect.setting, effect.coefficients)
+        scales = structure.scales.tobytes() if effect.through_links else b""
+        state = (effect.setting, effect.coefficients, scales)
         if effect.label not in self._kept or self._kept[effect.label][0] != state:
             self._kept[effect.label] = state, self.measured.passed(columns)
         return self._kept[effect.label][1]

@@ -110,7 +110,7 @@ def _columns(structure: Structure, states: Motion) -> Array:
     out[:, :, : len(structure.base.columns)] = structure.reported(structure.rigid_columns(states))
     for effect, own in structure.placed:
         if effect.symbolic and not effect.uses_torque:
-            out[:, :, own] = effect.columns(states)
+            out[:, :, own] = structure.columns_of(effect, states)
     return out
 
 

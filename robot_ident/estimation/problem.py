@@ -141,9 +141,9 @@ class Problem:
         """Return the equations for given inner parameters and torques."""
         return stack(self.measurements, structure, values, self.compared)
 
-    def columns_of(self, effects: Sequence[Effect]) -> Array:
+    def columns_of(self, structure: Structure, effects: Sequence[Effect]) -> Array:
         """Return the columns [R, k] of some effects that don't depend on torque, in the rows of `equations`."""
-        return np.concatenate([compared.rows_of(effects) for compared in self.compared])
+        return np.concatenate([compared.rows_of(structure, effects) for compared in self.compared])
 
     def linear(self, structure: Structure) -> tuple[Array, Array, Equations]:
         """Return theta [p] for given inner parameters, (F' W F)^-1 and the equations that it solves; `covariance` says
@@ -231,8 +231,8 @@ def with_inner(problem: Problem, structure: Structure, values: Array, equations:
     lower, upper, free = inner_bounds(structure)
     settings = structure.settings
     columns = [equations.phi]
-    linked = len(structure.base.columns)
-    links = equations.phi[:, :linked] @ values[:linked]
+    linked = structure.through_links
+    links = equations.phi[:, linked] @ values[linked]
     for k in np.flatnonzero(free):
         if structure.inner[k].effect == TorqueScale.name:
             joint = structure.robot.joint_index(structure.inner[k].joint or "")

@@ -86,7 +86,7 @@ class Projection:
         """Return the columns [R, k] that move."""
         if structure.uses_torque:
             return self.problem.equations(structure, self.near).phi[:, self.order[self.fixed.shape[1] :]]
-        return self.problem.columns_of([effect for effect in structure.effects if effect.label in self.searched])
+        return self.problem.columns_of(structure, [e for e in structure.effects if e.label in self.searched])
 
 
 @dataclass(frozen=True)
@@ -156,20 +156,21 @@ def _with_scales(problem: Problem, structure: Structure) -> Structure:
         return structure
     theta, _, equations = problem.linear(structure)
     scales = structure.scales
-    b = len(structure.base.columns)
-    alone = equations.phi[:, :b] / scales[equations.joint][:, None]
-    own = equations.phi[:, b:]
+    arm = structure.through_links
+    alone = equations.phi[:, arm] / scales[equations.joint][:, None]
+    own = equations.phi[:, ~arm]
     places = np.array(joints)
     mine = equations.joint[:, None] == places
     for _ in range(_ROUNDS):
         factor = scales[equations.joint]
-        links = factor * (alone @ theta[:b])
+        links = factor * (alone @ theta[arm])
         jacobian = np.hstack([factor[:, None] * alone, own, links[:, None] * mine])
-        residual = equations.torque - links - own @ theta[b:]
+        residual = equations.torque - links - own @ theta[~arm]
         white, right = problem.noise.weigh(jacobian), problem.noise.weigh(residual)
         step = held_softly(white, right, -np.log(scales[places]), SPREAD)
         change = np.clip(step[len(theta) :], -_STEP, _STEP)
-        theta = theta + step[: len(theta)]
+        theta[arm] += step[: alone.shape[1]]
+        theta[~arm] += step[alone.shape[1] : len(theta)]
         scales[places] *= np.exp(change)
         if np.abs(change).max() < _SETTLED:
             break

@@ -70,8 +70,8 @@ def about_centre(ten: Array) -> tuple[float, Array, Array]:
 
 def torque_of(model: Model, labels: Collection[str], motion: Motion) -> dict[str, Array]:
     """Return the rms torque [n] that a model loses along a motion without each of the effects `labels`."""
-    columns, linked = model.structure.columns(motion, model.linear), len(model.structure.base.columns)
-    links, scales = columns[:, :, :linked] @ model.linear[:linked], model.structure.scales
+    columns, linked = model.structure.columns(motion, model.linear), model.structure.through_links
+    links, scales = columns[:, :, linked] @ model.linear[linked], model.structure.scales
     out = {}
     for effect, own in model.structure.placed:
         if effect.label not in labels:

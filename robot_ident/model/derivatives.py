@@ -40,7 +40,7 @@ def torque_derivatives(structure: Structure, motion: Motion, values: Array) -> T
             neglected.append(effect.label)
             continue
         for whole, part in zip(parts, _of_effect(effect, motion, values[own]), strict=True):
-            whole += part
+            whole += structure.reported(part) if effect.through_links else part
     return TorqueDerivatives(*parts, neglected=tuple(neglected))
 
 

@@ -100,7 +100,10 @@ def columns_expression(structure: Structure, symbols: tuple[Any, ...], m: Any, v
     course = SymbolicCourse(structure.robot, base, symbols, None if values is None else values[: len(base.columns)])
     x = Signals(*(ca.vertsplit(symbol) for symbol in symbols[:3]))
     rigid = _rigid(structure, symbols)
-    plain = [rigid, *(_columns(effect, x, m, course) for effect in structure.effects if not effect.uses_torque)]
+    plain = [
+        rigid,
+        *(_columns(structure, effect, x, m, course) for effect in structure.effects if not effect.uses_torque),
+    ]
     if structure.uses_torque:
         if values is None:
             first = next(effect.label for effect in structure.effects if effect.uses_torque)
@@ -108,7 +111,7 @@ def columns_expression(structure: Structure, symbols: tuple[Any, ...], m: Any, v
         load, total, _ = structure.load_total_dry(plain, np.asarray(values))
         x = replace(x, load=ca.vertsplit(ca.densify(load)), total=ca.vertsplit(ca.densify(total)))
     rest = iter(plain[1:])
-    columns = [_columns(e, x, m, course) if e.uses_torque else next(rest) for e in structure.effects]
+    columns = [_columns(structure, e, x, m, course) if e.uses_torque else next(rest) for e in structure.effects]
     return ca.horzcat(rigid, *columns)
 
 
@@ -124,7 +127,8 @@ def slopes_function(structure: Structure, sign: Any, values: Array) -> Any:
         held.append((ca.SX.sym(f"sign_{len(held)}"), (sign or ca.sign)(v)))
         return held[-1][0]
 
-    base, symbols = structure.base, tuple(ca.SX.sym(name, structure.robot.n) for name in _NAMES[:3])
+    base, scales = structure.base, structure.scales
+    symbols = tuple(ca.SX.sym(name, structure.robot.n) for name in _NAMES[:3])
     x, m = Signals(*(ca.vertsplit(symbol) for symbol in symbols)), mathematics(constant)
     torque = ca.mtimes(_rigid(structure, symbols), ca.DM(values[: len(base.columns)]))
     for effect, own in structure.placed:
@@ -132,7 +136,7 @@ def slopes_function(structure: Structure, sign: Any, values: Array) -> Any:
             continue
         for size, term in zip(values[own], effect.terms(x, m), strict=True):
             for joint, value in term.items():
-                torque[joint] += float(size) * value
+                torque[joint] += float(size) * value * (scales[joint] if effect.through_links else 1.0)
     slopes = ca.densify(ca.jacobian(torque, ca.vertcat(*symbols)))
     if held:
         slopes = ca.substitute(slopes, ca.vertcat(*(s for s, _ in held)), ca.vertcat(*(v for _, v in held)))
@@ -141,15 +145,19 @@ def slopes_function(structure: Structure, sign: Any, values: Array) -> Any:
 
 def _rigid(structure: Structure, symbols: tuple[Any, ...]) -> Any:
     """Return the columns of the base parameters [n, b] in the scale that each joint reports."""
-    columns = regressor_expression(structure.robot, *symbols[:3])[:, list(structure.base.columns)]
+    return _reported(structure, regressor_expression(structure.robot, *symbols[:3])[:, list(structure.base.columns)])
+
+
+def _reported(structure: Structure, columns: Any) -> Any:
+    """Return columns [n, k] of the links in the scale of each joint."""
     return ca.mtimes(ca.diag(ca.DM(structure.scales)), columns) if structure.scaled else columns
 
 
-def _columns(effect: Effect, x: Signals, m: Any, course: SymbolicCourse) -> Any:
+def _columns(structure: Structure, effect: Effect, x: Signals, m: Any, course: SymbolicCourse) -> Any:
     """Return the columns of an effect [n, k] as a matrix of expressions."""
     terms = effect.designed_terms(x, m, course)
     columns = ca.SX(effect.robot.n, len(terms))
     for k, term in enumerate(terms):
         for joint, value in term.items():
             columns[joint, k] = value
-    return columns
+    return _reported(structure, columns) if effect.through_links else columns

@@ -191,6 +191,13 @@ class Structure:
             out[own] = chosen(effect)
         return out
 
+    @property
+    def through_links(self) -> np.ndarray:
+        """Which linear parameters [p] reach the drives through the links, in the torque scale of each joint."""
+        out = self.places_of(lambda effect: effect.through_links)
+        out[: len(self.base.columns)] = True
+        return out
+
     def with_only(self, kept: Callable[[Effect], bool]) -> tuple[Structure, np.ndarray]:
         """Return the structure with no effects but those that are kept, and which of the parameters [p] it has."""
         here = ~self.places_of(lambda effect: not kept(effect))
@@ -258,12 +265,17 @@ class Structure:
         with these values, where it is known already.
         """
         rigid = self.reported(self.rigid_columns(motion) if rigid is None else rigid)
-        plain = [rigid, *(effect.columns(motion) for effect in self.effects if not effect.uses_torque)]
+        plain = [rigid, *(self.columns_of(effect, motion) for effect in self.effects if not effect.uses_torque)]
         if not self.uses_torque:
             return plain
         torques = self._torques(motion, plain, values, sensitivity)
         rest = iter(plain[1:])
-        return [rigid, *(e.columns(motion, torques) if e.uses_torque else next(rest) for e in self.effects)]
+        return [rigid, *(self.columns_of(e, motion, torques) if e.uses_torque else next(rest) for e in self.effects)]
+
+    def columns_of(self, effect: Effect, motion: Motion, torques: Torques | None = None) -> Array:
+        """Return the columns [N, n, k] of an effect, its own or one that it may lack, as each joint reports them."""
+        columns = effect.columns(motion, torques)
+        return self.reported(columns) if effect.through_links else columns
 
     def sensitivity(self, motion: Motion, values: Array) -> RigidSensitivity:
         """Return how the torque of the rigid arm with parameters values [p or more] changes along a motion."""
@@ -272,7 +284,8 @@ class Structure:
     def torques(self, motion: Motion, values: Array, rigid: Array | None = None) -> Torques:
         """Return the torques [N, n] that effects may depend on; rigid: as for `columns`."""
         rigid = self.reported(self.rigid_columns(motion) if rigid is None else rigid)
-        return self._torques(motion, [rigid, *(e.columns(motion) for e in self.effects if not e.uses_torque)], values)
+        plain = (self.columns_of(effect, motion) for effect in self.effects if not effect.uses_torque)
+        return self._torques(motion, [rigid, *plain], values)
 
     def _torques(
         self,

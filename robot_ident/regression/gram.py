@@ -102,7 +102,7 @@ def columns_of(effect: Effect, evidence: Evidence, torques: Sequence[object]) ->
     raw: dict[int, Array] = {}
     for t, torque in zip(evidence.trajectories, torques, strict=True):
         if id(t.measured) not in raw:
-            raw[id(t.measured)] = effect.columns(t.motion, torque)  # type: ignore[arg-type]
+            raw[id(t.measured)] = evidence.structure.columns_of(effect, t.motion, torque)  # type: ignore[arg-type]
     touched = np.any([np.any(columns != 0.0, axis=(0, 2)) for columns in raw.values()], axis=0)
     joints = tuple(int(j) for j in np.flatnonzero(touched))
 

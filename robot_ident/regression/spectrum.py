@@ -241,12 +241,12 @@ def inertia_along(t: Trajectory, evidence: Evidence) -> Array:
     effects = [pair for pair in structure.placed if not pair[0].uses_torque]
     rigid = RigidSensitivity(structure.robot, structure.base, values[: len(structure.base.columns)], t.motion)
     out = rigid.inertia * structure.scales[:, None]
-    plain = [effect.columns(t.motion) @ values[own] for effect, own in effects]
+    plain = [structure.columns_of(effect, t.motion) @ values[own] for effect, own in effects]
     for joint in range(t.motion.joints):
         ddq = t.motion.ddq.copy()
         ddq[:, joint] += 1.0
         for (effect, own), before in zip(effects, plain, strict=True):
-            out[:, :, joint] += effect.columns(replace(t.motion, ddq=ddq)) @ values[own] - before
+            out[:, :, joint] += structure.columns_of(effect, replace(t.motion, ddq=ddq)) @ values[own] - before
     return out
 
 

@@ -55,7 +55,7 @@ def beside(model: Model, measured: Measurement) -> Beside:
     rows, motion, structure = measured.rows, measured.motion, model.structure
     rigid = structure.rigid_columns(motion)
     predicted = structure.columns(motion, model.linear, rigid) @ model.linear
-    own = (effect.columns(motion) for effect in structure.effects if not effect.uses_torque)
+    own = (structure.columns_of(effect, motion) for effect in structure.effects if not effect.uses_torque)
     plain = [structure.reported(rigid), *own]
     load, _, _ = structure.load_total_dry(plain, model.linear)
     return Beside(

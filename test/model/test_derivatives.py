@@ -11,9 +11,13 @@ from robot_ident.robot import load_robot
 from robot_ident.signals.motion import Motion
 
 
-@pytest.mark.parametrize("name", ["kuka_ir361", "kuka_ir361_spring"])
-def test_derivatives_are_those_of_differences(name: str) -> None:
-    structure = Structure.build(load_robot(name))
+@pytest.mark.parametrize(
+    ("name", "effects"),
+    [("kuka_ir361", ()), ("kuka_ir361_spring", ()), ("kuka_ir361", ("torque_scale@joint_2", "external_force@joint_3"))],
+)
+def test_derivatives_are_those_of_differences(name: str, effects: tuple[str, ...]) -> None:
+    structure = Structure.build(load_robot(name), effects)
+    structure = structure.with_settings(1.3 * structure.settings)
     rng = np.random.default_rng(0)
     values = structure.true_values() + rng.normal(size=len(structure.parameters))
     state = rng.normal(size=(3, 40, 3))

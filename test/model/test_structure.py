@@ -20,10 +20,12 @@ from robot_ident.signals.motion import Motion
         ("kuka_ir361", []),
         ("kuka_ir361", ["torque_offset@joint_2", "wrist_coupling@joint_3"]),
         ("kuka_ir361_spring", []),
+        ("kuka_ir361", ["torque_scale@joint_2", "external_force@joint_3", "torque_offset@joint_2"]),
     ],
 )
 def test_symbolic_columns_are_the_numeric_ones(robot: str, effects: list[str]) -> None:
     structure = Structure.build(load_robot(robot), effects)
+    structure = structure.with_settings(1.3 * structure.settings)  # a torque scale other than 1
     motion = Motion(*np.random.default_rng(5).uniform(-1, 1, (3, 30, 3)))
     phi, numeric = columns_function(structure), structure.columns(motion)
     assert numeric.shape == (30, 3, len(structure.parameters))

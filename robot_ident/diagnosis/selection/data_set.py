@@ -275,7 +275,7 @@ class DataSet:
         raw: dict[int, Array] = {}
         for number, (t, torques) in enumerate(zip(self.folds, self.torques, strict=True)):
             if id(t.measured) not in raw:
-                made = effect.columns(t.motion, torques)
+                made = self.structure.columns_of(effect, t.motion, torques)
                 raw[id(t.measured)] = made if only is None else made * only[number][:, :, None]
         touched = np.flatnonzero(np.any([np.any(c != 0, axis=(0, 2)) for c in raw.values()], axis=0)).tolist()
         white = self.in_noise(lambda fold: raw[id(self.folds[fold].measured)][:, touched], touched)

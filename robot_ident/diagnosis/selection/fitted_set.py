@@ -72,6 +72,7 @@ class FittedSet:
         self.fits = self._fits()
         self._pools: dict[tuple[int, int], tuple[Array, list[_InPool]]] = {}
         self._blocks: list[Array] | None = None
+        self._added: dict[tuple[int, tuple[Hypothesis, ...]], tuple[Array, Addition]] = {}
 
     def _inner_products(self) -> tuple[Array, Array]:
         """Return E'E [F, n, q, q] and E'y [F, n, q]."""
@@ -224,9 +225,12 @@ class FittedSet:
 
     def coefficients(self, number: int, *new: Hypothesis) -> tuple[Array, Addition]:
         """Return the linear parameters of further hypotheses beside the fit of a number."""
-        made = self.addition(number, *new)
-        ranges = [r for h in new for r in h.ranges]
-        return within_ranges(made.square, made.right, made.size, ranges), made
+        key = number % len(self.fits), new
+        if key not in self._added:
+            made = self.addition(number, *new)
+            ranges = [r for h in new for r in h.ranges]
+            self._added[key] = within_ranges(made.square, made.right, made.size, ranges), made
+        return self._added[key]
 
     def gain(self, *new: Hypothesis) -> float:
         """Return the fall of the squared error of all training folds, refitted (score test)."""
