@@ -19,7 +19,7 @@ from robot_ident.recording.measurement import Measurement
 from robot_ident.recording.process import process
 from robot_ident.recording.recording import Recording
 from robot_ident.robot.robot import Robot
-from robot_ident.signals.filters import SoftPeriodicLowPass, ZeroPhaseLowPass
+from robot_ident.signals.filters import SoftPeriodicLowPass
 from robot_ident.signals.motion import Array, Mask, Motion
 
 _BEYOND_NOISE = 4.0  # times the noise's variance: where a joint only holds still, error and torque are both noise
@@ -200,15 +200,12 @@ def _noise(model: Model, measured: Measurement) -> Array:
     """Return the variance [n] of what noise alone leaves between measured and predicted torque, low-passed; nan where
     unknown.
 
-    Torque noise passes the filter; position noise reaches the prediction through the accelerations, M(q) ddq,
-    differentiated twice.
+    Torque noise passes the filter; what differentiation errs by reaches the prediction through M(q) ddq.
     """
-    low_pass = measured.low_pass
-    if not isinstance(low_pass, ZeroPhaseLowPass):
-        raise TypeError("validation compares low-passed torques")
-    torque = np.array(model.noise.torque_variance, dtype=float) * low_pass.independent
-    position = np.nan_to_num(np.array(model.noise.position_variance, dtype=float))
-    return np.asarray(torque + _squared_inertia(model, measured.motion) @ position * low_pass.noise_gain(2) ** 2)
+    if measured.low_pass is None or measured.acceleration_error is None:
+        raise TypeError("validation compares low-passed torques of one pass")
+    torque = np.array(model.noise.torque_variance, dtype=float) * measured.low_pass.independent
+    return np.asarray(torque + _squared_inertia(model, measured.motion) @ measured.acceleration_error)
 
 
 def _squared_inertia(model: Model, motion: Motion) -> Array:

@@ -74,7 +74,8 @@ class Measurement:
     scatter about their stamps, None where no periods tell. conditions: what the recording's sidecar states; start_ns:
     absolute stamp of its first sample, 0 where not known. clipped: of which joints' efforts something was cut off.
     time_scale: what, beside the stamps, tells how fast they run. position_step [n]: of which all recorded positions are
-    multiples, 0 where there is none.
+    multiples, 0 where there is none. acceleration_error [n] (rad/s^2)^2: variance that the differentiation of one
+    pass errs by as it is compared, None elsewhere.
     """
 
     source: str
@@ -110,6 +111,7 @@ class Measurement:
     clipped: tuple[str, ...] = ()
     time_scale: TimeScale = ""
     position_step: Array | None = None
+    acceleration_error: Array | None = None
 
     def facts(self) -> dict[str, Any]:
         """Return how the recording was taken: its rate and clock, what of it repeats, and by joint the lowest and

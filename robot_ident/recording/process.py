@@ -30,6 +30,8 @@ from robot_ident.signals.motion import Array, Motion
 _STRAY = 30.0  # times its noise: how far the position may stray from one period to the next
 _BURSTS = 8.0  # kurtosis of the torque's scatter about the mean period; noise has 3, coloured noise little more
 _SPREAD = np.sqrt(np.log(2.0) / 2.0) / np.pi  # times 1 / f: standard deviation of a Gaussian kernel of half gain at f
+_LINES = 32  # whose mean power holds a chi-square of 64 degrees of freedom: noise alone doubles it once in 10^6
+_ABOVE = 2.0  # times the noise: motion is there
 _SMOOTH = 0.5  # correlation of that scatter from one sample to the next; bursts last longer than a sample
 
 
@@ -169,6 +171,24 @@ def _velocity_bandwidth(motion: Motion, noise: Array) -> Array:
     return np.asarray(((_SPREAD * turning / np.maximum(noise, 1e-12)) ** 2 / (4.0 * np.pi**2 * step(motion))) ** 0.2)
 
 
+def _acceleration_error(q: Array, low_pass: ZeroPhaseLowPass, smoother: ZeroPhaseLowPass) -> Array:
+    """Return the variance [n] (rad/s^2)^2 by which accelerations err as they are compared: position noise that passed
+    the smoother H, and motion that it took, 2 / N sum_f w^4 G^2 (H^2 s^2 + (1 - H)^2 (P - s^2)), G the low pass, P the
+    spectrum of the positions q [N, n] where it stands above that of their noise s^2.
+    """
+    noise, window = roughness(q) ** 2, np.hanning(len(q))[:, None]
+    power = np.abs(np.fft.rfft((q - q.mean(axis=0)) * window, axis=0)) ** 2 / np.sum(window**2)
+    from scipy.ndimage import uniform_filter1d
+
+    level = uniform_filter1d(power, _LINES, axis=0, mode="nearest")
+    moved = np.where(level > _ABOVE * noise, np.maximum(power - noise, 0.0), 0.0)
+    frequency = np.fft.rfftfreq(len(q), low_pass.dt)
+    passed, kept = (1.0 / (1.0 + (frequency / one.cutoff) ** 8) for one in (low_pass, smoother))
+    scale = ((2.0 * np.pi * frequency) ** 4 * passed**2)[:, None]
+    errors = scale * (kept[:, None] ** 2 * noise + (1.0 - kept[:, None]) ** 2 * moved)
+    return np.asarray(2.0 / len(q) * errors.sum(axis=0))
+
+
 def _velocities_in_words(bandwidths: Array, wide: float) -> str:
     """Return to which bandwidths [Hz] velocities were differentiated, nothing where to that of accelerations."""
     least, most = f"{bandwidths.min():.3g}", f"{bandwidths.max():.3g}"
@@ -193,7 +213,7 @@ def low_passed(recording: Recording, clock: Clock, robot: Robot, processing: Pro
     if not chain.trivial:
         chain.check_low_pass(cutoff, recording.source)
         tau = chain.undone(tau, 1.0 / clock.dt)
-    smoother = ZeroPhaseLowPass(wide, clock.dt, len(q))
+    raw, smoother = q, ZeroPhaseLowPass(wide, clock.dt, len(q))
     noise = roughness(q)
     smooth = Motion(smoother.apply(q), smoother.apply(q, 1), smoother.apply(q, 2), dt=clock.dt)
     given = processing.velocity_bandwidth
@@ -227,6 +247,7 @@ def low_passed(recording: Recording, clock: Clock, robot: Robot, processing: Pro
         torque_variance=np.full(robot.n, np.nan),
         position_variance=np.full(robot.n, np.nan),
         low_pass=low_pass,
+        acceleration_error=_acceleration_error(raw, low_pass, smoother),
         samples_per_period=len(q),
         decimate=processing.decimate,
         notes=tuple(notes),

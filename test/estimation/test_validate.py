@@ -32,6 +32,17 @@ def test_residual_of_the_true_model_is_the_filtered_noise(arm: Any) -> None:
     assert np.mean(ratios) == pytest.approx(1.0, abs=0.02)
 
 
+def test_noise_of_positions_counts_as_far_as_they_are_differentiated(arm: Any) -> None:
+    """A base chosen by prediction differentiates positions far below the band in which torques are compared."""
+    robot = replace(arm.robot, base="prediction")
+    model = identify([arm.record(seed) for seed in range(3)], robot)
+    motion, ratios = validation_motion(robot, seed=3), []
+    for seed in range(4):
+        measured = simulate(robot, motion, seed=seed).recording
+        ratios += [fit.mse / (fit.noise_variance or 0.0) for fit in validate(model, measured).residual.values()]
+    assert min(ratios) > 0.8 and max(ratios) < 1.25
+
+
 def test_a_wrong_model_is_seen(arm: Any) -> None:
     model = identify([arm.record(0)], arm.robot)
     motion = validation_motion(arm.robot, seed=4)
