@@ -23,6 +23,7 @@ AT_REST = 1e-3  # rad or m: a joint that strays less stands still
 _LITTLE = 0.01  # rad or m: a joint that strays less may be held
 _ROUGH = 0.03  # of what a joint strays: with more noise from sample to sample it can't repeat to `_REPEATS`
 _KEPT = 64  # periods that are known by the content of their positions: a recording is processed many times
+_CHANCE = 1e-3  # of taking the scatter from period to period for another motion, once in a recording
 _SMOOTH = 0.04  # share of a period over which the mismatch of successive periods is averaged
 
 
@@ -160,8 +161,9 @@ def steady_part(q: Array, period: float, step: Array, source: str) -> Steady:
         # the noise around each sample: where samples are off the clock it grows with speed
         local = np.convolve(np.concatenate([np.diff(column, n=3) ** 2 / 20.0, np.zeros(3)]), kernel, mode="same")
         noise = np.maximum(rough**2, local[: len(smooth)])
-        # 16 = (4 sigma)^2 over the calm quarter; tremor of 1e-4 of the motion still counts as repeating
-        good &= smooth <= 16.0 * np.percentile(smooth[rows], 25.0) + 4.0 * noise + (1e-4 * column.std()) ** 2
+        usual = _largest_by_chance(smooth[rows], len(rows) / window * len(columns))
+        # tremor of 1e-4 of the motion still counts as repeating
+        good &= smooth <= usual + 4.0 * noise + (1e-4 * column.std()) ** 2
     first, end = longest_run(good)
     last = end - 1 + lag
     periods = int((last - first + 1 + 1e-6 * period) / period)
@@ -172,6 +174,27 @@ def steady_part(q: Array, period: float, step: Array, source: str) -> Steady:
             " at least 2 are needed where periods are averaged"
         )
     return Steady(period, periods, last)
+
+
+def _largest_by_chance(smooth: Array, windows: float) -> float:
+    """Return the mean square mismatch that one in `windows` of them reaches by chance, at least (4 sigma)^2 over the
+    calm quarter.
+
+    A window of noise from sample to sample is a mean of many squares; what friction makes of each period is slow, so
+    that a window holds few, nu. The ratio of the quartiles of chi-square with nu degrees of freedom tells how many,
+    that of the lower one and the median where more than a quarter is no scatter.
+    """
+    from scipy.special import chdtri
+
+    quarter, *above = np.percentile(smooth, (25.0, 75.0, 50.0)) + 1e-300
+    dof = np.arange(1.0, 33.0)
+    for upper, tail in zip(above, (0.25, 0.5), strict=True):
+        ratios = chdtri(dof, tail) / chdtri(dof, 0.75)
+        nu = float(np.interp(-upper / quarter, -ratios, dof))
+        if upper <= ratios[0] * quarter:
+            break
+    largest = chdtri(nu, _CHANCE / windows) / chdtri(nu, 0.75)
+    return float(quarter) * max(16.0, float(largest))
 
 
 def _moving(q: Array) -> Mask:

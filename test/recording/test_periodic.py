@@ -7,6 +7,7 @@ from typing import Any
 
 import numpy as np
 import pytest
+from scipy.ndimage import gaussian_filter1d
 
 from robot_ident.errors import InputError
 from robot_ident.recording import Processing, Recording, process
@@ -226,3 +227,14 @@ def test_a_mean_effort_that_drifts_is_named(arm: Any) -> None:
     (note,) = [n for n in process(replace(first, tau=first.tau + rise), arm.robot).notes if "drifts" in n]
     size = float(note.split("drifts by ")[1].split()[0])
     assert "joint_2" in note and size == pytest.approx(10.0 * 7 / 8, rel=0.15)
+
+
+@pytest.mark.parametrize("seed", range(4))
+def test_periods_scatter_slowly_where_friction_differs_from_one_to_the_next(arm: Any, seed: int) -> None:
+    """What a servo makes of friction's noise lasts a tenth of a second, far above that of an encoder: one brief window
+    in a thousand of it is no other motion, and no period is lost.
+    """
+    recording = arm.record(seed, lead=0.0)
+    slow = gaussian_filter1d(np.random.default_rng(seed).normal(size=recording.q.shape), 15.0, axis=0)
+    shaken = replace(recording, q=recording.q + 6e-4 * slow / slow.std())
+    assert process(shaken, arm.robot).periods >= 15
