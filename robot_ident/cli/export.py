@@ -111,7 +111,7 @@ def _held_against(model: Model, made: Exported, args: argparse.Namespace) -> _He
         return _Held({}, {}, None)
     measured = measured_for(model, read_for(args.validation, model.robot, topic=args.topic))
     residual = residual_on(model, measured)
-    left = torque_of(model, made.left, measured.motion)
+    left = torque_of(model, made, measured.motion)
     by_joint = {label: dict(zip(model.robot.joints, map(float, rms), strict=True)) for label, rms in left.items()}
     return _Held(residual, by_joint, unusable(model, args.validation, residual))
 

@@ -104,4 +104,4 @@ def _print(summary: Summary) -> None:
     ]
     header = ("joint", "lowest", "highest", "top speed", "top torque")
     say(table((*header, "torque noise", "position noise", "position step"), rows))
-    say("positions rad (m), speeds rad/s (m/s), torques Nm (N); noise: standard deviation of one sample")
+    say("positions rad (m), speeds rad/s (m/s), torques as recorded; noise: standard deviation of one sample")

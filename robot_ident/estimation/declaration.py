@@ -113,6 +113,7 @@ USUAL = 0.35  # a URDF's masses are seldom better than that
 _LITTLE = 0.15  # share below which next to nothing of it is found
 _SURE = 4.0  # standard deviations
 _HARDLY = 0.1  # sigma of the share from which on the motion loads a joint well enough to tell
+_CONSTANT = 0.01  # of gravity's rms torque that changes along the motion
 _ROWS = 20_000  # that are looked at, at most
 _ROTOR = 5  # column of the rotor's inertia, after the URDF's torques, friction and offset
 _APART = 0.2  # of the URDF's inertial torque that no rotor could make
@@ -163,6 +164,8 @@ def _judge(robot: Robot, measured: Measurement, gravity: Array, inertial: Array,
     size = np.where(size > 1e-9 * size.max(initial=1.0), size, np.inf)  # a column of nothing tells nothing
     if len(columns) < 10:
         return Declared(name, NOT_TOLD, float("inf"), "not_told", "it hardly moves")
+    if np.std(columns[:, 0]) < _CONSTANT * np.sqrt(np.mean(columns[:, 0] ** 2)):
+        size[0] = np.inf  # weight that does not change, of a vertical slide, is an offset
     scaled = columns / size
     apart = _apart_from_rotor(scaled)
     scaled = scaled if apart else scaled[:, :_ROTOR]

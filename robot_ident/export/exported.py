@@ -4,8 +4,8 @@ format carries, and what those that it leaves out cost in torque.
 
 from __future__ import annotations
 
-from collections.abc import Collection, Mapping
-from dataclasses import dataclass
+from collections.abc import Mapping
+from dataclasses import dataclass, field
 
 import numpy as np
 
@@ -20,13 +20,15 @@ CHOICE = "the torque tells combinations alone: masses and centres of single link
 @dataclass(frozen=True)
 class Exported:
     """files: text by name within the folder, or under "" where the export is a single file. carried, left: effects as
-    `name@joint` that the format holds and those that it can't. notes: one line each.
+    `name@joint` that the format holds and those that it can't. notes: one line each. rotors: inertia [kg m^2] on the
+    joint side, by joint, of rotors that the format can't hold.
     """
 
     files: Mapping[str, str]
     carried: tuple[str, ...]
     left: tuple[str, ...]
     notes: tuple[str, ...]
+    rotors: Mapping[str, float] = field(default_factory=dict)
 
 
 @dataclass(frozen=True)
@@ -68,17 +70,21 @@ def about_centre(ten: Array) -> tuple[float, Array, Array]:
     return mass, centre, about_origin - mass * (centre @ centre * np.eye(3) - np.outer(centre, centre))
 
 
-def torque_of(model: Model, labels: Collection[str], motion: Motion) -> dict[str, Array]:
-    """Return the rms torque [n] that a model loses along a motion without each of the effects `labels`."""
+def torque_of(model: Model, exported: Exported, motion: Motion) -> dict[str, Array]:
+    """Return the rms torque [n] that a model loses along a motion by each effect and rotor that an export lacks."""
     columns, linked = model.structure.columns(motion, model.linear), model.structure.through_links
     links, scales = columns[:, :, linked] @ model.linear[linked], model.structure.scales
     out = {}
     for effect, own in model.structure.placed:
-        if effect.label not in labels:
+        if effect.label not in exported.left:
             continue
         torque = columns[:, :, own] @ model.linear[own]
         if effect.scales_links:  # it has no column: what it makes of the links' torque, a tauL - tauL
             torque = torque.copy()
             torque[:, effect.joint] = links[:, effect.joint] * (1.0 - 1.0 / scales[effect.joint])
         out[effect.label] = np.sqrt(np.mean(torque**2, axis=0))
+    for joint, rotor in exported.rotors.items():
+        torque = np.zeros_like(motion.ddq)
+        torque[:, model.robot.joint_index(joint)] = rotor * motion.ddq[:, model.robot.joint_index(joint)]
+        out[f"rotor_inertia@{joint}"] = np.sqrt(np.mean(torque**2, axis=0))
     return out

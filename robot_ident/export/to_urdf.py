@@ -46,6 +46,7 @@ def to_urdf(dynamics: Dynamics) -> Exported:
         carried=tuple(label for label in dynamics.carried if not _is_lost(label, dynamics, inertias)),
         left=(*dynamics.left, *(label for label in dynamics.carried if _is_lost(label, dynamics, inertias))),
         notes=_notes(dynamics, inertias, locked),
+        rotors={joint: float(rotor) for joint, rotor in zip(robot.joints, inertias.rotors, strict=True) if rotor},
     )
 
 

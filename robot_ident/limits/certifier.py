@@ -235,7 +235,7 @@ class Certifier:
         for joint in np.flatnonzero(np.isfinite(self._robot.limits.torque)).tolist():
             name, limit = self._robot.joints[joint], float(self._robot.limits.torque[joint])
             worst = max(found, key=lambda extreme: extreme.bound[joint])
-            margin, unit = limit - float(worst.bound[joint]), self._robot.torque_unit(joint)
+            margin, unit = limit - float(worst.bound[joint]), self._robot.link_torque_unit(joint)
             value, time = float(worst.value[joint]), float(worst.time[joint])
             items.append(Margin("torque", name, margin, value, limit, time, unit, margin / limit, proven))
         return items

@@ -49,7 +49,7 @@ def overloaded(robot: Robot, count: int = 400) -> str:
     zero = np.zeros_like(q)
     least = np.abs(robot.rigid.inverse_dynamics(Motion(q, zero, zero))).min(axis=0)
     words = [
-        f"{joint} takes {torque:.3g} {robot.torque_unit(k)} at least against gravity, its limit is {limit:g}"
+        f"{joint} takes {torque:.3g} {robot.link_torque_unit(k)} at least against gravity, its limit is {limit:g}"
         for k, (joint, torque, limit) in enumerate(zip(robot.joints, least, robot.limits.torque, strict=True))
         if torque > limit
     ]

@@ -129,7 +129,11 @@ class Robot:
 
     def torque_unit(self, joint: int) -> str:
         """Return the unit of a joint's torque: A where its drive's gain is unknown."""
-        return "A" if self.in_ampere(joint) else "N" if self.prismatic[joint] else "Nm"
+        return "A" if self.in_ampere(joint) else self.link_torque_unit(joint)
+
+    def link_torque_unit(self, joint: int) -> str:
+        """Return the unit of what the links ask of a joint by their masses, and of its limit, whatever it reports."""
+        return "N" if self.prismatic[joint] else "Nm"
 
     def in_ampere(self, joint: int) -> bool:
         """Return whether a joint reports a current whose Nm/A nobody knows, so that its results carry the unit A."""

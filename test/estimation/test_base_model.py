@@ -14,7 +14,7 @@ from robot_ident.estimation.held_out import FAINT, Fitted, Grams, held_out
 from robot_ident.estimation.identify import estimate, extend, identify
 from robot_ident.estimation.prediction import predict
 from robot_ident.estimation.validation import validate
-from robot_ident.export.exported import torque_of
+from robot_ident.export.exported import Exported, torque_of
 from robot_ident.model.expressions import columns_function
 from robot_ident.model.model import Model
 from robot_ident.model.model_file import read_model, write_model
@@ -297,7 +297,7 @@ def test_what_a_format_without_scales_loses_is_told(robot: Robot) -> None:
     scale = np.array([1.0, 1.3, 0.8, 1.2, 0.9, 1.1])
     model = identify([recorded(robot, 4, scale=scale)], robot, as_declared=True)
     motion = motion_at(np.linspace(0.0, 10.0, 200), 12)
-    lost = torque_of(model, ["torque_scale@joint_2"], motion)["torque_scale@joint_2"]
+    lost = torque_of(model, Exported({}, (), ("torque_scale@joint_2",), ()), motion)["torque_scale@joint_2"]
     links = robot.rigid.inverse_dynamics(motion)[:, 1]
     assert lost[1] == pytest.approx(0.3 * float(np.sqrt(np.mean(links**2))), rel=0.1)
     assert np.all(lost[[0, 2, 3, 4, 5]] == 0.0)

@@ -3,12 +3,15 @@
 from __future__ import annotations
 
 from dataclasses import replace
+from pathlib import Path
 from typing import Any
 
 import numpy as np
 import pytest
 
 from robot_ident.estimation.declaration import judge_declaration
+from robot_ident.recording import Recording
+from robot_ident.robot import load_robot
 from robot_ident.robot.drives import Effort, Efforts
 from robot_ident.signals.motion import Motion
 
@@ -105,3 +108,23 @@ def test_gravity_that_points_up(arm: Any, recording: Any) -> None:
     found = judge_declaration(replace(recording, tau=recording.tau - 2.0 * weight), arm.robot)
     assert [one.verdict for one in found] == ["consistent", "sign", "sign"]
     assert "does gravity point the wrong way" in found[1].hint
+
+
+@pytest.mark.parametrize("gain", [1.0, 0.6])
+def test_the_weight_of_a_vertical_slide_is_like_an_offset(tmp_path: Path, gain: float) -> None:
+    """It never changes along the motion: inertia alone tells a gain, and that may hold a rotor that the URDF lacks."""
+    path = tmp_path / "lift.urdf"
+    path.write_text(
+        """<robot name="lift"><link name="column"/><joint name="z" type="prismatic"><parent link="column"/>
+        <child link="fork"/><axis xyz="0 0 1"/><limit lower="-2" upper="2" effort="500" velocity="2"/></joint>
+        <link name="fork"><inertial><mass value="8"/><inertia ixx="1" iyy="1" izz="1" ixy="0" ixz="0" iyz="0"/>
+        </inertial></link></robot>"""
+    )
+    t = np.arange(4000)[:, None] / 200.0
+    q, dq, ddq = 0.3 * np.sin(2.0 * t), 0.6 * np.cos(2.0 * t), -1.2 * np.sin(2.0 * t)
+    noise = np.random.default_rng(0).normal(size=(2, *t.shape))
+    tau = gain * (8.0 * (ddq + 9.81) + 3.0 * dq) + 0.05 * noise[0]
+    (found,) = judge_declaration(Recording(("z",), t[:, 0], q + 1e-6 * noise[1], tau, source="lift"), load_robot(path))
+    assert np.isnan(found.gravity)
+    assert found.inertia == pytest.approx(gain, rel=0.02)
+    assert found.verdict == ("consistent" if gain == 1.0 else "factor")

@@ -16,7 +16,7 @@ import pytest
 from robot_ident.errors import InputError
 from robot_ident.estimation.identify import identify
 from robot_ident.estimation.physical_consistency import least_eigenvalues
-from robot_ident.export.exported import Dynamics
+from robot_ident.export.exported import Dynamics, torque_of
 from robot_ident.export.inertias import FullInertias
 from robot_ident.export.to_mjcf import to_mjcf
 from robot_ident.export.to_urdf import to_urdf
@@ -72,6 +72,8 @@ def test_links_on_the_border_of_the_possible_may_need_a_rotor(arm: Any) -> None:
     assert 0.0 < rotors[1] < dynamics.inertias.rotors[1]
     assert any(f"joint_2 {rotors[1]:.6g} kg m^2 are not in the file" in note for note in made.notes)
     np.testing.assert_allclose(tau + rotors * states(3).ddq, model.predict(states(3)), atol=1e-9)
+    lost = torque_of(model, made, states(3))["rotor_inertia@joint_2"]
+    np.testing.assert_allclose(lost, np.sqrt(np.mean((tau - model.predict(states(3))) ** 2, axis=0)), atol=1e-9)
     assert least_eigenvalues(bodies_of(body)).min() > 0.0
 
 
