@@ -19,6 +19,7 @@ from robot_ident.recording.measurement import DEFAULT_LOW_PASS, Measurement, Pro
 from robot_ident.recording.period import find_period, refine_period
 from robot_ident.recording.periodic import at_rest, averaged, averaged_cycles, trusted
 from robot_ident.recording.recording import Recording
+from robot_ident.recording.repairs import repaired
 from robot_ident.recording.resolution import coarse_notes, position_step
 from robot_ident.recording.saturation import without_clipped
 from robot_ident.recording.torque_channel import chain_of
@@ -65,7 +66,7 @@ def process(
     units, an effort that never changes, a recording too short, or one that isn't periodic where it has to be.
     """
     processing = processing or Processing()
-    recording = recording.with_joints(robot.joints)
+    recording = repaired(recording.with_joints(robot.joints), robot)
     if not motion_only:
         check_efforts(recording)
     check_samples(recording, motion_only=motion_only)

@@ -18,6 +18,7 @@ from robot_ident.recording.clock import Stamps, even_positions, rate_note, read_
 from robot_ident.recording.cycles import Cycles
 from robot_ident.recording.period import find_period
 from robot_ident.recording.recording import Recording
+from robot_ident.recording.repairs import repaired
 from robot_ident.recording.resolution import position_step
 from robot_ident.recording.saturation import find_clipped
 from robot_ident.signals.motion import Array
@@ -80,7 +81,7 @@ class Summary:
 
 def summarise(recording: Recording) -> Summary:
     """Return the facts about a recording; its noise where it repeats."""
-    recording = without_leaps(recording)
+    recording = without_leaps(repaired(recording))
     clock = read_clock(recording)
     q = even_positions(recording, clock)
     period, mean, periods, notes = find_period(q, clock.dt), None, None, [*recording.notes, *clock.notes]
