@@ -16,7 +16,7 @@ from robot_ident.recording.checks import check_efforts, check_plausible, check_s
 from robot_ident.recording.clock import Clock, even_positions, even_samples, rate_note, read_clock, roughness
 from robot_ident.recording.effort import at_the_joints
 from robot_ident.recording.measurement import DEFAULT_LOW_PASS, Measurement, Processing, arm_alone, time_scale
-from robot_ident.recording.period import find_period, refine_period
+from robot_ident.recording.period import find_period, refine_period, turning_on
 from robot_ident.recording.periodic import at_rest, averaged, averaged_cycles, trusted
 from robot_ident.recording.recording import Recording
 from robot_ident.recording.repairs import repaired
@@ -111,6 +111,11 @@ def _averaged(
     """
     if processing.periodic is False:
         return None, ""
+    endless = turning_on(q, clock.dt, robot.joints)
+    if endless and processing.periodic:
+        raise InputError(f"{recording.source}: {endless}")
+    if endless:
+        return None, endless
     free = processing.base_frequency is None
     period = _period(recording, clock, q, processing)
     steady, mean, made, note = None, None, None, ""
