@@ -16,6 +16,7 @@ from robot_ident.recording.averaging import average, cycle_notes, cycles_instead
 from robot_ident.recording.checks import silent_efforts, silent_note, without_leaps
 from robot_ident.recording.clock import Stamps, even_positions, rate_note, read_clock
 from robot_ident.recording.cycles import Cycles
+from robot_ident.recording.frozen import find_frozen
 from robot_ident.recording.period import find_period, turning_on
 from robot_ident.recording.recording import Recording
 from robot_ident.recording.repairs import repaired
@@ -87,7 +88,9 @@ def summarise(recording: Recording) -> Summary:
     period, mean, periods, notes = find_period(q, clock.dt), None, None, [*recording.notes, *clock.notes]
     cycles, trouble = None, ""
     said = (rate_note(q, clock.dt, recording.names), silent_note(silent_efforts(recording)))
-    notes += [line for line in (*said, *find_clipped(recording)[1].values()) if line]
+    notes += [
+        line for line in (*said, *find_clipped(recording)[1].values(), *find_frozen(recording)[1].values()) if line
+    ]
     endless = turning_on(q, clock.dt, recording.names)
     if endless:
         period = None
