@@ -25,6 +25,7 @@ from robot_ident.recording.checks import refuse_payload
 from robot_ident.recording.conditions import read_conditions
 from robot_ident.recording.effort import effort_at
 from robot_ident.recording.recording import Recording
+from robot_ident.recording.repairs import repaired
 from robot_ident.robot import Robot
 from robot_ident.robot.drives import EffortSource
 from robot_ident.signals.motion import Array
@@ -133,7 +134,8 @@ def raw_messages(storage: Storage, topics: Collection[str] | None = None) -> Ite
 
 
 def read_for(path: Path | str, robot: Robot, *, topic: str | None = None) -> Recording:
-    """Return a recording whose effort is what the robot's YAML says it is: `effort.topic` and `effort.field`.
+    """Return a recording whose effort is what the robot's YAML says it is: `effort.topic` and `effort.field`; its
+    positions are `repaired`.
 
     Velocities that messages of a bag report are left out: those of a model come from the positions.
 
@@ -146,15 +148,15 @@ def read_for(path: Path | str, robot: Robot, *, topic: str | None = None) -> Rec
     states = topic or robot.effort.topic
     if form_of(path) in TABLES:
         refuse_unnamed(path, robot.n)
-        return read_recording(path, topic=states)
+        return repaired(read_recording(path, topic=states), robot)
     sources = dict(robot.effort.sources)
     if topic is None and states is not None and not _has_positions(path, states):
         sources = {name: sources.get(name, EffortSource(states)) for name in robot.joints}
         states = None
     if not sources:
-        return read_recording(path, topic=states, velocities=False)
+        return repaired(read_recording(path, topic=states, velocities=False), robot)
     recording = with_efforts(open_storage(path), str(path), states, sources, robot.joints)
-    return replace(recording, conditions=read_conditions(path))
+    return repaired(replace(recording, conditions=read_conditions(path)), robot)
 
 
 def _has_positions(path: Path, topic: str) -> bool:

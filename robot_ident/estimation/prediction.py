@@ -26,6 +26,7 @@ from robot_ident.recording.effort import per_reported_ampere
 from robot_ident.recording.measurement import DEFAULT_LOW_PASS, Measurement, Processing
 from robot_ident.recording.process import process
 from robot_ident.recording.recording import Recording
+from robot_ident.recording.repairs import repaired
 from robot_ident.recording.torque_channel import chain_of
 from robot_ident.signals.filters import ZeroPhaseLowPass
 from robot_ident.signals.motion import Array, Motion
@@ -99,7 +100,7 @@ def with_payload_found(model: Model, recording: Recording) -> Recording:
     told under the same name; else what this recording alone tells of it on the model's arm. Where the model holds
     joints, the part in which they stand there.
     """
-    recording = at_pose(model, recording)
+    recording = at_pose(model, repaired(recording, model.robot))
     conditions = recording.conditions
     if not conditions.estimated or conditions.payload is not None:
         return recording

@@ -157,7 +157,8 @@ def validate(model: Model, recording: Recording, *, low_pass: float | None = Non
     error = torque - measured.passed(model.predict(measured.motion))
     noise = _noise(model, measured) if measured.cycles is None else _noise_of_cycles(model, measured)
     counted = moving_rows(measured)
-    moving, still = (_fits(model.robot, error, torque, rows, noise) for rows in (counted, ~counted))
+    rest = ~counted if measured.unknown is None else ~counted & ~measured.unknown[measured.rows]
+    moving, still = (_fits(model.robot, error, torque, rows, noise) for rows in (counted, rest))
     if not moving:
         raise InputError(f"{recording.source}: no joint moves; nothing can be validated")
     notes = model.leading((*measured.notes, *still_notes(measured)))

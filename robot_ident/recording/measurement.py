@@ -73,6 +73,7 @@ class Measurement:
     stamps: what the stamps are worth, and sample_rate [Hz] of the recording. off_clock: how far the samples' instants
     scatter about their stamps, None where no periods tell. conditions: what the recording's sidecar states; start_ns:
     absolute stamp of its first sample, 0 where not known. clipped: of which joints' efforts something was cut off.
+    unknown [N, n]: rows whose torque isn't known, since something was cut off or frozen in it, None where it is of all.
     time_scale: what, beside the stamps, tells how fast they run. position_step [n]: of which all recorded positions are
     multiples, 0 where there is none. acceleration_error [n] (rad/s^2)^2: variance that the differentiation of one
     pass errs by as it is compared, None elsewhere.
@@ -109,6 +110,7 @@ class Measurement:
     conditions: Conditions = Conditions()
     start_ns: int = 0
     clipped: tuple[str, ...] = ()
+    unknown: Mask | None = None
     time_scale: TimeScale = ""
     position_step: Array | None = None
     acceleration_error: Array | None = None

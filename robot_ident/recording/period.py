@@ -109,6 +109,27 @@ def _shortest(columns: Sequence[Array]) -> int | None:
     return min(lag for lag, value in zip(sharp, median, strict=True) if value <= 9.0 * median.min() + 1e-9)
 
 
+def turning_on(q: Array, dt: float, joints: Sequence[str]) -> str:
+    """Return a line where positions q [N, n] of joints repeat but for whole turns of some, which go on turning; empty
+    where they don't. Such a joint has no mean position over a period.
+    """
+    far = [joint for joint in range(len(joints)) if np.ptp(q[:, joint]) > 2.0 * np.pi]
+    if not far:
+        return ""
+    period = find_period(np.hstack([np.delete(q, far, axis=1), np.cos(q[:, far]), np.sin(q[:, far])]), dt)
+    if period is None:
+        return ""
+    lag = round(period)
+    turns = np.rint(np.median(q[lag:, far] - q[:-lag, far], axis=0) / (2.0 * np.pi))
+    on = [f"{joints[joint]} ({number:+.0f})" for joint, number in zip(far, turns, strict=True) if number]
+    if not on:
+        return ""
+    return (
+        f"the motion repeats every {period * dt:.4g} s but for whole turns of {', '.join(on)}: periods of a joint that"
+        " goes on turning are not averaged; have it turn back within each period for a noise floor"
+    )
+
+
 def refine_period(q: Array, period: float, dt: float) -> float:
     """Return the period [samples] to a small part of a sample, from the shift between distant periods over the steady
     samples; lags of 1, 2, 4... periods, each refining the last.

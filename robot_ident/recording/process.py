@@ -15,10 +15,12 @@ from robot_ident.recording.averaging import average, cycles_instead
 from robot_ident.recording.checks import check_efforts, check_plausible, check_samples, without_leaps
 from robot_ident.recording.clock import Clock, even_positions, even_samples, rate_note, read_clock, roughness
 from robot_ident.recording.effort import at_the_joints
+from robot_ident.recording.frozen import bridged, find_frozen, without_frozen
 from robot_ident.recording.measurement import DEFAULT_LOW_PASS, Measurement, Processing, arm_alone, time_scale
-from robot_ident.recording.period import find_period, refine_period
+from robot_ident.recording.period import find_period, refine_period, turning_on
 from robot_ident.recording.periodic import at_rest, averaged, averaged_cycles, trusted
 from robot_ident.recording.recording import Recording
+from robot_ident.recording.repairs import repaired
 from robot_ident.recording.resolution import coarse_notes, position_step
 from robot_ident.recording.saturation import without_clipped
 from robot_ident.recording.torque_channel import chain_of
@@ -67,11 +69,14 @@ def process(
     units, an effort that never changes, a recording too short, or one that isn't periodic where it has to be.
     """
     processing = processing or Processing()
-    recording = recording.with_joints(robot.joints)
+    recording = repaired(recording.with_joints(robot.joints), robot)
     if not motion_only:
         check_efforts(recording)
     check_samples(recording, motion_only=motion_only)
     recording = without_leaps(recording)
+    stands, said = find_frozen(recording, _units(robot)) if not motion_only else (None, {})
+    if stands is not None and said:
+        recording = bridged(recording, stands)
     published = recording
     recording = at_the_joints(recording, robot, motion_only=motion_only)
     check_plausible(recording, robot)
@@ -87,6 +92,8 @@ def process(
         made = low_passed(recording, clock, robot, processing)
     if not motion_only and robot.effort.coupling is None:
         made = without_clipped(made, published, clock)
+    if stands is not None:
+        made = without_frozen(made, stands, said, clock, robot)
     steps = position_step(recording.q)
     coarse = coarse_notes(steps, robot.drives.encoder_step, robot.joints)
     found = (line for line in (rate_note(q, clock.dt, robot.joints), *coarse, note) if line)
@@ -102,6 +109,12 @@ def process(
     return arm_alone(made, recording.conditions, robot)
 
 
+def _units(robot: Robot) -> tuple[str, ...]:
+    """Return by joint the unit of efforts as they are published; none where they aren't torques."""
+    plain = robot.effort.plain(robot.joints)
+    return tuple(robot.torque_unit(joint) for joint in range(robot.n)) if plain else ()
+
+
 def _averaged(
     recording: Recording, clock: Clock, q: Array, robot: Robot, processing: Processing
 ) -> tuple[Measurement | None, str]:
@@ -112,6 +125,11 @@ def _averaged(
     """
     if processing.periodic is False:
         return None, ""
+    endless = turning_on(q, clock.dt, robot.joints)
+    if endless and processing.periodic:
+        raise InputError(f"{recording.source}: {endless}")
+    if endless:
+        return None, endless
     free = processing.base_frequency is None
     period = _period(recording, clock, q, processing)
     steady, mean, made, note = None, None, None, ""

@@ -7,6 +7,7 @@ those that noise happened to hold below the bound would bend the mean.
 
 from __future__ import annotations
 
+from collections.abc import Mapping
 from dataclasses import replace
 
 import numpy as np
@@ -34,7 +35,7 @@ def find_clipped(recording: Recording) -> tuple[Mask, dict[int, str]]:
     if recording.samples <= _WINDOW:
         return at, said
     for joint, (name, effort, q) in enumerate(zip(recording.names, recording.tau.T, recording.q.T, strict=True)):
-        moves = _moves(q)
+        moves = moving_samples(q)
         bounds = [bound for bound in (float(effort.max()), float(effort.min())) if _cut_off(effort, bound, moves)]
         if bounds:
             at[:, joint] = np.isin(effort, bounds)
@@ -45,7 +46,7 @@ def find_clipped(recording: Recording) -> tuple[Mask, dict[int, str]]:
     return at, said
 
 
-def _moves(q: Array) -> Mask:
+def moving_samples(q: Array) -> Mask:
     """Return at which samples [N] a joint moves: where a brake holds it, its effort may well be one number."""
     travel = np.abs(q[_WINDOW:] - q[:-_WINDOW])
     whole = np.pad(travel, (_WINDOW // 2, len(q) - len(travel) - _WINDOW // 2), mode="edge")
@@ -73,30 +74,40 @@ def without_clipped(made: Measurement, recording: Recording, clock: Clock) -> Me
     at, said = find_clipped(recording)
     if not said:
         return made
-    touched = _near(made, at, clock)
-    if made.low_pass is not None:
+    words = {joint: f"{line}; what lies within {_REACH:g} s of it is left out" for joint, line in said.items()}
+    remedy = "record one that needs less torque, or have the driver publish more"
+    made = left_out(made, near(made, at, clock, _REACH), words, remedy)
+    return replace(made, clipped=tuple(words.values()))
+
+
+def left_out(
+    made: Measurement, touched: Mask, words: Mapping[int, str], remedy: str, *, spread: bool = True
+) -> Measurement:
+    """Return a measurement less rows [N, n] whose torque isn't known, its noise that of the rest; words: why, by joint.
+
+    spread: where the low pass takes them to. Raises InputError where too little of a joint is left, with a remedy.
+    """
+    if spread and made.low_pass is not None:
         touched = np.abs(made.low_pass.apply(touched.astype(float))) > _TOUCHED
     used = made.used & ~touched
-    for joint, words in said.items():
+    for joint, line in words.items():
         if used[:, joint].sum() < _ENOUGH * made.used[:, joint].sum():
-            raise InputError(
-                f"{recording.source}: {words}, and too little of the motion is left beside it; record one that needs"
-                " less torque, or have the driver publish more"
-            )
-    notes = tuple(f"{words}; what lies within {_REACH:g} s of it is left out" for words in said.values())
-    return replace(_with_noise(made, touched), used=used, clipped=notes, notes=(*made.notes, *notes))
+            raise InputError(f"{made.source}: {line}, and too little of the motion is left beside it; {remedy}")
+    unknown = touched if made.unknown is None else made.unknown | touched
+    notes = (*made.notes, *dict.fromkeys(words.values()))
+    return replace(_with_noise(made, touched), used=used, unknown=unknown, notes=notes)
 
 
-def _near(made: Measurement, at: Mask, clock: Clock) -> Mask:
-    """Return the rows [N, n] of a measurement within reach of a sample that was cut off, in any period."""
+def near(made: Measurement, at: Mask, clock: Clock, reach: float) -> Mask:
+    """Return the rows [N, n] of a measurement within reach [s] of samples [N', n] of its recording, in any period."""
     begins = np.array(made.motion.began or (0.0,))[:, None]
     rows = np.arange(made.motion.samples) * made.dt
     places = begins + rows if made.cycles is None else made.cycles.times - clock.t[0]
     t = clock.t - clock.t[0]
     out = np.zeros((made.motion.samples, at.shape[1]), dtype=bool)
     for joint in np.flatnonzero(at.any(axis=0)):
-        begun = np.searchsorted(t[at[:, joint]] - _REACH, places, side="right")
-        out[:, joint] = (begun > np.searchsorted(t[at[:, joint]] + _REACH, places, side="left")).any(axis=0)
+        begun = np.searchsorted(t[at[:, joint]] - reach, places, side="right")
+        out[:, joint] = (begun > np.searchsorted(t[at[:, joint]] + reach, places, side="left")).any(axis=0)
     return out
 
 

@@ -16,8 +16,10 @@ from robot_ident.recording.averaging import average, cycle_notes, cycles_instead
 from robot_ident.recording.checks import silent_efforts, silent_note, without_leaps
 from robot_ident.recording.clock import Stamps, even_positions, rate_note, read_clock
 from robot_ident.recording.cycles import Cycles
-from robot_ident.recording.period import find_period
+from robot_ident.recording.frozen import find_frozen
+from robot_ident.recording.period import find_period, turning_on
 from robot_ident.recording.recording import Recording
+from robot_ident.recording.repairs import repaired
 from robot_ident.recording.resolution import position_step
 from robot_ident.recording.saturation import find_clipped
 from robot_ident.signals.motion import Array
@@ -80,20 +82,25 @@ class Summary:
 
 def summarise(recording: Recording) -> Summary:
     """Return the facts about a recording; its noise where it repeats."""
-    recording = without_leaps(recording)
+    recording = without_leaps(repaired(recording))
     clock = read_clock(recording)
     q = even_positions(recording, clock)
     period, mean, periods, notes = find_period(q, clock.dt), None, None, [*recording.notes, *clock.notes]
     cycles, trouble = None, ""
     said = (rate_note(q, clock.dt, recording.names), silent_note(silent_efforts(recording)))
-    notes += [line for line in (*said, *find_clipped(recording)[1].values()) if line]
+    notes += [
+        line for line in (*said, *find_clipped(recording)[1].values(), *find_frozen(recording)[1].values()) if line
+    ]
+    endless = turning_on(q, clock.dt, recording.names)
+    if endless:
+        period = None
     if period is not None:
         try:
             steady, mean = average(recording, clock, period)
             periods = steady.periods
         except InputError as error:
             trouble = str(error)
-    found = cycles_instead(recording, clock, q, mean)
+    found = None if endless else cycles_instead(recording, clock, q, mean)
     if found is not None:
         (cycles, mean), period, periods, trouble = found, None, None, ""
     if trouble:
@@ -102,8 +109,9 @@ def summarise(recording: Recording) -> Summary:
         notes += cycle_notes(cycles, mean)
     elif mean is None:
         notes.append(
-            "nothing repeats: one pass, or fewer than 2 periods; it tells no noise floor, so that no model of it can be"
-            " called adequate (repeat the motion 8 times or more)"
+            endless
+            or "nothing repeats: one pass, or fewer than 2 periods; it tells no noise floor, so that no model of it can"
+            " be called adequate (repeat the motion 8 times or more)"
         )
     step = max(1, round(0.02 / clock.dt))
     speed = np.array([np.abs(one[step:] - one[:-step]).max(initial=0.0) / (step * clock.dt) for one in q.T])

@@ -80,6 +80,7 @@ def _thinned(measured: Measurement) -> Measurement:
             torque=smooth.apply(measured.torque)[::every],
             used=measured.used[::every],
             standstill=measured.standstill[::every],
+            unknown=None if measured.unknown is None else measured.unknown[::every],
             low_pass=ZeroPhaseLowPass(low_pass.cutoff, measured.dt * every, len(q)),
             samples_per_period=len(q),
             decimate=max(1, measured.decimate // every),
