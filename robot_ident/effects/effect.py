@@ -338,8 +338,12 @@ class Effect(ABC):
         names = [inner.name for inner in self.inner]
         return [dict(zip(names, values, strict=True)) for values in product(*(inner.grid for inner in self.inner))]
 
-    def contradicts_itself(self, values: Array, along: Sequence[tuple[Motion, Torques]]) -> bool:
-        """Return whether coefficients [k] at these inner parameters can't be those of one cause, on some motions."""
+    def contradicts_itself(
+        self, values: Array, along: Sequence[tuple[Motion, Torques]], beside: Mapping[str, float]
+    ) -> bool:
+        """Return whether coefficients [k] at these inner parameters can't be those of one cause, on some motions and
+        beside the model's linear parameters by name.
+        """
         return False
 
     @property

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from dataclasses import replace
 from typing import Any
 
@@ -62,7 +62,9 @@ class EndStop(Effect):
         both = [(_BOTH, self.middle + (1 - 2 * inset) * reach) for inset in _INSETS] if reach > 0 else []
         return [{"side": side, "start": start} for side, start in (*above, *below, *both)]
 
-    def contradicts_itself(self, values: Array, along: Sequence[tuple[Motion, Torques]]) -> bool:
+    def contradicts_itself(
+        self, values: Array, along: Sequence[tuple[Motion, Torques]], beside: Mapping[str, float]
+    ) -> bool:
         """Return whether it would begin about the middle of the joint's range."""
         lower, upper = self._limits()
         start, side = self.setting["start"], self.setting["side"]

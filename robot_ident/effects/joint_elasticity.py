@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from typing import Any
 
 import numpy as np
@@ -61,7 +61,9 @@ class JointElasticity(Effect):
         change = by_position * e[:, None] + by_velocity * de[:, None] + by_acceleration * dde[:, None]
         return -1e-6 * change[:, :, None]
 
-    def contradicts_itself(self, values: Array, along: Sequence[tuple[Motion, Torques]]) -> bool:
+    def contradicts_itself(
+        self, values: Array, along: Sequence[tuple[Motion, Torques]], beside: Mapping[str, float]
+    ) -> bool:
         """Return whether the link would stand off by more than a first-order formula holds for, or far less than the
         inertia behind the gear rings, M (2 pi f)^2 / k: a mass that swings on the arm, or the base on its feet.
         """

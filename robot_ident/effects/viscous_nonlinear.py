@@ -2,15 +2,18 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from math import inf
 from typing import Any
 
-from robot_ident.effects.effect import Coefficient, Effect, Inner, Mathematics, Signals
-from robot_ident.signals.motion import Motion
+import numpy as np
+
+from robot_ident.effects.effect import Coefficient, Effect, Inner, Mathematics, Signals, Torques
+from robot_ident.signals.motion import Array, Motion
 
 _STILL = 1e-12  # (rad/s)^2 that keep the derivative of |v|^p finite at standstill
 _POWERS = (0.6, 1.5, 2.0, 3.0)
+_FALLS = 0.05  # of what friction falls and rises by over the speed: the error of its formula
 _POWER, _TANH = 0.0, 1.0
 
 
@@ -49,6 +52,21 @@ class ViscousNonlinear(Effect):
         """Return exponents for the power and speeds for the tanh."""
         speeds = self.inner[1].grid
         return [{"form": _POWER, "bend": p} for p in _POWERS] + [{"form": _TANH, "bend": v} for v in speeds]
+
+    def contradicts_itself(
+        self, values: Array, along: Sequence[tuple[Motion, Torques]], beside: Mapping[str, float]
+    ) -> bool:
+        """Return whether friction falls as a joint begins to move, b v + f v^p beside a viscous coefficient b < 0, by
+        more than a share of all that it changes by: that is Stribeck's.
+        """
+        power, (level,) = self.setting["bend"], values
+        viscous = beside.get(f"viscous@{self.place}", 0.0)
+        if self.setting["form"] != _POWER or power <= 1.0 or level <= 0.0 or viscous >= 0.0:
+            return False
+        fastest = max((float(np.abs(motion.dq[:, self.joint]).max()) for motion, _ in along), default=0.0)
+        slowest = min((-viscous / (level * power)) ** (1.0 / (power - 1.0)), fastest)  # where friction is least
+        least, most = (viscous * v + level * v**power for v in (slowest, fastest))
+        return bool(-least > _FALLS * (most - 2.0 * least))
 
     @property
     def ranges(self) -> tuple[tuple[float, float], ...]:

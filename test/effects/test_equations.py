@@ -57,11 +57,24 @@ def test_column_is_the_equation(label: str, setting: dict[str, float], expected:
 def test_a_stop_does_not_begin_in_the_middle_of_a_range(side: float, start: float, impossible: bool) -> None:
     """joint_2 turns from -1.2 to 1.2 rad; what begins at its middle is a curve over position."""
     stop = make_effect("end_stop@joint_2", load_robot("kuka_ir361")).at({"side": side, "start": start})
-    assert stop.contradicts_itself(np.array([100.0]), ()) == impossible
+    assert stop.contradicts_itself(np.array([100.0]), (), {}) == impossible
 
 
 def test_no_gear_yields_by_six_degrees() -> None:
     """2000 mrad/kNm under 100 Nm are 0.2 rad, for which a formula of first order does not hold."""
     load = np.full((1, 3), 100.0)
     soft = make_effect("joint_elasticity@joint_2", load_robot("kuka_ir361"))
-    assert soft.contradicts_itself(np.array([2000.0]), [(Motion(*np.zeros((3, 1, 3))), Torques(load, load))])
+    assert soft.contradicts_itself(np.array([2000.0]), [(Motion(*np.zeros((3, 1, 3))), Torques(load, load))], {})
+
+
+@pytest.mark.parametrize(
+    ("power", "viscous", "falls"), [(1.01, -99.9, True), (2.0, -3.0, True), (2.0, -0.3, False), (2.0, 1.0, False)]
+)
+def test_friction_that_falls_as_a_joint_begins_to_move_is_stribecks(power: float, viscous: float, falls: bool) -> None:
+    law = make_effect("viscous_nonlinear@joint_1", load_robot("kuka_ir361")).at({"form": 0.0, "bend": power})
+    v = np.linspace(0.0, 2.0, 200)[:, None] * [1.0, 0.0, 0.0]
+    along = [(Motion(v, v, v), Torques(v, v))]
+    level = 100.0 if power == 1.01 else 2.0
+    curve = viscous * v[:, 0] + level * v[:, 0] ** power
+    assert (curve[0] - curve.min() > 0.05 * np.abs(np.diff(curve)).sum()) == falls
+    assert law.contradicts_itself(np.array([level]), along, {"viscous@joint_1": viscous}) == falls

@@ -241,7 +241,10 @@ class Search:
         """Return whether the parameters of a hypothesis beside a set can be those of one cause."""
         training = range(self.data.training)
         along = [(self.data.folds[f].motion, self.data.torques[f]) for f in training]
-        return not h.effect.contradicts_itself(given.coefficients(-1, h)[0], along)
+        c, made = given.coefficients(-1, h)
+        model = given.whole.values - made.projected @ c
+        beside = dict(zip(self.data.structure.names, map(float, model), strict=False))  # the set's own come after them
+        return not h.effect.contradicts_itself(c, along, beside)
 
     def share(self, h: Hypothesis, beside: Sequence[Hypothesis]) -> float:
         """Return the share that a hypothesis explains of what others leave in excess of noise, on the joint where it
