@@ -90,6 +90,18 @@ def test_the_mass_of_a_load_is_found_and_which_recording_had_it(said: Any) -> No
     assert "recording 2" in named.parameters[0].name
 
 
+@pytest.mark.parametrize("places", [(0, 1), (1, 0)])
+def test_of_two_recordings_the_one_that_weighs_more_has_a_load(
+    bench: Any, spoiled: Any, places: tuple[int, ...]
+) -> None:
+    """That the other one lacks it says the same."""
+    recordings = spoiled(PAYLOAD)
+    (named,) = diagnose([process(recordings[k], bench.robot) for k in places], bench.structure).missing
+    assert named.label == "payload"
+    assert named.parameters[0].value == pytest.approx(6.0, abs=4.0 * named.parameters[0].std)
+    assert f"recording {places.index(1) + 1}" in named.parameters[0].name
+
+
 @pytest.mark.parametrize("wrong", [(1,), pytest.param((0, 2), marks=pytest.mark.long)])
 def test_a_gain_of_one_recording_alone_is_no_load(bench: Any, spoiled: Any, wrong: tuple[int, ...]) -> None:
     """Of three recordings one has another gain than the others: it is named, with its joint."""
