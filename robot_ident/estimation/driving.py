@@ -17,6 +17,7 @@ from robot_ident.model.structure import Structure
 from robot_ident.recording.measurement import Measurement
 from robot_ident.signals.motion import Array
 
+_MASS_OR_INERTIA = (0, 4, 6, 9)  # m, Ixx, Iyy, Izz among the ten of a link
 POSITIVE = ("viscous", "coulomb", "rotor_inertia")  # effects whose coefficient is an amount, never below zero
 _SURE = 5.0  # standard deviations
 _TIMES = 10.0  # of a joint's torque; the arms that we know stay below 2.5
@@ -70,7 +71,20 @@ def driven(structure: Structure, measurements: Sequence[Measurement], values: Ar
         if effect.name not in POSITIVE or effect.place in below or others:
             continue  # several kinds of friction on a joint are told apart only in their sum
         _note(single, effect.label, float(theta[own.start]), float(spread[own.start, own.start]))
+    for k in _amounts(structure):
+        _note(single, structure.names[k], float(theta[k]), float(spread[k, k]))
     return Driven(below, single)
+
+
+def _amounts(structure: Structure) -> list[int]:
+    """Return the base parameters that are sums of masses, moments of inertia and rotors alone, none of them taken off:
+    what they hold is never below zero.
+    """
+    n, rows = structure.robot.n, structure.base.regrouping
+    kept = np.array(
+        [*((column % 10) in _MASS_OR_INERTIA for column in range(10 * n)), *np.ones(rows.shape[1] - 10 * n)]
+    )
+    return [k for k, row in enumerate(rows) if np.all(row >= 0.0) and not np.any(row[kept == 0.0])]
 
 
 def _note(found: dict[str, float], name: str, value: float, variance: float) -> None:

@@ -62,3 +62,11 @@ def test_a_coefficient_that_can_not_be_negative(arm: Any, measured: tuple[Any, A
     assert found.joints == {} and found.coefficients == {"viscous@joint_2": pytest.approx(10.0)}
     assert "it can't be: viscous@joint_2 (by 10 sigma)" in found.notes[0]
     assert driven(arm.structure, [measured[0]], values, 9.0 * covariance).notes == ()
+
+
+def test_a_moment_of_inertia_below_zero_is_said_and_a_product_is_not(arm: Any, measured: tuple[Any, Any]) -> None:
+    """p15 is Izz3, p14 Iyz3: by the rules that the robot's base parameters print."""
+    names, values = arm.structure.names, arm.structure.true_values()
+    values[[names.index("p15"), names.index("p14")]] = -2.0
+    found = driven(arm.structure, measured[:1], values, 1e-4 * np.eye(len(values)))
+    assert list(found.coefficients) == ["p15"]
