@@ -22,11 +22,11 @@ from robot_ident.estimation.held_out import Fitted, Grams, held_out
 from robot_ident.estimation.prediction import prediction_bandwidth
 from robot_ident.model.structure import Structure
 from robot_ident.recording.measurement import Measurement, Processing
-from robot_ident.recording.periodic import periods_low_passed
 from robot_ident.recording.process import process
 from robot_ident.recording.recording import Recording
 from robot_ident.recording.torque_channel import chain_of
 from robot_ident.robot.robot import Robot
+from robot_ident.signals.filters import PeriodicLowPass
 from robot_ident.signals.motion import Array, Mask
 
 DIFFERENTIATION = (0.5, 0.7, 1.0, 2.0)  # times the band
@@ -338,8 +338,7 @@ def _averaged(
         counted = one.used[one.rows]
         whole.append(Grams.of(one.passed(columns), one.passed(one.torque), piece, counted, PIECES))
         if one.low_pass is None:
-            lines = periods_low_passed(one, band)
-            counted = lines.used[one.rows]
+            lines = replace(one, low_pass=PeriodicLowPass(band, one.base_frequency, count))
             passed.append(Grams.of(lines.passed(columns), lines.passed(one.torque), piece, counted, PIECES))
     ways = [(asked, whole)]
     if len(passed) == len(whole):

@@ -96,14 +96,16 @@ def of_mean(
     dt = period / rate / len(mean.q)
     trust = trusted(motion, robot, processing, velocity_noise(share, variance, frequency, len(mean.q)))
     directed = direction_known(motion, strong, variance, frequency, dt)
-    chain.check_low_pass(processing.low_pass or 0.0, recording.source)
-    highest = None if mean.lines is None else mean.lines * frequency
+    cutoff = processing.low_pass
+    chain.check_low_pass(cutoff or 0.0, recording.source)
+    if mean.lines is not None:
+        cutoff = min(cutoff or np.inf, mean.lines * frequency)
     notes = _notes(mean, chain, noise, robot, silent)
     lost = zip(robot.joints, (trust & ~directed).mean(axis=0), strict=True)
     listed = ", ".join(f"{name} {100 * share:.0f} %" for name, share in lost if share > _SEVERAL)
     if listed:
         notes.append(f"rows at reversals left out, where noise hides which way a joint moves: {listed}")
-    made = Measurement(
+    return Measurement(
         source=recording.source,
         joints=recording.names,
         dt=dt,
@@ -118,7 +120,7 @@ def of_mean(
         averages=mean.averages,
         variance_dof=mean.dof,
         base_frequency=frequency,
-        low_pass=None if highest is None else PeriodicLowPass(highest, frequency, len(mean.q)),
+        low_pass=None if cutoff is None else PeriodicLowPass(cutoff, frequency, len(mean.q)),
         decimate=processing.decimate,
         period_torque=mean.periods_of_tau,
         notes=tuple(notes),
@@ -129,28 +131,6 @@ def of_mean(
         averaged_position_variance=variance,
         left_out=mean.left_out,
         off_clock=mean.off_clock,
-    )
-    return made if processing.low_pass is None else periods_low_passed(made, processing.low_pass)
-
-
-def periods_low_passed(measured: Measurement, cutoff: float) -> Measurement:
-    """Return averaged periods that are compared up to a cutoff [Hz]; beyond the lines that they have, as they are.
-
-    A row near a reversal, where stiction or noise hides the direction, has a torque that no model tells. The low pass
-    mixes it with its neighbours: those don't count either.
-    """
-    if measured.base_frequency is None or measured.low_pass is not None and measured.low_pass.cutoff <= cutoff:
-        return measured
-    low_pass = SoftPeriodicLowPass(cutoff, measured.base_frequency, measured.motion.samples)
-    touched = low_pass.apply((~measured.used).astype(float)) > _TOUCHED
-    lost = zip(measured.joints, (measured.used & touched).mean(axis=0), strict=True)
-    listed = ", ".join(f"{name} {100 * share:.0f} %" for name, share in lost if share > _SEVERAL)
-    note = f"rows that the low pass of {cutoff:.3g} Hz mixes with reversals left out: {listed}"
-    return replace(
-        measured,
-        low_pass=low_pass,
-        used=measured.used & ~touched,
-        notes=(*measured.notes, note) if listed else measured.notes,
     )
 
 

@@ -2,14 +2,10 @@
 
 from __future__ import annotations
 
-from dataclasses import replace
-from typing import Any
-
 import numpy as np
 import pytest
 
 from robot_ident.recording import Processing, Recording, process
-from robot_ident.recording.periodic import periods_low_passed
 from robot_ident.robot import load_robot
 from robot_ident.signals.filters import PeriodicLowPass, ZeroPhaseLowPass
 
@@ -101,16 +97,3 @@ def test_slow_motion_counts_although_its_reversals_are_sharp(speed: float) -> No
     assert measured.used.mean(axis=0).min() > 0.9
     right = measured.motion.dq[:, 0] * ramps > 0.0
     assert right[measured.used[:, 0]].mean() > 0.995
-
-
-def test_what_sticks_at_a_reversal_does_not_reach_rows_that_count(arm: Any) -> None:
-    """A joint that sticks has any torque up to friction where its direction is unknown; a low pass mixes that with the
-    rows beside it, which then say nothing of the model either.
-    """
-    plain = process(arm.record(0), arm.robot)
-    stuck = periods_low_passed(replace(plain, torque=plain.torque + 300.0 * ~plain.used), 8.0)
-    torque = arm.structure.columns(stuck.motion) @ arm.structure.true_values()
-    left = np.where(stuck.used, stuck.passed(stuck.torque - torque), 0.0)
-    square = np.sum(left**2, axis=0) / stuck.used.sum(axis=0)
-    assert np.all(square < 1.3 * stuck.averaged_variance), square / stuck.averaged_variance
-    assert np.all(stuck.used.mean(axis=0) > 0.5)
