@@ -80,11 +80,9 @@ def _amounts(structure: Structure) -> list[int]:
     """Return the base parameters that are sums of masses, moments of inertia and rotors alone, none of them taken off:
     what they hold is never below zero.
     """
-    n, rows = structure.robot.n, structure.base.regrouping
-    kept = np.array(
-        [*((column % 10) in _MASS_OR_INERTIA for column in range(10 * n)), *np.ones(rows.shape[1] - 10 * n)]
-    )
-    return [k for k, row in enumerate(rows) if np.all(row >= 0.0) and not np.any(row[kept == 0.0])]
+    rows, column = structure.base.regrouping, np.arange(structure.base.regrouping.shape[1])
+    others = (column < 10 * structure.robot.n) & ~np.isin(column % 10, _MASS_OR_INERTIA)
+    return [k for k, row in enumerate(rows) if np.all(row >= 0.0) and not np.any(row[others])]
 
 
 def _note(found: dict[str, float], name: str, value: float, variance: float) -> None:

@@ -28,7 +28,8 @@ from robot_ident.recording.process import process
 from robot_ident.recording.recording import Recording
 from robot_ident.recording.repairs import repaired
 from robot_ident.recording.torque_channel import chain_of
-from robot_ident.signals.filters import ZeroPhaseLowPass
+from robot_ident.signals.filters import ZeroPhaseLowPass, there_and_back
+from robot_ident.signals.fourier import power_spectrum
 from robot_ident.signals.motion import Array, Motion
 
 
@@ -279,14 +280,13 @@ def prediction_bandwidth(
     torque = (structure.columns(motion, values) @ values).var(axis=0)
     # what an error of each joint's acceleration is worth, in shares of all joints' torque
     worth = np.mean(inertia**2, axis=0).T @ (1.0 / np.maximum(torque, max(_IDLE * torque.max(), 1e-300)))
-    window = np.hanning(len(q))[:, None]
-    power = np.abs(np.fft.rfft((q - q.mean(axis=0)) * window, axis=0)) ** 2 / np.sum(window**2)
+    power = power_spectrum(q)
     frequency = np.fft.rfftfreq(len(q), clock.dt)
     scale = (2.0 * np.pi * frequency) ** 4
     moved, noise = scale * (power @ worth), scale * float(roughness(q) ** 2 @ worth)
 
     def error(cutoff: float) -> float:
-        gain = 1.0 / (1.0 + (frequency / cutoff) ** 8)
+        gain = there_and_back(frequency, cutoff)
         return float(np.sum((gain**2 - 2.0 * gain) * moved + 2.0 * gain * noise))
 
     count = int(np.log(_LEAST) / np.log(_FINER)) + 1

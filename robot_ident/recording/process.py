@@ -26,7 +26,8 @@ from robot_ident.recording.saturation import without_clipped
 from robot_ident.recording.torque_channel import chain_of
 from robot_ident.robot.robot import Robot
 from robot_ident.signals.derivatives import step
-from robot_ident.signals.filters import ZeroPhaseLowPass
+from robot_ident.signals.filters import ZeroPhaseLowPass, there_and_back
+from robot_ident.signals.fourier import power_spectrum
 from robot_ident.signals.motion import Array, Motion
 
 _STRAY = 30.0  # times its noise: how far the position may stray from one period to the next
@@ -194,14 +195,13 @@ def _acceleration_error(q: Array, low_pass: ZeroPhaseLowPass, smoother: ZeroPhas
     the smoother H, and motion that it took, 2 / N sum_f w^4 G^2 (H^2 s^2 + (1 - H)^2 (P - s^2)), G the low pass, P the
     spectrum of the positions q [N, n] where it stands above that of their noise s^2.
     """
-    noise, window = roughness(q) ** 2, np.hanning(len(q))[:, None]
-    power = np.abs(np.fft.rfft((q - q.mean(axis=0)) * window, axis=0)) ** 2 / np.sum(window**2)
     from scipy.ndimage import uniform_filter1d
 
+    noise, power = roughness(q) ** 2, power_spectrum(q)
     level = uniform_filter1d(power, _LINES, axis=0, mode="nearest")
     moved = np.where(level > _ABOVE * noise, np.maximum(power - noise, 0.0), 0.0)
     frequency = np.fft.rfftfreq(len(q), low_pass.dt)
-    passed, kept = (1.0 / (1.0 + (frequency / one.cutoff) ** 8) for one in (low_pass, smoother))
+    passed, kept = (there_and_back(frequency, one.cutoff) for one in (low_pass, smoother))
     scale = ((2.0 * np.pi * frequency) ** 4 * passed**2)[:, None]
     errors = scale * (kept[:, None] ** 2 * noise + (1.0 - kept[:, None]) ** 2 * moved)
     return np.asarray(2.0 / len(q) * errors.sum(axis=0))

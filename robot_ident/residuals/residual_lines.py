@@ -8,7 +8,7 @@ import numpy as np
 
 from robot_ident.recording.measurement import Measurement
 from robot_ident.residuals.beside import Beside
-from robot_ident.signals.filters import SoftPeriodicLowPass, ZeroPhaseLowPass
+from robot_ident.signals.filters import SoftPeriodicLowPass, ZeroPhaseLowPass, there_and_back
 from robot_ident.signals.motion import Array, Mask
 
 _SEGMENT = 10.0  # s: stretches over which the spectrum of a motion that doesn't repeat is averaged
@@ -76,7 +76,7 @@ def _shape(measured: Measurement, frequency: Array) -> Array:
     share = measured.low_pass.independent if measured.low_pass else 1.0
     shape = np.full((len(frequency), n), 1.0 / share)
     if isinstance(measured.low_pass, ZeroPhaseLowPass | SoftPeriodicLowPass):
-        shape /= (1.0 + (frequency[:, None] / measured.low_pass.cutoff) ** 8) ** 2
+        shape *= there_and_back(frequency[:, None], measured.low_pass.cutoff) ** 2
     told = measured.noise
     for joint in range(n):
         if told is not None and told.coloured[joint] and len(told.density) == len(frequency):

@@ -4,14 +4,20 @@ from __future__ import annotations
 
 from dataclasses import dataclass
 from functools import cached_property
-from typing import Protocol
+from typing import Any, Protocol
 
 import numpy as np
+from numpy.typing import NDArray
 
 from robot_ident.signals.derivatives import step
 from robot_ident.signals.motion import Array, Motion
 
 _MEMORY = 8.0  # periods of the cutoff: the filter's slowest mode falls to exp(-2 pi sin(pi / 16) 8) = 6e-5 in them
+
+
+def there_and_back(frequency: NDArray[np.floating[Any]], cutoff: float) -> Array:
+    """Return the gain of a Butterworth low pass of order 4 that runs forward and backward, 1 / (1 + (f / cutoff)^8)."""
+    return np.asarray(1.0 / (1.0 + (frequency / cutoff) ** 8))
 
 
 class LowPass(Protocol):
@@ -73,7 +79,7 @@ class SoftPeriodicLowPass:
     def gain(self) -> Array:
         """Gain [N // 2 + 1] of the lines of the period."""
         lines = np.arange(self.samples // 2 + 1) * self.frequency
-        return np.asarray(1.0 / (1.0 + (lines / self.cutoff) ** 8))
+        return there_and_back(lines, self.cutoff)
 
     @property
     def independent(self) -> float:
@@ -116,8 +122,7 @@ class ZeroPhaseLowPass:
 
     @cached_property
     def _gain(self) -> Array:
-        gain: Array = 1.0 / (1.0 + (self._frequencies / self.cutoff) ** 8)
-        return gain
+        return there_and_back(self._frequencies, self.cutoff)
 
     @property
     def independent(self) -> float:

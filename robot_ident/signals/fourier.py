@@ -92,3 +92,11 @@ def share_of_motion(c: Lines, strong: Mask, variance: Array, samples: int) -> Ar
                 break
             share[faint, joint] = 1.0 - len(faint) / total
     return share
+
+
+def power_spectrum(x: Array) -> Array:
+    """Return the power [K, n] of x [N, n] about its mean at every frequency, under a Hann window: of white noise of
+    variance s^2 it is s^2.
+    """
+    window = np.hanning(len(x))[:, None]
+    return np.asarray(np.abs(np.fft.rfft((x - x.mean(axis=0)) * window, axis=0)) ** 2 / np.sum(window**2))

@@ -71,7 +71,7 @@ def payloads(evidence: Evidence, base: BaseGram) -> list[FittedFault]:
         gain = before - fitted_loss(with_load, everything)
         weight, std = _gravity_change(after)
         weightless = np.isfinite(std) and abs(weight) < _SIGMA * std
-        if len(sources) == 2 and np.isfinite(std) and weight < -_SIGMA * std:
+        if len(sources) == 2 and weight < -_SIGMA * std:
             continue  # what the one lacks the other carries: told of that one
         if weightless and any(fit.fails for fit in lack_of_fit(replace(after, memory={}), with_load)):
             continue
