@@ -19,9 +19,9 @@ from robot_ident.cli.main import main
 from robot_ident.diagnosis.diagnose import diagnose
 from robot_ident.diagnosis.diagnosis import Diagnosis
 from robot_ident.errors import InputError
-from robot_ident.estimation.identify import estimate
-from robot_ident.model.structure import Structure
-from robot_ident.recording import Recording, process
+from robot_ident.estimation.identify import estimate, identify
+from robot_ident.estimation.prediction import measured_for
+from robot_ident.recording import Recording
 from robot_ident.recording.measurement import Measurement
 from robot_ident.robot import load_robot
 from robot_ident.testbed.trial import Outcome
@@ -43,26 +43,27 @@ def prepare() -> None:
 
 
 def run_case(seed: int, kind: str) -> Outcome:
-    """Hide, record, identify, diagnose, add."""
+    """Hide, record, identify without an option, diagnose, add."""
     name = ARMS[seed % len(ARMS)]
     arm, motions = _arm(name), _motions(name)
     robot = load_robot(FOLDER / f"{name}.yaml")
     case = make_case(seed, kind, arm, motions)
-    *training, unseen = (process(Recording(robot.joints, *data), robot) for data in case.recordings)
-    structure = Structure.build(robot)
+    recordings = [Recording(robot.joints, *data, source=f"run_{k}") for k, data in enumerate(case.recordings, 1)]
+    trouble, errors = "", None
     started = time.process_time()
-    trouble = ""
     try:
-        found = diagnose(training, structure)
+        model = identify(recordings[:-1], robot)
+        *training, unseen = (measured_for(model, recording) for recording in recordings)
+        started = time.process_time()
+        found = diagnose(training, model.structure)
     except InputError as error:  # sound recordings that are refused: nothing is named, and the reason is kept
         trouble, rest = str(error), dict.fromkeys(robot.joints, float(np.nan))
         found = Diagnosis("unexplained", (), (), rest, None, (trouble,))
     seconds = time.process_time() - started
-    errors = None
     columns = [one.effect for one in found.missing if not one.effect.measuring]
     if columns:
-        models = [estimate(training, s) for s in (structure, Structure.build(robot, columns))]
-        before, after = (_errors(model, unseen) for model in models)
+        both = (model.structure, model.structure.with_further(columns))
+        before, after = (_errors(estimate(training, structure), unseen) for structure in both)
         errors = (before, after)
     return Outcome.of(
         found, robot, seed=seed, kind="pair_other_joints" if kind == "pair" else kind, hidden=case.what,

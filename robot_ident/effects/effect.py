@@ -8,7 +8,7 @@ from copy import copy
 from dataclasses import dataclass, replace
 from functools import cached_property
 from itertools import product
-from typing import Any, ClassVar, Literal, NamedTuple, Protocol
+from typing import Any, ClassVar, Literal, NamedTuple, Protocol, Self
 
 import numpy as np
 
@@ -321,7 +321,7 @@ class Effect(ABC):
         made = own_columns(self, motion, torques) if is_own(type(self)) else self.full_columns(motion, torques)
         return made[:, :, list(self._kept)]
 
-    def at(self, setting: Mapping[str, float]) -> Effect:
+    def at(self, setting: Mapping[str, float]) -> Self:
         """Return the same effect with other inner parameters."""
         other = copy(self)
         other.setting = self._with(setting)

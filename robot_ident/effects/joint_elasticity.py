@@ -8,9 +8,10 @@ from typing import Any
 import numpy as np
 
 from robot_ident.effects.effect import Coefficient, Course, Effect, Inner, Mathematics, Signals, Torques, scaled
-from robot_ident.signals.filters import driven
+from robot_ident.signals.filters import ringing
 from robot_ident.signals.motion import Array, Motion
 
+_MOST = 0.9  # of the least inertia about the joint, that the motor may be
 _LEAST = 1e-4  # of the mean inertia about the joint, below which the model's is none
 
 _SMALL = 0.1  # rad or m that a gear gives way at most: the formula is of first order, and no gear yields 6 degrees
@@ -34,6 +35,7 @@ class JointElasticity(Effect):
     inner: tuple[Inner, ...] = (
         Inner("resonance", "Hz", "Hz", 2.0, 200.0, (4.0, 6.0, 9.0, 13.0, 20.0, 30.0, 60.0), logarithmic=True),
         Inner("damping", "1", "1", 0.005, 0.25, (0.02, 0.15), logarithmic=True),
+        Inner("rotor", "1", "1", 0.0, 0.7, (0.0, 0.2, 0.4)),
     )
     symmetry = "memory"
     signature = "grows with the 2nd to 4th power of frequency, and rings at its resonance"
@@ -45,21 +47,54 @@ class JointElasticity(Effect):
     needs_time = True
     symbolic = False
 
+    def placed_inner(self) -> tuple[Inner, ...]:
+        """Return the inner parameters, without `rotor` where the links hold none or the armature is known."""
+        known = not self._held or self._armature > 0.0
+        return tuple(inner for inner in super().placed_inner() if inner.name != "rotor" or not known)
+
+    def settings(self, motion: Motion | None = None) -> Sequence[dict[str, float]]:
+        """Return every resonance with every damping, and with the least damping every share of the motor besides."""
+        middle = {name: value for name, value in self.setting.items() if name == "rotor"}
+        return [
+            one
+            for one in super().settings(motion)
+            if one["damping"] == self.inner[1].grid[0] or all(one[name] == value for name, value in middle.items())
+        ]
+
     def full_columns(self, motion: Motion, torques: Torques | None = None) -> Array:
         """Return -D[tau] k e, Nm per mrad/kNm; zero where the model has no inertia about the joint."""
         out = np.zeros((motion.samples, self.robot.n, 1))
         if torques is None or torques.rigid is None:
             return out
         by_position, by_velocity, by_acceleration = torques.rigid.by_joint(self.joint)
+        rotor = self._rotor(by_acceleration)
+        by_acceleration = by_acceleration - rotor * (np.arange(self.robot.n) == self.joint)
         mean = float(by_acceleration[:, self.joint].mean())
         if not mean or (inertia := by_acceleration[:, self.joint] / mean).min() <= _LEAST:
             return out
         w = 2.0 * np.pi * self.setting["resonance"]
         drag = by_velocity[:, self.joint] / mean + 2.0 * self.setting["damping"] * w
         spring = by_position[:, self.joint] / mean + w**2
-        e, de, dde = driven(motion, w**2 * torques.load[:, self.joint], inertia, drag, spring)
+        load = torques.load[:, self.joint] - rotor * motion.ddq[:, self.joint]
+        e, de, dde = ringing(motion, w**2 * load, inertia, drag, spring)
         change = by_position * e[:, None] + by_velocity * de[:, None] + by_acceleration * dde[:, None]
         return -1e-6 * change[:, :, None]
+
+    @property
+    def _held(self) -> bool:
+        """Whether the links' inertias hold the motor's."""
+        return self.robot.side(self.joint) != "link" and self.robot.rigid.holding_rotors[self.joint]
+
+    @property
+    def _armature(self) -> float:
+        """Inertia of the motor [kg m^2] on the joint's side, 0 where it is not known in the units of the torque."""
+        return 0.0 if self.robot.in_ampere(self.joint) else float(self.robot.drives.armature[self.joint])
+
+    def _rotor(self, by_acceleration: Array) -> float:
+        """Return what of the inertia about the joint [N, n] is the motor's, at most most of the least."""
+        felt = by_acceleration[:, self.joint]
+        rotor = self.setting["rotor"] * float(felt.mean()) if "rotor" in self.setting else self._armature * self._held
+        return max(0.0, min(rotor, _MOST * float(felt.min())))
 
     def contradicts_itself(
         self, values: Array, along: Sequence[tuple[Motion, Torques]], beside: Mapping[str, float]
@@ -70,7 +105,8 @@ class JointElasticity(Effect):
         if 1e-6 * values[0] * max(np.abs(torques.load[:, self.joint]).max() for _, torques in along) > _SMALL:
             return True
         known = [torques.rigid for _, torques in along if torques.rigid is not None]
-        inertia = np.mean([rigid.by_joint(self.joint)[2][:, self.joint].mean() for rigid in known])
+        felt = [rigid.by_joint(self.joint)[2] for rigid in known]
+        inertia = np.mean([one[:, self.joint].mean() - self._rotor(one) for one in felt])
         return bool(1e-6 * values[0] * inertia * (2.0 * np.pi * self.setting["resonance"]) ** 2 < _RINGS)
 
     def smooth_terms(self, x: Signals, m: Mathematics, course: Course) -> Sequence[dict[int, Any]]:

@@ -3,8 +3,9 @@
 from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
+from dataclasses import replace
 from math import inf
-from typing import Any
+from typing import Any, Self
 
 import numpy as np
 
@@ -13,6 +14,7 @@ from robot_ident.signals.motion import Array, Motion
 
 _STILL = 1e-12  # (rad/s)^2 that keep the derivative of |v|^p finite at standstill
 _POWERS = (0.6, 1.5, 2.0, 3.0)
+_BENT = (0.1, 0.8), (1.25, 4.0)  # powers that bend: f |v|^p beside b v tells (p - 1) f alone where p comes near 1
 _FALLS = 0.05  # of what friction falls and rises by over the speed: the error of its formula
 _POWER, _TANH = 0.0, 1.0
 
@@ -52,6 +54,16 @@ class ViscousNonlinear(Effect):
         """Return exponents for the power and speeds for the tanh."""
         speeds = self.inner[1].grid
         return [{"form": _POWER, "bend": p} for p in _POWERS] + [{"form": _TANH, "bend": v} for v in speeds]
+
+    def at(self, setting: Mapping[str, float]) -> Self:
+        """Return the same effect with other inner parameters; a power stays on its side of 1."""
+        other = super().at(setting)
+        form, bend = type(self).inner
+        power = other.setting["bend"]
+        sides = _BENT if other.setting["form"] == _POWER else ()
+        low, high = next((side for side in sides if side[0] <= power <= side[1]), (bend.lower, bend.upper))
+        other.inner = (form, replace(self.inner[1], lower=low, upper=high))
+        return other
 
     def contradicts_itself(
         self, values: Array, along: Sequence[tuple[Motion, Torques]], beside: Mapping[str, float]

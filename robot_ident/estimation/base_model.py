@@ -26,7 +26,6 @@ from robot_ident.recording.process import process
 from robot_ident.recording.recording import Recording
 from robot_ident.recording.torque_channel import chain_of
 from robot_ident.robot.robot import Robot
-from robot_ident.signals.filters import PeriodicLowPass
 from robot_ident.signals.motion import Array, Mask
 
 DIFFERENTIATION = (0.5, 0.7, 1.0, 2.0)  # times the band
@@ -38,7 +37,9 @@ _SPANS = 0.1  # of a column's size, that another column must make of it to be na
 OFFSET, ROTOR, SCALE = "torque_offset", "rotor_inertia", "torque_scale"
 PIECES = 8  # of the path, each left out in turn
 _BETTER = 2.0  # standard errors by which torque scales have to predict better than none, one pass than averages
-_MORE = 1.1  # times the error of filters chosen, from which those that were asked for are said to be worse
+_MORE = (
+    1.1  # times the error of a joint, from which filters that were asked for are said to be worse, averages not taken
+)
 _SCALES_TOLD = 3.0  # from which on they count as measured: true motor torques got .87 to 1.37 below it
 _USUAL = 0.7, 1.4  # what a scale lies between, unless a unit or a gear ratio is wrong
 
@@ -284,10 +285,10 @@ def _ways(
         share = min(1.0, 2.0 * cutoff * way[0].dt)
         out.append(_Way(asked if asks_periods else processing, False, fitted, (judged,), share))
     if all(one.base_frequency is not None for one in default):
-        averaged = _averaged(default, tuple(judges), structure, asked, band)
+        averaged = _averaged(default, tuple(judges), structure, asked)
         # what is longer than a choice looks at is averaged: as one pass, its rows would be more than they tell
         only = asks_periods or any(part.samples >= _LONGEST for part in parts)
-        return averaged[:1] if only else [*out, *averaged]
+        return [averaged] if only else [*out, averaged]
     return out[:1] if asks_periods else out
 
 
@@ -321,15 +322,13 @@ def _pieces(default: Measurement, rows: ThinRows, used: Mask) -> np.ndarray:
 
 
 def _averaged(
-    default: Sequence[Measurement], judges: tuple[Grams, ...], structure: Structure, asked: Processing, band: float
-) -> list[_Way]:
+    default: Sequence[Measurement], judges: tuple[Grams, ...], structure: Structure, asked: Processing
+) -> _Way:
     """Return averages of periods: fitted to the mean period, judged on all rows of one pass, in its differentiations.
 
     Judged on their own columns, averages would predict well for having less noise in them, which another path's lack.
-    Fitted as they are, and through a low pass at the band: above it, what the model lacks would count against averages
-    alone, and encoder noise would make inertias too small.
     """
-    whole, passed = [], []
+    whole = []
     for one in default:
         columns = structure.columns(one.motion)
         count = len(columns)
@@ -337,13 +336,7 @@ def _averaged(
         assert one.base_frequency is not None
         counted = one.used[one.rows]
         whole.append(Grams.of(one.passed(columns), one.passed(one.torque), piece, counted, PIECES))
-        if one.low_pass is None:
-            lines = replace(one, low_pass=PeriodicLowPass(band, one.base_frequency, count))
-            passed.append(Grams.of(lines.passed(columns), lines.passed(one.torque), piece, counted, PIECES))
-    ways = [(asked, whole)]
-    if len(passed) == len(whole):
-        ways.append((replace(asked, low_pass=band), passed))
-    return [_Way(processing, True, reduce(add, fitted), judges) for processing, fitted in ways]
+    return _Way(asked, True, reduce(add, whole), judges)
 
 
 class _Shown(NamedTuple):
@@ -442,12 +435,15 @@ def _judged(
 
 
 def _best_of(candidates: Sequence[Candidate]) -> Candidate:
-    """Return that of the least score; torque scales only where they surely serve, averages where they do as well."""
+    """Return that of the least score; torque scales only where they surely serve, averages, which measure their noise,
+    where they predict as well or nearly so.
+    """
     free = [one for one in candidates if not one.scaled]
     best, first = min(free, key=lambda one: one.score), min(candidates, key=lambda one: one.score)
     if first.scaled and best.worse(first) >= _BETTER:
         best, free = first, [one for one in candidates if one.scaled]
-    alike = [one for one in free if one.averaged and one.worse(best) <= _BETTER]
+    nearly = best.score + 2.0 * np.log(_MORE) * len(best.torque)
+    alike = [one for one in free if one.averaged and (one.score <= nearly or one.worse(best) <= _BETTER)]
     return min(alike or [best], key=lambda one: one.score)
 
 

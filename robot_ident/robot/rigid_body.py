@@ -13,6 +13,7 @@ from robot_ident.signals.motion import Array, Motion
 # Pinocchio's order of the ten inertial parameters of a link, about and along its joint frame.
 STANDARD = ("m", "mx", "my", "mz", "Ixx", "Ixy", "Iyy", "Ixz", "Iyz", "Izz")
 STANDARD_UNITS = ("kg", "kg m", "kg m", "kg m") + ("kg m^2",) * 6
+_DEPENDENT = 1e-9  # of a rotor's torque, that the links do not make
 
 
 @dataclass(frozen=True)
@@ -64,6 +65,16 @@ class RigidBody:
         for k in range(motion.samples):
             y[k] = pinocchio.computeJointTorqueRegressor(model, data, motion.q[k], motion.dq[k], motion.ddq[k])
         return y
+
+    @cached_property
+    def holding_rotors(self) -> tuple[bool, ...]:
+        """Whether the links' inertias make the torque of each joint's rotor: then no motion tells the rotor apart."""
+        rng = np.random.default_rng(1997)
+        motion = Motion(*rng.uniform(-3.0, 3.0, (3, 10 * self.n + 20, self.n)))
+        y = self.regressor(motion).reshape(-1, 10 * self.n)
+        rotors = np.einsum("kj,ij->kij", motion.ddq, np.eye(self.n)).reshape(-1, self.n)
+        left = rotors - y @ np.linalg.lstsq(y, rotors, rcond=None)[0]
+        return tuple(np.linalg.norm(left, axis=0) < _DEPENDENT * np.linalg.norm(rotors, axis=0))
 
     def inverse_dynamics(self, motion: Motion) -> Array:
         """Return the torque of the URDF's inertias and the armature [N, n] Nm, by recursive Newton-Euler."""

@@ -44,6 +44,18 @@ def delayed(x: Array, motion: Motion, delay: float) -> Array:
     return np.asarray(x[left] + u * rise + bend)
 
 
+def finer(x: Array, motion: Motion, factor: int) -> Array:
+    """Return x [N] at `factor` instants for every sample of a motion: by its Fourier series over a period, by a cubic
+    spline elsewhere, from the first sample to the last.
+    """
+    from scipy.interpolate import CubicSpline
+    from scipy.signal import resample
+
+    if motion.periodic:
+        return np.asarray(resample(x, factor * len(x)))
+    return np.asarray(CubicSpline(np.arange(len(x)), x)(np.arange(factor * (len(x) - 1) + 1) / factor))
+
+
 def lagged(x: Array, motion: Motion, span: float) -> Array:
     """Return x [N, ...] behind a first-order lag of time constant span [s]: span dy/dt = x - y.
 

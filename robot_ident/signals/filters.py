@@ -9,7 +9,7 @@ from typing import Any, Protocol
 import numpy as np
 from numpy.typing import NDArray
 
-from robot_ident.signals.derivatives import step
+from robot_ident.signals.derivatives import finer, step
 from robot_ident.signals.motion import Array, Motion
 
 _MEMORY = 8.0  # periods of the cutoff: the filter's slowest mode falls to exp(-2 pi sin(pi / 16) 8) = 6e-5 in them
@@ -153,6 +153,25 @@ class ZeroPhaseLowPass:
         return int(0.5 / (self.cutoff * self.dt)) + 1
 
 
+_SWING = 0.1  # rad of a free motion from one instant to the next: its frequency comes .1 % too low
+_FINEST = 16  # instants a sample
+
+
+def ringing(
+    motion: Motion, force: Array, inertia: Array, damping: Array, stiffness: Array
+) -> tuple[Array, Array, Array]:
+    """Return what `driven` does for forces that are smooth between the samples: at as many instants as the free motion
+    needs.
+    """
+    swing = float(np.sqrt(np.mean(stiffness) / np.mean(inertia))) * step(motion)
+    factor = min(_FINEST, int(np.ceil(swing / _SWING)))
+    if factor <= 1:
+        return driven(motion, force, inertia, damping, stiffness)
+    parts = (finer(one, motion, factor) for one in (force, inertia, damping, stiffness))
+    x, dx, ddx = _driven(step(motion) / factor, motion.periodic, *parts)
+    return x[::factor], dx[::factor], ddx[::factor]
+
+
 def driven(
     motion: Motion, force: Array, inertia: Array, damping: Array, stiffness: Array
 ) -> tuple[Array, Array, Array]:
@@ -162,12 +181,18 @@ def driven(
     the rule of constant average acceleration, x between two samples averaged (Newmark 1959): stable for m, d >= 0 and k
     > 0, right to (2 pi f dt)^2 / 12 of the frequency f of its free motion.
     """
+    return _driven(step(motion), motion.periodic, force, inertia, damping, stiffness)
+
+
+def _driven(
+    dt: float, periodic: bool, force: Array, inertia: Array, damping: Array, stiffness: Array
+) -> tuple[Array, Array, Array]:
     from scipy.linalg import solve_banded
 
-    samples, dt = len(force), step(motion)
+    samples = len(force)
     mean = (np.roll(force, 1) + 2.0 * force + np.roll(force, -1)) / 4.0
     mass, drag, spring = inertia / dt**2, damping / (2.0 * dt), stiffness / 4.0
-    if not motion.periodic:
+    if not periodic:
         mean[0], mean[-1] = force[0], force[-1]
     # row i: (m - d + k) x[i-1] + 2 (k - m) x[i] + (m + d + k) x[i+1] = mean[i], from x[-1] and x[0]
     band = np.ones((3, samples + 2))
@@ -176,7 +201,7 @@ def driven(
     right = np.zeros((samples + 2, 3))
     right[2:, 0] = mean
     right[0, 1] = right[1, 2] = 1.0
-    if not motion.periodic:
+    if not periodic:
         right[:2, 0] = force[0] / stiffness[0]
         x = solve_banded((2, 0), band, right[:, 0])
     else:
