@@ -54,12 +54,9 @@ class JointElasticity(Effect):
 
     def settings(self, motion: Motion | None = None) -> Sequence[dict[str, float]]:
         """Return every resonance with every damping, and with the least damping every share of the motor besides."""
-        middle = {name: value for name, value in self.setting.items() if name == "rotor"}
-        return [
-            one
-            for one in super().settings(motion)
-            if one["damping"] == self.inner[1].grid[0] or all(one[name] == value for name, value in middle.items())
-        ]
+        damping, *rotor = self.inner[1:]
+        every = super().settings(motion)
+        return [s for s in every if s["damping"] == damping.grid[0] or all(s[i.name] == i.middle for i in rotor)]
 
     def full_columns(self, motion: Motion, torques: Torques | None = None) -> Array:
         """Return -D[tau] k e, Nm per mrad/kNm; zero where the model has no inertia about the joint."""
@@ -91,7 +88,7 @@ class JointElasticity(Effect):
         return 0.0 if self.robot.in_ampere(self.joint) else float(self.robot.drives.armature[self.joint])
 
     def _rotor(self, by_acceleration: Array) -> float:
-        """Return what of the inertia about the joint [N, n] is the motor's, at most most of the least."""
+        """Return what of the inertia about the joint [N, n] is the motor's, within the least of it."""
         felt = by_acceleration[:, self.joint]
         rotor = self.setting["rotor"] * float(felt.mean()) if "rotor" in self.setting else self._armature * self._held
         return max(0.0, min(rotor, _MOST * float(felt.min())))
@@ -111,6 +108,10 @@ class JointElasticity(Effect):
 
     def smooth_terms(self, x: Signals, m: Mathematics, course: Course) -> Sequence[dict[int, Any]]:
         """Return what holds far below the resonance as an expression: the load's derivatives by the chain rule."""
-        load = x.load[self.joint]
+        inertia = course.displaced(self.joint, (0.0, 0.0, 1.0))[self.joint]
+        rotor = self.setting["rotor"] * inertia if "rotor" in self.setting else self._armature * self._held
+        load = x.load[self.joint] - rotor * x.ddq[self.joint]
         rate = course.rate(load)
-        return [scaled(-1e-6, course.displaced(self.joint, (load, rate, course.rate(rate))))]
+        bend = course.rate(rate)
+        out = scaled(-1e-6, course.displaced(self.joint, (load, rate, bend)))
+        return [{**out, self.joint: out[self.joint] + 1e-6 * rotor * bend}]
