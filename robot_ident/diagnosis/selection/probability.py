@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field
+from itertools import combinations
 
 import numpy as np
 
@@ -61,11 +62,13 @@ def elect(search: Search, selected: Selected, seed: int = 0) -> Election:
     losses = [search.given(sets[key]).block_losses() for key in labels]
     rng = np.random.default_rng(seed)
     objectives = np.zeros((RESAMPLES, len(labels)))
+    drawn = []
     for f in range(len(data.folds)):
         totals = np.array([(of_set[f] / search.dispersion[f]).sum(axis=1) for of_set in losses])
         count = totals.shape[1]
-        if count:
-            objectives += rng.multinomial(count, np.full(count, 1.0 / count), size=RESAMPLES) @ totals.T
+        drawn.append(rng.multinomial(count, np.full(count, 1.0 / max(count, 1)), size=RESAMPLES).astype(float))
+        objectives += drawn[-1] @ totals.T
+    objectives += np.array([search.given(sets[key]).refitted_losses(drawn) for key in labels]).T
     wins = np.bincount(np.argmin(objectives + costs, axis=1), minlength=len(labels)) / RESAMPLES
     own = {key: float(share) for key, share in zip(labels, wins, strict=True) if share > 0.0}
     own = dict(sorted(own.items(), key=lambda pair: -pair[1]))
@@ -178,6 +181,10 @@ def _neighbours(search: Search, selected: Selected) -> dict[tuple[str, ...], Sel
     for _, h in search.ranked(selected, refine=0)[:3]:
         if search.predicts(h, selected):
             put((*selected, h))
+    for a, b in combinations(selected, 2):
+        rest = tuple(h for h in selected if h not in (a, b))
+        for _, h in search.ranked(rest)[:4] if {*a.joints} & {*b.joints} else ():
+            put((*rest, h))
     for joint in range(search.data.n):
         mine = [h for h in selected if h.joints == (joint,)]
         rest = tuple(h for h in selected if h not in mine)
