@@ -289,36 +289,21 @@ class FittedSet:
             self._blocks = out
         return out
 
-    def refitted_losses(self, drawn: Sequence[Array]) -> Array:
-        """Return by what the squared error [R] of folds that were not fitted, over its dispersion, changes where the
-        fits are made to resampled blocks: drawn [F] of [R, B], how often each block is. Its mean is taken off.
+    def noise_losses(self, products: Callable[[int, int], Array]) -> Array:
+        """Return by what the squared error [R] of folds that were not fitted, over its dispersion, changes with noise
+        of those that were, less its mean; products: of joint and fold, E'e [R, q] with the noise e of each draw.
 
-        To first order in the draw the parameters move by (E'E)^-1 sum over blocks of (draw - 1) E'e (the infinitesimal
-        jackknife, Jaeckel 1972).
+        Noise moves the parameters by (E'E)^-1 E'e, and what a fold left out loses for all its rows alike.
         """
-        data, out = self.data, np.zeros(len(drawn[0]))
-        weight = 1.0 / self.dispersion
+        data, weight = self.data, 1.0 / self.dispersion
+        made = [sum(np.sqrt(weight[f, j]) * products(j, f) for j in range(data.n)) for f in range(data.training)]
+        out = np.zeros(len(made[0]))
         for fit in self.fits:
-            if not fit.predicts:
-                continue
-            moved = np.zeros((len(out), self.q))
-            for f in (f for f in range(len(drawn)) if fit.weights[f] == 1.0):
-                for j in range(data.n):
-                    moved += weight[f, j] * (drawn[f] - 1.0) @ self._scores(j, f, fit.values)
-            moved = moved @ fit.inverse
+            moved = sum(fit.weights[f] * made[f] for f in range(data.training)) @ fit.inverse
             for f in fit.predicts:
                 own, rest = np.tensordot(weight[f], self.own[f], 1), weight[f] @ fit.rest[f]
                 change = np.einsum("rp,rp->r", moved @ own, moved)
                 out += change - change.mean() - 2.0 * moved @ rest
-        return out
-
-    def _scores(self, joint: int, fold: int, values: Array) -> Array:
-        """Return E'e [B, q] of the blocks of a joint in a fold, with some parameters."""
-        blocks = self.data.blocks[fold]
-        starts = np.flatnonzero(np.diff(blocks, prepend=-1))
-        out = np.zeros((int(blocks[-1]) + 1, self.q))
-        made = self.columns(joint, fold) * self._error(joint, fold, values)[:, None]
-        out[blocks[starts]] = np.add.reduceat(made, starts, axis=0)
         return out
 
     def size_error(self, new: Hypothesis) -> float:

@@ -1,16 +1,20 @@
-"""How sure a set is: the final set and its neighbours, elected anew on resamples of the blocks (RELL, Kishino 1990)."""
+"""How sure a set is: the final set and its neighbours, elected anew on resamples of the blocks (RELL, Kishino 1990)
+that were not fitted, by fits that move with the noise of those that were.
+"""
 
 from __future__ import annotations
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Callable, Collection, Mapping, Sequence
 from dataclasses import dataclass, field
 from itertools import combinations
 
 import numpy as np
 
 from robot_ident.diagnosis.selection.constants import ALTERNATIVE, RESAMPLES
+from robot_ident.diagnosis.selection.data_set import DataSet
 from robot_ident.diagnosis.selection.hypotheses import Hypothesis
 from robot_ident.diagnosis.selection.search import Search, Selected, names
+from robot_ident.signals.motion import Array
 
 
 @dataclass(frozen=True)
@@ -54,7 +58,9 @@ class Election:
 
 
 def elect(search: Search, selected: Selected, seed: int = 0) -> Election:
-    """Resample the held-out blocks of every fold; each resample elects the set of the least objective."""
+    """Resample the held-out blocks of every fold, and draw noise for the fits; each resample elects the set of the
+    least objective.
+    """
     sets = _neighbours(search, selected)
     data = search.data
     labels = list(sets)
@@ -62,13 +68,14 @@ def elect(search: Search, selected: Selected, seed: int = 0) -> Election:
     losses = [search.given(sets[key]).block_losses() for key in labels]
     rng = np.random.default_rng(seed)
     objectives = np.zeros((RESAMPLES, len(labels)))
-    drawn = []
     for f in range(len(data.folds)):
         totals = np.array([(of_set[f] / search.dispersion[f]).sum(axis=1) for of_set in losses])
         count = totals.shape[1]
-        drawn.append(rng.multinomial(count, np.full(count, 1.0 / max(count, 1)), size=RESAMPLES).astype(float))
-        objectives += drawn[-1] @ totals.T
-    objectives += np.array([search.given(sets[key]).refitted_losses(drawn) for key in labels]).T
+        if count:
+            objectives += rng.multinomial(count, np.full(count, 1.0 / count), size=RESAMPLES) @ totals.T
+    given = [search.given(sets[key]) for key in labels]
+    noise = _Noise(data, {h for one in given for h in one.selected}, rng)
+    objectives += np.array([one.noise_losses(noise.beside(one.selected)) for one in given]).T
     wins = np.bincount(np.argmin(objectives + costs, axis=1), minlength=len(labels)) / RESAMPLES
     own = {key: float(share) for key, share in zip(labels, wins, strict=True) if share > 0.0}
     own = dict(sorted(own.items(), key=lambda pair: -pair[1]))
@@ -83,6 +90,28 @@ def elect(search: Search, selected: Selected, seed: int = 0) -> Election:
     alike = _all_alike(search, winner, sets)
     joints = {h.label: frozenset(h.joints) for one in sets.values() for h in one}
     return Election(winner, shares, own, alike, joints)
+
+
+class _Noise:
+    """Noise e of the fitted rows, of variance 1, drawn for every resample: its products E'e with base and effects."""
+
+    def __init__(self, data: DataSet, some: Collection[Hypothesis], rng: np.random.Generator) -> None:
+        """Draw it, a joint's rows of a fold at a time."""
+        self.base: dict[tuple[int, int], Array] = {}
+        self.own: dict[tuple[Hypothesis, int, int], Array] = {}
+        for joint, fold in np.ndindex(data.n, data.training):
+            drawn = rng.standard_normal((RESAMPLES, len(data.y[joint][fold])), dtype=np.float32)
+            self.base[joint, fold] = drawn @ data.base[joint][fold]
+            for h in some:
+                nothing = np.zeros((RESAMPLES, len(h.ranges)))
+                here = data.pools[joint].rows(fold, h.at[joint]) if joint in h.at else None
+                self.own[h, joint, fold] = nothing if here is None else drawn @ here
+
+    def beside(self, some: Selected) -> Callable[[int, int], Array]:
+        """Return E'e [R, q] of base and some effects, as a function of joint and fold."""
+        return lambda joint, fold: np.concatenate(
+            [self.base[joint, fold], *(self.own[h, joint, fold] for h in some)], axis=1
+        )
 
 
 def _all_alike(
