@@ -67,7 +67,9 @@ class Backlash(Effect):
 
     def placed_inner(self) -> tuple[Inner, ...]:
         """Return the inner parameters, without `rotor` where the armature is known."""
-        return tuple(inner for inner in super().placed_inner() if inner.name != "rotor" or not self._armature)
+        return tuple(
+            inner for inner in super().placed_inner() if inner.name != "rotor" or not self.robot.known_rotor(self.joint)
+        )
 
     def full_columns(self, motion: Motion, torques: Torques | None = None) -> Array:
         """Return what drives give in addition, Nm, but for what the motion shows of how they give way."""
@@ -85,7 +87,7 @@ class Backlash(Effect):
         own = self._usual(np.median(np.diagonal(inertia, axis1=1, axis2=2), axis=0), self._described)
         free = self._usual(np.median(felt, axis=0), _felt(self._inertia[None])[0])[joint]
         most = _MOST * min(float(felt[:, joint].min()), float(own[joint]))
-        rotor = min(self._armature or float(self.setting["rotor"] * free), most)
+        rotor = min(self.robot.known_rotor(self.joint) or float(self.setting["rotor"] * free), most)
         own_path = _without_blows(motion)
         apart = Motion(*(getattr(motion, part) - getattr(own_path, part) for part in ("q", "dq", "ddq")))
         load = torques.load[:, joint] - torques.rigid.displaced(apart)[:, joint] - rotor * own_path.ddq[:, joint]
@@ -117,11 +119,6 @@ class Backlash(Effect):
         q = np.tile(np.where(np.isfinite(middle), middle, 0.0), (n + 1, 1))
         torque = self.robot.rigid.inverse_dynamics(Motion(q, np.zeros((n + 1, n)), np.eye(n + 1, n)))
         return np.asarray(torque[:n] - torque[n])
-
-    @property
-    def _armature(self) -> float:
-        """Inertia of the rotor [kg m^2] on the joint's side, 0 where it is not known in the units of the torque."""
-        return 0.0 if self.robot.in_ampere(self.joint) else float(self.robot.drives.armature[self.joint])
 
     def smooth_terms(self, x: Signals, m: Mathematics, course: Course) -> Sequence[dict[int, Any]]:
         """Return -gap D[tau] of the link's step from one flank to the other under a load that reverses at a rate dtauL:

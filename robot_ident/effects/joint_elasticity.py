@@ -49,7 +49,7 @@ class JointElasticity(Effect):
 
     def placed_inner(self) -> tuple[Inner, ...]:
         """Return the inner parameters, without `rotor` where the links hold none or the armature is known."""
-        known = not self._held or self._armature > 0.0
+        known = not self._held or self.robot.known_rotor(self.joint) > 0.0
         return tuple(inner for inner in super().placed_inner() if inner.name != "rotor" or not known)
 
     def settings(self, motion: Motion | None = None) -> Sequence[dict[str, float]]:
@@ -82,15 +82,16 @@ class JointElasticity(Effect):
         """Whether the links' inertias hold the motor's."""
         return self.robot.side(self.joint) != "link" and self.robot.rigid.holding_rotors[self.joint]
 
-    @property
-    def _armature(self) -> float:
-        """Inertia of the motor [kg m^2] on the joint's side, 0 where it is not known in the units of the torque."""
-        return 0.0 if self.robot.in_ampere(self.joint) else float(self.robot.drives.armature[self.joint])
+    def _share_of(self, inertia: Any) -> Any:
+        """Return what of an inertia about the joint is the motor's, before any bound."""
+        if "rotor" in self.setting:
+            return self.setting["rotor"] * inertia
+        return self._held * self.robot.known_rotor(self.joint)
 
     def _rotor(self, by_acceleration: Array) -> float:
         """Return what of the inertia about the joint [N, n] is the motor's, within the least of it."""
         felt = by_acceleration[:, self.joint]
-        rotor = self.setting["rotor"] * float(felt.mean()) if "rotor" in self.setting else self._armature * self._held
+        rotor = self._share_of(float(felt.mean()))
         return max(0.0, min(rotor, _MOST * float(felt.min())))
 
     def contradicts_itself(
@@ -109,7 +110,7 @@ class JointElasticity(Effect):
     def smooth_terms(self, x: Signals, m: Mathematics, course: Course) -> Sequence[dict[int, Any]]:
         """Return what holds far below the resonance as an expression: the load's derivatives by the chain rule."""
         inertia = course.displaced(self.joint, (0.0, 0.0, 1.0))[self.joint]
-        rotor = self.setting["rotor"] * inertia if "rotor" in self.setting else self._armature * self._held
+        rotor = self._share_of(inertia)
         load = x.load[self.joint] - rotor * x.ddq[self.joint]
         rate = course.rate(load)
         bend = course.rate(rate)

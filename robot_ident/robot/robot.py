@@ -135,6 +135,12 @@ class Robot:
         """Return the unit of what the links ask of a joint by their masses, and of its limit, whatever it reports."""
         return "N" if self.prismatic[joint] else "Nm"
 
+    def known_rotor(self, joint: int) -> float:
+        """Return the inertia of a joint's motor [kg m^2] on the joint's side, 0 where it is not known in the units of
+        the torque.
+        """
+        return 0.0 if self.in_ampere(joint) else float(self.drives.armature[joint])
+
     def in_ampere(self, joint: int) -> bool:
         """Return whether a joint reports a current whose Nm/A nobody knows, so that its results carry the unit A."""
         name = self.joints[joint]

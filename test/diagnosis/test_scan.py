@@ -10,7 +10,7 @@ import pytest
 from robot_ident.diagnosis.selection.data_set import DataSet, Rows
 from robot_ident.diagnosis.selection.fitted_set import FittedSet
 from robot_ident.effects import make_effect
-from robot_ident.regression.gram import BaseFit, BaseGram
+from robot_ident.regression.gram import FAINT, BaseFit, BaseGram
 from robot_ident.signals.motion import Array
 
 ROWS, NOISE = 400, 1.0
@@ -64,3 +64,33 @@ def test_an_encoder_off_by_ten_degrees_is_none(bench: Any) -> None:
 
     assert np.hypot(*found(0.008)) == pytest.approx(8.0, rel=0.3)
     assert np.max(np.abs(found(0.2))) <= 100.0
+
+
+def test_noise_of_fitted_motions_moves_what_the_others_lose(bench: Any) -> None:
+    """As fits of noisy rows do, each to all motions but one, of which a hundredth is kept."""
+    measured, effect = bench.measure(("stribeck@joint_1",)), make_effect("stribeck@joint_1", bench.robot)
+    data = DataSet(Rows.of(measured, bench.structure), [effect])
+    given = FittedSet(data, data.hypotheses[effect.label][:1], np.array([[1.0, 2.0, 1.5]] * 3))
+    random, draws = np.random.default_rng(7), 4
+    noise = {
+        (j, f): random.normal(size=(draws, len(data.y[j][f]))) for j in range(data.n) for f in range(data.training)
+    }
+    found = given.noise_losses(lambda j, f: noise[j, f] @ given.columns(j, f))
+    lost = np.zeros((draws, 2))
+    for left in range(data.training):
+        rows, torques = [], []
+        for (j, f), e in noise.items():
+            scale = 1.0 / np.sqrt(given.dispersion[f, j])
+            faint = np.sqrt(FAINT) if f == left else 1.0
+            rows.append(faint * scale * given.columns(j, f))
+            clean = faint * scale * np.tile(data.y[j][f], (draws, 1))
+            torques.append(np.stack([clean, clean if f == left else clean + e], axis=2))
+        phi, y = np.concatenate(rows), np.concatenate(torques, axis=1)
+        for draw, which in np.ndindex(draws, 2):
+            values = np.linalg.lstsq(phi, y[draw, :, which], rcond=None)[0]
+            for j in range(data.n):
+                error = data.y[j][left] - given.columns(j, left) @ values
+                lost[draw, which] += error @ error / given.dispersion[left, j]
+    moved = lost[:, 1] - lost[:, 0]
+    assert np.ptp(moved) > 3.0
+    np.testing.assert_allclose(found - found.mean(), moved - moved.mean(), atol=1e-3 * np.ptp(moved))
