@@ -115,9 +115,15 @@ def _once(
     rigid = np.arange(len(structure.names)) < len(structure.base.columns)
     theta = fit(reduce(add, whole), np.ones(1), 1.0, rigid, np.zeros(structure.robot.n, dtype=bool)).theta
     longest = min(_WINDOW, min(one.dt * len(x) for one, x in zip(first, columns, strict=True)) / 3.0)
-    predicted, orders = _with_ripple(first, [x @ theta for x in columns], structure.robot, orders)
+    torques = [one.torque(None) for one in first]
+    predicted, orders = _with_ripple(first, torques, [x @ theta for x in columns], structure.robot, orders)
     reached = [
-        _reach([_spectra(one, tau[:, joint], joint, longest) for one, tau in zip(first, predicted, strict=True)])
+        _reach(
+            [
+                _spectra(one.dt, record[:, joint], tau[:, joint], longest)
+                for one, record, tau in zip(first, torques, predicted, strict=True)
+            ]
+        )
         for joint in range(structure.robot.n)
     ]
     furthest = np.sort(reached)[-2:]
@@ -125,12 +131,16 @@ def _once(
 
 
 def _with_ripple(
-    parts: Sequence[ThinRows], predicted: Sequence[Array], robot: Robot, known: Sequence[Sequence[float]] | None
+    parts: Sequence[ThinRows],
+    torques: Sequence[Array],
+    predicted: Sequence[Array],
+    robot: Robot,
+    known: Sequence[Sequence[float]] | None,
 ) -> tuple[list[Array], list[Sequence[float]]]:
     """Return predicted torques [N, n] with what ripples of each joint's torque over its angle, for it is the arm's,
-    too; and the orders by joint, read off what is left where they are not known.
+    too; and the orders by joint, read off what is left of the measured ones where they are not known.
     """
-    torque = np.concatenate([part.torque(None) for part in parts])
+    torque = np.concatenate(torques)
     motion, used = joined([part.motion for part in parts]), np.concatenate([part.used for part in parts])
     out, orders = np.concatenate(predicted), []
     for joint in range(robot.n):
@@ -149,14 +159,13 @@ def _with_ripple(
     return np.split(out, np.cumsum([len(part) for part in predicted])[:-1]), orders
 
 
-def _spectra(rows: ThinRows, predicted: Array, joint: int, window: float) -> tuple[Array, np.ndarray, int]:
+def _spectra(dt: float, torque: Array, predicted: Array, window: float) -> tuple[Array, np.ndarray, int]:
     """Return frequencies [K] Hz, power of prediction, torque and both [3, K], and from how many stretches."""
     from scipy.signal import csd
 
-    size = min(max(8, int(window / rows.dt)), len(predicted))
-    torque = rows.torque(None)[:, joint]
+    size = min(max(8, int(window / dt)), len(predicted))
     pairs = np.array([(predicted, predicted), (torque, torque), (predicted, torque)])
-    frequency, power = csd(pairs[:, 0], pairs[:, 1], fs=1.0 / rows.dt, nperseg=size)
+    frequency, power = csd(pairs[:, 0], pairs[:, 1], fs=1.0 / dt, nperseg=size)
     return frequency, power, max(1, (len(predicted) - size // 2) // (size - size // 2))
 
 

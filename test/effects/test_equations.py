@@ -67,6 +67,18 @@ def test_no_gear_yields_by_six_degrees() -> None:
     assert soft.contradicts_itself(np.array([2000.0]), [(Motion(*np.zeros((3, 1, 3))), Torques(load, load))], {})
 
 
+def test_a_power_of_speed_keeps_apart_from_viscous_friction() -> None:
+    """f |v|^p beside b v tells (p - 1) f alone where p comes near 1."""
+    law = make_effect("viscous_nonlinear@joint_1", load_robot("kuka_ir361"))
+    down, up, gradual = (
+        law.at(of).inner[1] for of in ({"form": 0.0, "bend": 0.6}, {"form": 0.0, "bend": 2.0}, {"form": 1.0})
+    )
+    assert down.upper == pytest.approx(0.8) and up.lower == pytest.approx(1.25)
+    assert gradual.lower < 0.01, "rad/s, within which Coulomb friction sets in"
+    back = law.at({"form": 0.0, "bend": 2.0}).at({"form": 1.0, "bend": 0.03}).inner[1]
+    assert back == gradual
+
+
 @pytest.mark.parametrize(
     ("power", "viscous", "falls"), [(1.01, -99.9, True), (2.0, -3.0, True), (2.0, -0.3, False), (2.0, 1.0, False)]
 )

