@@ -37,9 +37,7 @@ _SPANS = 0.1  # of a column's size, that another column must make of it to be na
 OFFSET, ROTOR, SCALE = "torque_offset", "rotor_inertia", "torque_scale"
 PIECES = 8  # of the path, each left out in turn
 _BETTER = 2.0  # standard errors by which torque scales have to predict better than none, one pass than averages
-_MORE = (
-    1.1  # times the error of a joint, from which filters that were asked for are said to be worse, averages not taken
-)
+_MORE = 1.1  # times the error: averages beyond it are not taken, filters that were asked for are said to be worse
 _SCALES_TOLD = 3.0  # from which on they count as measured: true motor torques got .87 to 1.37 below it
 _USUAL = 0.7, 1.4  # what a scale lies between, unless a unit or a gear ratio is wrong
 

@@ -20,6 +20,8 @@ def test_an_effect_is_put_on_every_joint_that_lacks_it(checkout: Path) -> None:
     assert sorted(set(every.labels) - set(one.labels)) == [f"torque_offset@joint_{k}" for k in (1, 3, 4, 5, 6)]
     rotors = Structure.build(robot, ["rotor_inertia@*"]).added
     assert [effect.joint for effect in rotors] == list(one.base.free_rotors)
+    held = one.robot.rigid.holding_rotors
+    assert [joint for joint in range(one.robot.n) if not held[joint]] == list(one.base.free_rotors)
     with pytest.raises(InputError, match="no joint's column is left"):
         every.with_further(["torque_offset@*"])
 

@@ -299,7 +299,8 @@ class FittedSet:
         made = [sum(np.sqrt(weight[f, j]) * products(j, f) for j in range(data.n)) for f in range(data.training)]
         out = np.zeros(len(made[0]))
         for fit in self.fits:
-            moved = sum(made[f] for f in range(data.training) if f not in fit.predicts) @ fit.inverse
+            others = [made[f] for f in range(data.training) if f not in fit.predicts]
+            moved = sum(others, start=np.zeros_like(made[0])) @ fit.inverse
             for f in fit.predicts:
                 own, rest = np.tensordot(weight[f], self.own[f], 1), weight[f] @ fit.rest[f]
                 change = np.einsum("rp,rp->r", moved @ own, moved)
