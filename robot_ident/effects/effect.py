@@ -87,6 +87,10 @@ class Inner:
             return value <= self.lower * (1.0 + _RESTS) or value >= self.upper * (1.0 - _RESTS)
         return not _RESTS < (value - self.lower) / (self.upper - self.lower) < 1.0 - _RESTS
 
+    def at_least(self, value: float) -> bool:
+        """Return whether a value rests at its lower bound, where it may as well be zero."""
+        return self.at_bound(value) and self.scaled(value) < self.scaled(0.5 * (self.lower + self.upper))
+
     def scaled(self, value: float) -> float:
         """Return a value as it is searched: of a scale, its logarithm."""
         return float(np.log(value)) if self.logarithmic else float(value)

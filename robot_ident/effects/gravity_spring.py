@@ -33,7 +33,7 @@ class GravitySpring(Effect):
         Coefficient("k", "kN/m", "kN/m", positive=True),
         Coefficient("k_l0", "kN", "kN", positive=True),
     )
-    inner = (Inner("ratio", "", "", 0.02, 0.95, (0.1, 0.2, 0.35, 0.5, 0.7)),)
+    inner = (Inner("ratio", "", "", 0.02, 0.95, (0.1, 0.2, 0.35, 0.5, 0.7), defining=True),)
     symmetry = "conservative"
     over_position = True
     loads_gear = True

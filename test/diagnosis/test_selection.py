@@ -211,6 +211,15 @@ def test_what_may_be_zero_is_not_told_from_it(bench: Any) -> None:
     assert nothing.chance > 1e-3
 
 
+def test_a_spring_whose_lever_vanishes_is_not_told_from_a_hose(bench: Any) -> None:
+    """A hose fitted as a spring: both sizes are known, but the least ratio of lever to distance fits it best."""
+    label = "gravity_spring@joint_3"
+    measured = bench.measure(("cable@joint_3:cable=40",))
+    found = known_parameters(solve(measured, Structure.build(bench.robot, [label]), "wls"))[label]
+    assert all(one.value > 10.0 * one.std for one in found.parameters[:2])
+    assert (found.least.name, found.chance) == ("gravity_spring.ratio@joint_3", 1.0)
+
+
 def test_what_few_lines_do_not_tell_from_chance_is_listed(bench: Any, monkeypatch: pytest.MonkeyPatch) -> None:
     """A motion whose lines tell nothing from chance: what predicts most is no name, but a reason to record another."""
     monkeypatch.setattr(Search, "stands_out", lambda *_: False)

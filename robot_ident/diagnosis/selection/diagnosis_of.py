@@ -331,12 +331,17 @@ def known_parameters(solution: Solution) -> Mapping[str, Fitted]:
 
 def _fitted(effect: Effect, found: tuple[Estimate, ...], solution: Solution, places: Sequence[int]) -> Fitted:
     """Judge the linear parameters and those inside a column that define the effect, together (Wald's test): what is
-    known of both may be their product alone. Each of the latter must be larger than its standard deviation besides.
+    known of both may be their product alone. Each of the latter must be larger than its standard deviation besides, and
+    than the least that it can be.
     """
     from scipy.special import chdtrc
 
     count = len(effect.coefficients)
-    defining = [k for k, one in enumerate(effect.inner, count) if one.defining and found[k].std > 0.0]
+    defines = [k for k, one in enumerate(effect.inner, count) if one.defining]
+    for k in defines:
+        if effect.inner[k - count].at_least(found[k].value):
+            return Fitted(found, found[k], 1.0)
+    defining = [k for k in defines if found[k].std > 0.0]
     for k in defining:
         if abs(found[k].value) < found[k].std:
             return Fitted(found, found[k], 1.0)
