@@ -89,7 +89,7 @@ class Inner:
 
     def at_least(self, value: float) -> bool:
         """Return whether a value rests at its lower bound, where it may as well be zero."""
-        return self.at_bound(value) and self.scaled(value) < self.scaled(0.5 * (self.lower + self.upper))
+        return self.at_bound(value) and value < self.middle
 
     def scaled(self, value: float) -> float:
         """Return a value as it is searched: of a scale, its logarithm."""

@@ -337,15 +337,11 @@ def _fitted(effect: Effect, found: tuple[Estimate, ...], solution: Solution, pla
     from scipy.special import chdtrc
 
     count = len(effect.coefficients)
-    defines = [k for k, one in enumerate(effect.inner, count) if one.defining]
-    for k in defines:
-        if effect.inner[k - count].at_least(found[k].value):
+    defining = [(k, one) for k, one in enumerate(effect.inner, count) if one.defining]
+    for k, one in defining:
+        if one.at_least(found[k].value) or abs(found[k].value) < found[k].std:
             return Fitted(found, found[k], 1.0)
-    defining = [k for k in defines if found[k].std > 0.0]
-    for k in defining:
-        if abs(found[k].value) < found[k].std:
-            return Fitted(found, found[k], 1.0)
-    judged = [*range(count), *defining]
+    judged = [*range(count), *(k for k, _ in defining if found[k].std > 0.0)]
     if not judged:
         return Fitted(found, found[0], 0.0)
     at = [places[k] for k in judged]
