@@ -114,7 +114,7 @@ def products(groups: Sequence[Nuisance], trajectories: Sequence[Trajectory], par
 _MATTERS = 1.0  # chi-square units that a hidden part must make, at its usual size, to be reckoned with
 _LAST = 0.5  # of the number of lines that stand above the noise, from which on they tell how large the next ones are
 _MOST = 2.0  # times the smallest line that stands above the noise: were they larger, the next would stand above it, too
-_AT_ONCE = 16  # kinks that are looked at together
+_AT_ONCE = 64  # kinks that are looked at together
 _KEY = "hidden path"
 
 

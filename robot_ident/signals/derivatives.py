@@ -45,8 +45,8 @@ def delayed(x: Array, motion: Motion, delay: float) -> Array:
 
 
 def finer(x: Array, motion: Motion, factor: int) -> Array:
-    """Return x [N] at `factor` instants for every sample of a motion: by its Fourier series over a period, by a cubic
-    spline elsewhere, from the first sample to the last.
+    """Return x [N, ...] at `factor` instants for every sample of a motion: by its Fourier series over a period, by a
+    cubic spline elsewhere, from the first sample to the last.
     """
     from scipy.interpolate import CubicSpline
     from scipy.signal import resample

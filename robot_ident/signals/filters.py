@@ -167,8 +167,8 @@ def ringing(
     factor = min(_FINEST, int(np.ceil(swing / _SWING)))
     if factor <= 1:
         return driven(motion, force, inertia, damping, stiffness)
-    parts = (finer(one, motion, factor) for one in (force, inertia, damping, stiffness))
-    x, dx, ddx = _driven(step(motion) / factor, motion.periodic, *parts)
+    parts = finer(np.stack([force, inertia, damping, stiffness], axis=1), motion, factor)
+    x, dx, ddx = _driven(step(motion) / factor, motion.periodic, *parts.T)
     return x[::factor], dx[::factor], ddx[::factor]
 
 
@@ -187,8 +187,6 @@ def driven(
 def _driven(
     dt: float, periodic: bool, force: Array, inertia: Array, damping: Array, stiffness: Array
 ) -> tuple[Array, Array, Array]:
-    from scipy.linalg import solve_banded
-
     samples = len(force)
     mean = (np.roll(force, 1) + 2.0 * force + np.roll(force, -1)) / 4.0
     mass, drag, spring = inertia / dt**2, damping / (2.0 * dt), stiffness / 4.0
@@ -203,11 +201,18 @@ def _driven(
     right[0, 1] = right[1, 2] = 1.0
     if not periodic:
         right[:2, 0] = force[0] / stiffness[0]
-        x = solve_banded((2, 0), band, right[:, 0])
+        x = _forward(band, right[:, 0])
     else:
-        settled, first, second = solve_banded((2, 0), band, right).T
+        settled, first, second = _forward(band, right).T
         back = np.array([[first[-2], second[-2]], [first[-1], second[-1]]])  # what starts are after a period
         start = np.linalg.solve(np.eye(2) - back, settled[-2:])
         x = settled + first * start[0] + second * start[1]
     before, here, after = x[:-2], x[1:-1], x[2:]
     return here, (after - before) / (2.0 * dt), (after - 2.0 * here + before) / dt**2
+
+
+def _forward(band: Array, right: Array) -> Array:
+    """Return x [N, ...] of a lower triangular system of three diagonals [3, N], row by row."""
+    from scipy.linalg.lapack import dtbtrs
+
+    return np.asarray(dtbtrs(band, right, uplo="L")[0])
