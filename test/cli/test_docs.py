@@ -120,7 +120,12 @@ WORDS: dict[str, list[str]] = {
 }
 
 
-@pytest.mark.parametrize("verb", WORDS)
+LONG = ("trial --family real --kind effects",)
+
+
+@pytest.mark.parametrize(
+    "verb", [pytest.param(verb, marks=pytest.mark.long) if verb in LONG else verb for verb in WORDS]
+)
 def test_every_key_is_documented(
     run: Run, arm: Any, bag: Path, excitation: Path, model: Path, other: Path, text: str, tmp_path: Path, verb: str
 ) -> None:

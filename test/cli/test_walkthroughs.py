@@ -93,6 +93,7 @@ def test_the_first_page(run: Run, arm: Any, checkout: Path, tmp_path: Path, monk
     assert "every limit is kept" in walk.said["check"]
 
 
+@pytest.mark.long
 def test_your_own_robot_in_five_steps(
     run: Run, checkout: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
@@ -123,6 +124,7 @@ def test_export_a_model(run: Run, arm: Any, checkout: Path, tmp_path: Path, monk
     assert "<dynamics" in Path("identified.urdf").read_text()
 
 
+@pytest.mark.long
 def test_how_to_read_the_verdict(
     run: Run, arm: Any, checkout: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
@@ -139,6 +141,7 @@ def test_how_to_read_the_verdict(
     assert re.search(r"joint_2 .*stribeck.level@joint_2 \+\d+", later)
 
 
+@pytest.mark.long
 def test_write_your_own_effect(
     run: Run, arm: Any, checkout: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:

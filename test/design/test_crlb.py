@@ -88,6 +88,7 @@ def test_the_loop_of_the_paper(rough: Robot, first: tuple[DesignResult, Recordin
     assert np.sqrt(np.mean(error**2)) < 2.0
 
 
+@pytest.mark.long
 def test_the_bound_of_a_design_is_the_information_of_its_recording(
     rough: Robot, first: tuple[DesignResult, Recording, Model]
 ) -> None:

@@ -87,6 +87,7 @@ def two(gantry: Robot) -> DesignResult:
     return design(gantry, trajectories=2, seed=3, **SHORT)
 
 
+@pytest.mark.long
 def test_two_together_tell_more_than_one_twice(gantry: Robot, two: DesignResult) -> None:
     assert len(two.excitations) == len(two.margins_of_each) == 2
     assert all(certify(one, gantry).kept for one in two.excitations)

@@ -115,6 +115,7 @@ def test_causes_of_a_joint_are_named_though_one_of_them_is_too_small() -> None:
     assert sum(found.after) < 0.7 * sum(found.before)
 
 
+@pytest.mark.long
 def test_a_trial_prints_what_it_counts(verb: Verb, tmp_path: Path) -> None:
     words = ["trial", "--family", "real", "--kind", "effects", "--workers", "1", "--seeds", "5001:5002"]
     file = tmp_path / "cases.jsonl"

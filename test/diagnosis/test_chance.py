@@ -52,7 +52,7 @@ def best_of(search: Search) -> Hypothesis:
     return max(settings, key=lambda h: given.gain(h) * rows[list(h.joints)].sum() / given.loss[:, list(h.joints)].sum())
 
 
-@pytest.mark.parametrize("pole", [0.5, 0.97])
+@pytest.mark.parametrize("pole", [0.5, pytest.param(0.97, marks=pytest.mark.long)])
 def test_noise_has_small_chances_as_often_as_they_say(arm: Robot, pole: float) -> None:
     """White nearly, or of a correlation of two thirds of a second; a tenth of the cases at a chance of a tenth."""
     found = [(search, best_of(search)) for search in (search_of(arm, seed, pole) for seed in range(25))]

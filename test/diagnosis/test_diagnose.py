@@ -19,15 +19,17 @@ HOSE = "external_force@joint_3:stiffness=20,free_length=0.2,x=0.1,y=0.3,z=0.5"
 """Its formula is that of a rope; the catalogue has a constant force and a spring."""
 HIDDEN = (
     (STRIBECK,),
+    ("base_tilt:tilt_x=0.04,tilt_y=0.05",),
+    (HOSE, STRIBECK),
+)
+FURTHER = (
     (LOAD,),
     (OFFSET,),
     ("rotor_inertia@joint_3:rotor_inertia=5",),
     ("viscous_asymmetric@joint_1:viscous_asymmetric=6",),
-    ("base_tilt:tilt_x=0.04,tilt_y=0.05",),
     ("backlash@joint_1",),
     (STRIBECK, OFFSET),
     (HOSE,),
-    (HOSE, STRIBECK),
 )
 BUMP = ("unknown_bump@joint_2:bump=25,position=0.1,width=0.08",)
 
@@ -36,7 +38,9 @@ def labels(effects: tuple[str, ...]) -> set[str]:
     return {effect.partition(":")[0] for effect in effects}
 
 
-@pytest.mark.parametrize("seed", [11, 12, 13])
+@pytest.mark.parametrize(
+    "seed", [11, pytest.param(12, marks=pytest.mark.long), pytest.param(13, marks=pytest.mark.long)]
+)
 def test_nothing_hidden_is_adequate(bench: Any, seed: int) -> None:
     found = diagnose(bench.measure((), noise=1.0, seed=seed), bench.structure)
     assert found.verdict == "adequate"
@@ -44,7 +48,11 @@ def test_nothing_hidden_is_adequate(bench: Any, seed: int) -> None:
     assert found.unexplained is None
 
 
-@pytest.mark.parametrize("effects", HIDDEN, ids=lambda effects: "+".join(sorted(labels(effects))))
+@pytest.mark.parametrize(
+    "effects",
+    [*HIDDEN, *(pytest.param(effects, marks=pytest.mark.long) for effects in FURTHER)],
+    ids=lambda effects: "+".join(sorted(labels(effects))),
+)
 def test_what_is_hidden_is_named(bench: Any, effects: tuple[str, ...]) -> None:
     found = bench.diagnose(effects)
     assert found.verdict == "missing"

@@ -90,5 +90,6 @@ def test_a_drive_that_gives_way_lacks_nothing(bench: Any, reversing: list[Measur
     assert not found.missing
 
 
+@pytest.mark.long
 def test_a_ripple_that_shakes_its_drive_is_no_delay_as_well(bench: Any) -> None:
     assert [finding.label for finding in bench.diagnose((RIPPLE,)).missing] == ["torque_ripple@joint_2"]

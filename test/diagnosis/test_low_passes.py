@@ -92,6 +92,7 @@ def test_a_fast_low_pass_may_be_a_delay_but_no_friction(bench: Any) -> None:
         assert one.experiment
 
 
+@pytest.mark.long
 @pytest.mark.parametrize("effect", ["time_delay@joint_1:0.008", "presliding@joint_3"])
 def test_what_looks_like_a_low_pass_keeps_its_name(bench: Any, effect: str) -> None:
     assert [s.label for s in bench.diagnose([effect]).missing] == [effect.partition(":")[0]]
@@ -123,7 +124,11 @@ def test_filters_from_sample_to_sample_are_those_of_scipy(order: int) -> None:
     ("form", "filtered"),
     [
         ("second-order Butterworth, forward and backward", lambda x: signal.filtfilt(*signal.butter(2, 6 / 75), x)),
-        ("fourth-order Butterworth, forward and backward", lambda x: signal.filtfilt(*signal.butter(4, 4 / 75), x)),
+        pytest.param(
+            "fourth-order Butterworth, forward and backward",
+            lambda x: signal.filtfilt(*signal.butter(4, 4 / 75), x),
+            marks=pytest.mark.long,
+        ),
         ("centred moving average", lambda x: np.convolve(x, np.ones(21) / 21, "same")),
     ],
 )

@@ -64,7 +64,9 @@ def said(bench: Any, spoiled: Any) -> Any:
     return of
 
 
-@pytest.mark.parametrize("text", [GAIN, SIGN, FILTER, LAG, PAYLOAD])
+@pytest.mark.parametrize(
+    "text", [GAIN, FILTER, *(pytest.param(one, marks=pytest.mark.long) for one in (SIGN, LAG, PAYLOAD))]
+)
 def test_the_fault_is_named_and_nothing_else(said: Any, text: str) -> None:
     found: Diagnosis = said(text)
     assert found.verdict == "missing"

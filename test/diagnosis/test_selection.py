@@ -46,14 +46,19 @@ def labels(found: Diagnosis) -> set[str]:
     "effect",
     [
         OFFSET,
-        STRIBECK,
         "end_stop@joint_2:end_stop=30,position=0.5,direction=1",
-        "load_friction@joint_3:load_friction=0.08",
-        "position_friction@joint_1:position_friction=14",
-        "presliding@joint_2:reach=0.02",
-        "presliding@joint_1:reach=0.001",
         "friction_behind_play@joint_1:level=20,gap=0.03,reach=0.001",
         "time_delay@joint_3:time_delay=0.008",
+        *(
+            pytest.param(effect, marks=pytest.mark.long)
+            for effect in (
+                STRIBECK,
+                "load_friction@joint_3:load_friction=0.08",
+                "position_friction@joint_1:position_friction=14",
+                "presliding@joint_2:reach=0.02",
+                "presliding@joint_1:reach=0.001",
+            )
+        ),
     ],
 )
 def test_one_effect_is_named_and_nothing_else(bench: Any, effect: str) -> None:
@@ -66,8 +71,14 @@ def test_one_effect_is_named_and_nothing_else(bench: Any, effect: str) -> None:
 @pytest.mark.parametrize(
     "pair",
     [
-        ("stribeck@joint_2:stribeck=20,speed=0.08", "position_friction@joint_2:position_friction=14"),
-        ("load_friction@joint_1:load_friction=0.05", "position_friction@joint_1:position_friction=14"),
+        pytest.param(
+            ("stribeck@joint_2:stribeck=20,speed=0.08", "position_friction@joint_2:position_friction=14"),
+            marks=pytest.mark.long,
+        ),
+        pytest.param(
+            ("load_friction@joint_1:load_friction=0.05", "position_friction@joint_1:position_friction=14"),
+            marks=pytest.mark.long,
+        ),
         ("torque_ripple@joint_2:torque_ripple=3,order=206.47", "joint_coupling@joint_2:viscous=2.5"),
     ],
     ids=["one parameter", "two", "three"],
@@ -101,6 +112,7 @@ def test_a_cause_outside_the_catalogue_gets_no_name(bench: Any) -> None:
     assert found.missing == () and found.verdict in ("unexplained", "not_decidable")
 
 
+@pytest.mark.long
 def test_friction_of_a_drive_is_named_though_most_of_the_rest_has_an_unknown_cause(bench: Any) -> None:
     rubbing = bench.measure(("viscous_nonlinear@joint_2:viscous_nonlinear=20",))
     found = by_sets(bench, [_pulled(measured, 8.0) for measured in rubbing])
@@ -110,6 +122,7 @@ def test_friction_of_a_drive_is_named_though_most_of_the_rest_has_an_unknown_cau
     assert max(found.remaining_rms.values()) > 2.0, "Nm, that nothing accounts for"
 
 
+@pytest.mark.long
 def test_a_curve_over_a_position_is_no_two_causes(bench: Any) -> None:
     """A bump looks like a cable and an end stop; a cable is one cause, and may be a spring and an offset."""
     found = by_sets(bench, bench.measure(("unknown_bump@joint_2:bump=25,position=0.1,width=0.3",)))
@@ -121,6 +134,7 @@ def test_a_curve_over_a_position_is_no_two_causes(bench: Any) -> None:
     assert f"these recordings do not tell the sets apart: either cable@joint_3, or {other}" in found.notes
 
 
+@pytest.mark.long
 def test_a_play_and_a_way_to_sliding_are_told_apart_where_the_recording_shows_the_way(bench: Any) -> None:
     """A milliradian is crossed between two samples; thirty take a tenth of a second, in which friction is away."""
     fast = by_sets(bench, bench.measure(("presliding@joint_1:reach=0.001",)))
@@ -189,6 +203,7 @@ def test_an_effect_whose_size_is_vague_is_named_where_it_explains_all(bench: Any
     assert labels(by_sets(bench, bench.measure((EARLY,)))) == {"time_delay@joint_3"}
 
 
+@pytest.mark.long
 def test_an_effect_whose_size_is_vague_is_listed_next_to_an_unknown_cause(bench: Any) -> None:
     found = by_sets(bench, bench.measure((EARLY, "unknown_product@joint_2:product=20,other=1")))
     assert found.verdict == "not_decidable" and not found.missing
@@ -489,6 +504,7 @@ def test_recordings_that_do_not_tell_their_noise_are_searched_alike(bench: Any) 
         assert sum(one.validation_after.values()) < sum(one.validation_before.values())
 
 
+@pytest.mark.long
 def test_without_a_noise_floor_what_acts_besides_withholds_no_name(bench: Any) -> None:
     """A drag that grows as joint 3 stretches follows its position as the parts of the named friction would."""
     measured = one_pass(bench, ("viscous_nonlinear@joint_2:viscous_nonlinear=25",), (0, 1, 2))
@@ -499,6 +515,7 @@ def test_without_a_noise_floor_what_acts_besides_withholds_no_name(bench: Any) -
     assert "viscous_nonlinear@joint_2" in labels(by_sets(bench, dragged))
 
 
+@pytest.mark.long
 def test_without_a_noise_floor_a_torque_that_turns_round_at_rest_is_no_friction_of_speed(bench: Any) -> None:
     """Where joint 2 sticks, dry friction goes from one side to the other over tens of milliseconds: a curve that bends
     near zero speed follows it there, and explains nothing elsewhere.

@@ -62,7 +62,9 @@ def named(bench: Any, hidden: Torque) -> list[str]:
     return [one.label for one in diagnose(measured, bench.structure).missing]
 
 
-@pytest.mark.parametrize("hidden", [of_two_speeds, torque_wave, dent, cogging])
+@pytest.mark.parametrize(
+    "hidden", [dent, *(pytest.param(one, marks=pytest.mark.long) for one in (of_two_speeds, torque_wave, cogging))]
+)
 def test_what_no_effect_of_the_catalogue_is_gets_no_name(bench: Any, hidden: Torque) -> None:
     assert named(bench, hidden) == []
 

@@ -52,7 +52,7 @@ def test_stiction_alone_gets_no_name(found: Callable[[Hidden], Diagnosis]) -> No
     assert not found(lambda recording: recording.tau).missing
 
 
-@pytest.mark.parametrize("delay", [-0.012, 0.012])
+@pytest.mark.parametrize("delay", [pytest.param(-0.012, marks=pytest.mark.long), 0.012])
 def test_a_delay_of_a_joint_is_named(found: Callable[[Hidden], Diagnosis], delay: float) -> None:
     (finding,) = found(late(slice(0, 1), delay)).missing
     assert finding.label == "time_delay@joint_1"

@@ -32,6 +32,7 @@ def test_two_gaps_are_told_apart(bench: Any) -> None:
         assert play.value == pytest.approx(1e3 * GAPS[finding.label.partition("@")[2]], rel=0.45)
 
 
+@pytest.mark.long
 def test_an_effect_is_not_held_to_what_another_joint_lacks(bench: Any) -> None:
     measured = bench.measure(("backlash@joint_3:gap=0.0011", ECCENTRIC), noise=AS_OF_16)
     found = diagnose(measured, bench.structure)

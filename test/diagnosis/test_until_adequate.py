@@ -50,6 +50,7 @@ def test_what_the_longer_model_lacks_is_added_too(
     assert "diagnosis of the extended model: adequate: what is left over is noise" in capsys.readouterr().out
 
 
+@pytest.mark.long
 def test_what_does_not_lower_the_error_on_the_validation_is_not_named(
     bench: Any, half: Diagnosis, inputs: Inputs
 ) -> None:

@@ -173,6 +173,7 @@ def test_bad_input_is_one_line(verb: Verb, files: Any, bench: Any, tmp_path: Pat
     assert sorted(tmp_path.iterdir()) == before
 
 
+@pytest.mark.long
 def test_an_adequate_model_that_misfits_what_is_kept_aside_says_so(
     verb: Verb, files: Any, bench: Any, tmp_path: Path
 ) -> None:

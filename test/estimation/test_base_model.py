@@ -132,7 +132,7 @@ def test_offsets_are_found_and_named(robot: Robot) -> None:
     assert any("offsets" in note and "pieces of the path left out" in note for note in model.notes)
 
 
-@pytest.mark.parametrize("encoder", [1e-5, 1e-3])
+@pytest.mark.parametrize("encoder", [pytest.param(1e-5, marks=pytest.mark.long), 1e-3])
 def test_what_is_chosen_predicts_another_path_as_well_as_the_best_fixed_filter(robot: Robot, encoder: float) -> None:
     train, test = recorded(robot, 2, offset=OFFSET, encoder=encoder), recorded(robot, 3, offset=OFFSET, encoder=encoder)
     truth = motion_at(test.t, 3)
@@ -158,6 +158,7 @@ def test_what_is_chosen_predicts_another_path_as_well_as_the_best_fixed_filter(r
     assert error(identify([train], robot)) < 1.05 * min(map(error, fixed))
 
 
+@pytest.mark.long
 def test_moves_between_poses_are_predicted_better_than_by_a_fixed_filter(kuka: Robot) -> None:
     """Four periods of four poses at 125 Hz; on another path, positions have the noise of one pass."""
     ratios = [run_base_case(Case(seed), kuka).ratio for seed in (6013, 6025, 6028)]
@@ -183,6 +184,7 @@ def test_scales_are_found_within_their_sigma_and_none_where_all_report_alike(rob
     assert np.mean(np.abs(normalised) < 2.0) > 0.8
 
 
+@pytest.mark.long
 def test_a_scales_sigma_stays_above_its_spread_over_the_path_when_an_effect_is_added(robot: Robot) -> None:
     scale = np.array([1.0, 1.3, 0.8, 1.2, 0.9, 1.1])
     recording = recorded(robot, 4, scale=scale)
@@ -286,6 +288,7 @@ def test_a_rotor_below_zero_is_said_to_be_none(robot: Robot) -> None:
     assert any("is below zero: it predicts, but is none" in note for note in model.notes)
 
 
+@pytest.mark.long
 def test_a_recording_of_a_lower_rate_is_predicted_and_validated(robot: Robot) -> None:
     model = identify([recorded(robot, 2, offset=OFFSET, rate=500.0)], robot)
     model = replace(model, processing={**model.processing, "band": 60.0})
@@ -373,9 +376,11 @@ def test_a_smoothed_torque_is_predicted_as_it_is_reported(robot: Robot) -> None:
 @pytest.mark.parametrize(
     ("asked", "scaled"),
     [
-        (["torque_scale@joint_2"], ["joint_2", "joint_3", "joint_4", "joint_5", "joint_6"]),
-        (["torque_scale@*"], ["joint_2", "joint_3", "joint_4", "joint_5", "joint_6"]),
         (["torque_scale@joint_1"], ["joint_1", "joint_3", "joint_4", "joint_5", "joint_6"]),
+        *(
+            pytest.param([one], ["joint_2", "joint_3", "joint_4", "joint_5", "joint_6"], marks=pytest.mark.long)
+            for one in ("torque_scale@joint_2", "torque_scale@*")
+        ),
         (["cable@joint_2", "torque_offset@joint_4"], None),
     ],
 )

@@ -90,6 +90,7 @@ def test_arm_and_payload_are_one_least_squares_problem(robot: Robot, runs: list[
     np.testing.assert_allclose(model.std, std[:p], rtol=0.02)
 
 
+@pytest.mark.long
 def test_intervals_cover_arm_and_payload(robot: Robot, plays: tuple[Play, Play]) -> None:
     truth = Structure.build(robot).true_values()
     arm: list[Array] = []

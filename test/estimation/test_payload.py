@@ -91,6 +91,7 @@ def test_mass_within_two_percent_and_centre_within_5_mm(found: list[PayloadFit])
         assert np.abs(fit.body.centre - CENTRE).max() < 0.005
 
 
+@pytest.mark.long
 def test_intervals_cover(found: list[PayloadFit]) -> None:
     """Of 48 intervals of 95 % at least 41 hold the truth but in one of a thousand cases."""
     bodies = [fit.body for fit in found]

@@ -32,6 +32,7 @@ def test_residual_of_the_true_model_is_the_filtered_noise(arm: Any) -> None:
     assert np.mean(ratios) == pytest.approx(1.0, abs=0.02)
 
 
+@pytest.mark.long
 def test_noise_of_positions_counts_as_far_as_they_are_differentiated(arm: Any) -> None:
     """A base chosen by prediction differentiates positions far below the band in which torques are compared."""
     robot = replace(arm.robot, base="prediction")

@@ -35,6 +35,7 @@ def test_every_printed_figure_is_on_the_page(made: Any) -> None:
     assert [figure for figure in wanted if figure not in words] == []
 
 
+@pytest.mark.long
 def test_our_figures_are_as_good_as_the_paper_s(made: Any) -> None:
     found = made.data["excitation"]
     for criterion, value in printed.LOG10_DET.items():
@@ -55,6 +56,7 @@ def test_our_figures_are_as_good_as_the_paper_s(made: Any) -> None:
     np.testing.assert_allclose(ratio, (16 * 1500 - 1) / (15 * 1500))
 
 
+@pytest.mark.long
 def test_the_loop_closes_without_a_wrong_name(made: Any) -> None:
     found = made.data["missing"]
     assert found["wrong"] == []

@@ -27,7 +27,14 @@ def arms(checkout: Path) -> ModuleType:
     return module
 
 
-@pytest.mark.parametrize("name", ["EMPS tracking -> pulses", "TX40 half 2 -> half 1", "Panda first half -> rest"])
+@pytest.mark.parametrize(
+    "name",
+    [
+        "EMPS tracking -> pulses",
+        "TX40 half 2 -> half 1",
+        pytest.param("Panda first half -> rest", marks=pytest.mark.long),
+    ],
+)
 def test_no_option_is_as_good_as_a_plain_fit(name: str, arms: ModuleType, shared_data: Path, tmp_path: Path) -> None:
     case = next(one for one in arms.real_cases(shared_data, tmp_path) if one.name == name)
 

@@ -97,6 +97,7 @@ def test_emps_is_told_that_its_friction_differs_by_direction(emps: Emps, low_pas
     assert 0.3 < size.std < 6.0
 
 
+@pytest.mark.long
 def test_emps_periods_name_the_same(emps: Emps) -> None:
     """Far above the noise floor friction that explains two fifths is named, and what is left has no name."""
     measured = process(emps.whole, emps.robot)

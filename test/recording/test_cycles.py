@@ -93,6 +93,7 @@ def test_a_right_model_is_adequate_and_a_wrong_one_is_not(arm: Any, measured: Me
     assert found.remaining_rms["joint_2"] > 1.0
 
 
+@pytest.mark.long
 def test_the_cause_is_named_from_the_work_of_the_simulated_robot(arm: Any) -> None:
     """Stick-slip, servos and encoders included: eight cycles of ten moves, nothing designed for identification."""
     poses = np.concatenate([POSES, [[0.0, 0.9, 0.5], [0.5, 0.3, 1.1]]])

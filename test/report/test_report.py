@@ -113,6 +113,7 @@ def _verdict_is_that_of_the_core(page: Any, findings: Findings) -> None:
     assert float(parameters[0][2]) == pytest.approx(last.values[0], rel=1e-3)
 
 
+@pytest.mark.long
 def test_without_validation_and_excitation_it_says_so(
     opened: Callable[..., Any], findings: Findings, tmp_path: Path
 ) -> None:

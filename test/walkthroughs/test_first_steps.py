@@ -42,6 +42,7 @@ def test_currents_of_a_ur10e(robots_folder: Path, tmp_path: Path) -> None:
     assert told["recording"]["cycles"]["count"] >= 7
 
 
+@pytest.mark.long
 def test_topics_of_a_franka(robots_folder: Path, tmp_path: Path) -> None:
     franka_at_work(tmp_path, robots_folder, cycles=2, only="fresh")
     bag, robot = tmp_path / "fresh", tmp_path / "arm.yaml"

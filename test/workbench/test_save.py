@@ -158,6 +158,7 @@ def test_what_was_saved_here_may_be_replaced_while_nobody_changed_it(page: Page,
     assert page.save("model", "found.yaml")[0]
 
 
+@pytest.mark.long
 def test_a_report_replaces_a_report_of_ours_and_no_file_that_came_meanwhile(
     page: Page, root: Path, settled: Callable[[Any], Any]
 ) -> None:

@@ -61,6 +61,7 @@ def test_a_mass_on_a_slide_in_closed_form(tmp_path: Path) -> None:
     assert 0.0 <= proof.upper - proof.lower < 2e-3
 
 
+@pytest.mark.long
 def test_wirtinger_bounds_how_far_a_motion_spreads(tmp_path: Path) -> None:
     """det E[(1, q)' (1, q)] = Var q. States at rest at both ends of the slide would spread by 4 m^2, but no motion."""
     family, robot = family_of(0.05, 10.0, 4), slider(tmp_path, half=2.0)
@@ -174,6 +175,7 @@ def test_what_restricts_the_motion_tightens_the_bound(short_slide: Robot, wide: 
         assert bound.relaxed - bound.log10_det_covariance < 3 * np.log10(1.03) + 1e-9, "the dual gap closes"
 
 
+@pytest.mark.long
 def test_more_motions_and_what_is_known_already(short_slide: Robot, wide: Bound) -> None:
     target = Target.of_robot(short_slide)
     family, p = family_of(0.25, 100.0, 5), len(target.structure.names)
