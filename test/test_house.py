@@ -33,14 +33,18 @@ def room(module: str) -> str:
 
 
 FILES = {module_name(file): file for file in sorted(PACKAGE.rglob("*.py"))}
-TREES = {module: ast.parse(file.read_text(encoding="utf-8"), str(file)) for module, file in FILES.items()}
+
+
+@cache
+def tree_of(module: str) -> ast.Module:
+    return ast.parse(FILES[module].read_text(encoding="utf-8"), str(FILES[module]))
 
 
 def imports(module: str) -> Iterator[tuple[str, int]]:
     """Yield what a module imports, at its top or late, as full names with their line."""
     parts = module.split(".")
     package = parts if FILES[module].name == "__init__.py" else parts[:-1]
-    for node in ast.walk(TREES[module]):
+    for node in ast.walk(tree_of(module)):
         if isinstance(node, ast.Import):
             yield from ((alias.name, node.lineno) for alias in node.names)
         elif isinstance(node, ast.ImportFrom):
@@ -79,7 +83,7 @@ def test_no_circle_within_a_room() -> None:
 def top_imports(module: str) -> Iterator[tuple[str, int]]:
     late = {
         inner.lineno
-        for node in ast.walk(TREES[module])
+        for node in ast.walk(tree_of(module))
         if isinstance(node, (ast.FunctionDef, ast.AsyncFunctionDef)) or _is_type_checking(node)
         for inner in ast.walk(node)
         if isinstance(inner, (ast.Import, ast.ImportFrom))
@@ -92,7 +96,7 @@ def _is_type_checking(node: ast.AST) -> bool:
 
 
 def calls(module: str) -> Iterator[tuple[str, int]]:
-    for node in ast.walk(TREES[module]):
+    for node in ast.walk(tree_of(module)):
         if isinstance(node, ast.Call):
             yield ast.unparse(node.func), node.lineno
 
@@ -137,7 +141,7 @@ def test_what_tests_scripts_and_examples_import_exists(checkout: Path) -> None:
 def top_names(module: str) -> set[str]:
     """Return the names that a module defines or imports outside its functions and classes."""
     names: set[str] = set()
-    pending: list[ast.AST] = [TREES[module]] if module in TREES else []
+    pending: list[ast.AST] = [tree_of(module)] if module in FILES else []
     while pending:
         for node in ast.iter_child_nodes(pending.pop()):
             if isinstance(node, ast.FunctionDef | ast.AsyncFunctionDef | ast.ClassDef):
@@ -151,8 +155,8 @@ def top_names(module: str) -> set[str]:
 
 
 def test_no_wildcard_and_no_bare_except() -> None:
-    for module, tree in TREES.items():
-        for node in ast.walk(tree):
+    for module in FILES:
+        for node in ast.walk(tree_of(module)):
             assert not (isinstance(node, ast.ExceptHandler) and node.type is None), f"{module}:{node.lineno}"
             assert not (isinstance(node, ast.ImportFrom) and node.names[0].name == "*"), f"{module}:{node.lineno}"
 

@@ -45,20 +45,21 @@ def search_of(robot: Robot, seed: int, pole: float, asymmetric: float = 0.0, mov
     return search
 
 
-def best_of(search: Search) -> Hypothesis:
-    """Return what explains most of a recording."""
-    given, rows = search.given(()), search.data.dof[: search.data.training].sum(axis=0)
-    settings = (h for of in search.data.hypotheses.values() for h in of)
-    return max(settings, key=lambda h: given.gain(h) * rows[list(h.joints)].sum() / given.loss[:, list(h.joints)].sum())
+def best_of(search: Search, joint: int = 1) -> Hypothesis:
+    """Return what explains most of a joint."""
+    settings = (h for of in search.data.hypotheses.values() for h in of if h.joints == (joint,))
+    return max(settings, key=search.given(()).gain)
 
 
 @pytest.mark.parametrize("pole", [0.5, pytest.param(0.97, marks=pytest.mark.long)])
 def test_noise_has_small_chances_as_often_as_they_say(arm: Robot, pole: float) -> None:
-    """White nearly, or of a correlation of two thirds of a second; a tenth of the cases at a chance of a tenth."""
+    """White nearly, or of a correlation of two thirds of a second; a tenth of the cases at a chance of three tenths:
+    the joint is one of three.
+    """
     found = [(search, best_of(search)) for search in (search_of(arm, seed, pole) for seed in range(25))]
     chances = np.array([Chance(search, (best,)).of(best) for search, best in found])
-    assert np.mean(chances <= 0.1) <= 0.24, "at 25 cases that is more than two standard deviations"
-    assert 0.3 <= chances.mean() <= 0.7
+    assert np.mean(chances <= 0.3) <= 0.24, "at 25 cases that is more than two standard deviations"
+    assert 0.1 <= np.mean(chances < 1.0) <= 0.6, "a third, as far as 25 cases tell"
 
 
 def test_an_effect_is_no_chance(arm: Robot) -> None:

@@ -1,20 +1,22 @@
-"""Whether noise explains as much: the best of all effects on noise of the spectrum of what a set leaves.
+"""Whether noise explains as much: the best of all effects of a joint on noise of the spectrum of what the others leave.
 
-What the complete set leaves of the recordings is turned into noise of the same spectra and cross spectra: each line
-times a complex normal number (the wild bootstrap of Kirch and Politis 2011). The fit has taken a part of it: that is
-put back in the ratio in which the fit takes of such noise. Base and the other effects are fitted to every noise, and
-the best of all hypotheses beside them is found, by g n / L: the fall g of the squared error over what is left L of the
-joints that it touches, n independent rows. The share of noises whose best explains as much as an effect does of the
-recordings is the chance that it is noise (the largest of all statistics, Westfall and Young 1993).
+What the set without an effect leaves of the recordings is turned into noise of the same spectra and cross spectra: each
+line times a complex normal number (the wild bootstrap of Kirch and Politis 2011). It holds the lines of the effect, for
+what is asked is whether something else of these lines could look like it. The fit has taken a part of it: that is put
+back in the ratio in which the fit takes of such noise. Base and the other effects are fitted to every noise, and the
+best of all hypotheses that touch no other joints is found beside them, by g n / L: the fall g of the squared error over
+what is left L of the joints that it touches, n independent rows. The share of noises whose best explains as much as the
+effect does of the recordings (the largest of all statistics, Westfall and Young 1993), times the number of places where
+such joints are (Bonferroni), is the chance that it is noise.
 """
 
 from __future__ import annotations
 
-from collections.abc import Callable, Sequence
+from collections.abc import Callable, Iterator, Sequence
 
 import numpy as np
 
-from robot_ident.diagnosis.selection.constants import RESAMPLES
+from robot_ident.diagnosis.selection.constants import CHANCE, RESAMPLES
 from robot_ident.diagnosis.selection.fitted_set import FittedSet
 from robot_ident.diagnosis.selection.hypotheses import Hypothesis
 from robot_ident.diagnosis.selection.search import Search, Selected
@@ -31,29 +33,42 @@ class Chance:
     """The chance that noise explains as much as an effect of a set does, by the search that found it."""
 
     def __init__(self, search: Search, selected: Selected) -> None:
-        """Make noises of what a set leaves of the training folds."""
+        """Take a set and the rows of the training folds."""
         self.search, self.data, self.selected = search, search.data, selected
-        given, rng = search.given(selected), np.random.default_rng(0)
         folds = search.data.folds
         self.counted = [rows > 0.0 for rows in self._whole(lambda j, f: folds[f].weight[folds[f].rows, j])]
-        left = self._whole(given.residual)
+
+    def of(self, h: Hypothesis) -> float:
+        """Return the chance that noise explains as much as an effect of the set beside the others, by any effect of the
+        joints that it touches, at one place of the robot or another.
+        """
+        others = tuple(x for x in self.selected if x is not h)
+        given, data = self.search.given(others), self.data
+        every = (x for settings in data.hypotheses.values() for x in settings if set(x.joints) <= set(h.joints))
+        rivals = [x for x in every if self.search.is_open(x, others)]
+        found = [rows[None] for rows in self._whole(lambda j, f: data.y[j][f])]
+        own = self._explained(given, found, [h])[0, 0]
+        places = data.n / len(h.joints)
+        rounds, as_much, drawn = int(np.ceil(places)), 0, 0
+        for noises in self._noises_of(given, rounds):
+            best = self._explained(given, noises, rivals).max(axis=1)
+            as_much += int(np.sum(best >= own))
+            drawn += len(best)
+            if places * as_much > CHANCE * rounds * RESAMPLES:
+                break
+        return min(1.0, places * (1 + as_much) / (1 + drawn))
+
+    def _noises_of(self, given: FittedSet, rounds: int) -> Iterator[_Series]:
+        """Yield noises [K, N, n] of the spectra of what a set leaves, with what its fit took of them put back."""
+        left, rng = self._whole(given.residual), np.random.default_rng(0)
         lines = int(np.ceil(given.parameters_of().max()))  # twice as many as the fit can take wholly
         refitted = self._left(given, self._noises(left, [1.0] * len(left), rng))
         power = zip(map(_power, left), map(_power, refitted), strict=True)
         taken = [
             np.sqrt(_smooth(own, lines) / np.maximum(_smooth(of.mean(axis=0), lines), _NOTHING)) for own, of in power
         ]
-        self.noises = self._noises(left, taken, rng)
-
-    def of(self, h: Hypothesis) -> float:
-        """Return the chance that noise explains as much as an effect of the set beside the others, by any effect."""
-        others = tuple(x for x in self.selected if x is not h)
-        given, data = self.search.given(others), self.data
-        rivals = [x for settings in data.hypotheses.values() for x in settings if self.search.is_open(x, others)]
-        found = [rows[None] for rows in self._whole(lambda j, f: data.y[j][f])]
-        best = self._explained(given, self.noises, rivals).max(axis=1)
-        own = self._explained(given, found, [h])[0, 0]
-        return float((1 + np.sum(best >= own)) / (1 + len(best)))
+        for _ in range(rounds):
+            yield self._noises(left, taken, rng)
 
     def _whole(self, rows: Callable[[int, int], Array]) -> _Series:
         """Return the rows of every recording, of which a fold holds its part; rows: of a joint in a fold [N]."""

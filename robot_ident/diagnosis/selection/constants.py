@@ -54,8 +54,8 @@ FLEXIBLE_ERRORS = 3.0
 """Standard errors by which it must do so."""
 
 CHANCE = 0.05
-"""Of noise of the spectrum of what is left, that some effect explains as much of it: the usual significance, over all
-effects and joints together."""
+"""Of noise of the spectrum of what an effect would explain, that some effect explains as much of it: the usual
+significance, over all effects and joints together."""
 
 NAMED = 0.8
 """Probability from which on an effect is named; below, it is listed with its alternatives."""

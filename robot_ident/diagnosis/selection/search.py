@@ -202,11 +202,11 @@ class Search:
         sum_j n_j ln(L_j / L_j') / r > 2 u ln H + k ln(sum_j n_j / r), r as `FittedSet.colours` tells, n_j independent
         rows; L without what noise makes of it, where that is known. Asked twice: of rows left out, by the colour of
         what others leave; and of fitted rows, less the parameters of the others, by the colour of what it leaves. Of
-        few rows left out any fit leaves far more than noise; a true effect colours what is left without it.
+        few rows left out any fit leaves far more than noise; a true effect colours what is left without it. Without a
+        noise floor the choice, 2 u ln H, is not asked: `Chance` holds the best of all hypotheses against noise.
         """
-        return self._beyond_chance(
-            given, given.loss - given.held_out_gain(h), given.colours(h), h.causes, h.effect.size
-        )
+        choices = h.causes if self.data.floor else 0
+        return self._beyond_chance(given, given.loss - given.held_out_gain(h), given.colours(h), choices, h.effect.size)
 
     def tells_apart(self, one: Sequence[Hypothesis], other: Sequence[Hypothesis]) -> bool:
         """Return whether a set explains more than another one does beyond chance, as `stands_out` asks of a cause."""

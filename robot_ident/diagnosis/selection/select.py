@@ -183,7 +183,7 @@ def _told_from_noise(search: Search, selected: Selected) -> tuple[Selected, Mapp
         if most <= CHANCE:
             return selected, chances, withheld
         why = (
-            f"noise like what is left lets some effect explain as much in {100 * most:.2g} % of cases"
+            f"noise of the same spectrum lets some effect of its joints explain as much in {100 * most:.2g} % of cases"
             f" ({100 * CHANCE:g} % asked); record longer, or another motion"
         )
         withheld.append(Withheld(label, why))
