@@ -120,11 +120,11 @@ WORDS: dict[str, list[str]] = {
 }
 
 
-LONG = ("trial --family real --kind effects",)
+SLOW = ("trial --family real --kind effects",)
 
 
 @pytest.mark.parametrize(
-    "verb", [pytest.param(verb, marks=pytest.mark.long) if verb in LONG else verb for verb in WORDS]
+    "verb", [pytest.param(verb, marks=pytest.mark.long) if verb in SLOW else verb for verb in WORDS]
 )
 def test_every_key_is_documented(
     run: Run, arm: Any, bag: Path, excitation: Path, model: Path, other: Path, text: str, tmp_path: Path, verb: str
