@@ -40,7 +40,7 @@ class Chance:
 
     def of(self, h: Hypothesis) -> float:
         """Return the chance that noise explains as much as an effect of the set beside the others, by any effect of the
-        joints that it touches, at one place of the robot or another.
+        joints that it touches, at one place of the robot or another; beyond 1 the number of places where it does.
         """
         others = tuple(x for x in self.selected if x is not h)
         given, data = self.search.given(others), self.data
@@ -56,7 +56,7 @@ class Chance:
             drawn += len(best)
             if places * as_much > CHANCE * rounds * RESAMPLES:
                 break
-        return min(1.0, places * (1 + as_much) / (1 + drawn))
+        return places * (1 + as_much) / (1 + drawn)
 
     def _noises_of(self, given: FittedSet, rounds: int) -> Iterator[_Series]:
         """Yield noises [K, N, n] of the spectra of what a set leaves, with what its fit took of them put back."""

@@ -183,8 +183,8 @@ def _told_from_noise(search: Search, selected: Selected) -> tuple[Selected, Mapp
         if most <= CHANCE:
             return selected, chances, withheld
         why = (
-            f"noise of the same spectrum lets some effect of its joints explain as much in {100 * most:.2g} % of cases"
-            f" ({100 * CHANCE:g} % asked); record longer, or another motion"
+            "noise of the same spectrum lets some effect of its joints explain as much in"
+            f" {100 * min(most, 1.0):.3g} % of cases ({100 * CHANCE:g} % asked); record longer, or another motion"
         )
         withheld.append(Withheld(label, why))
         selected = _without(selected, withheld[-1:])
