@@ -22,7 +22,7 @@ from robot_ident.estimation.held_out import Fitted, Grams, held_out
 from robot_ident.estimation.prediction import prediction_bandwidth
 from robot_ident.model.structure import Structure
 from robot_ident.recording.measurement import Measurement, Processing
-from robot_ident.recording.process import process
+from robot_ident.recording.process import Opened
 from robot_ident.recording.recording import Recording
 from robot_ident.recording.torque_channel import chain_of
 from robot_ident.robot.robot import Robot
@@ -167,7 +167,7 @@ def choose_base(
     looked_at = [_looked_at(recording, robot, asked) for recording in known or recordings]
     parts, default = [part for part, _ in looked_at], [measured for _, measured in looked_at]
     most = min(
-        chain_of(robot, asked.anti_alias, part.source, 1.0 / one.dt, 0.0).bandwidth
+        chain_of(robot, asked.anti_alias, part.given.source, 1.0 / one.dt, 0.0).bandwidth
         for part, one in zip(parts, default, strict=True)
     )
     full = _with_candidates(plain)
@@ -176,7 +176,7 @@ def choose_base(
     labels = [effect.label for effect in full.effects[len(plain.effects) :]]
     told, open_ = _identifiable(ways[0].judged[0], full, labels)
     # a stated payload's torque is taken off in Nm, before any scale
-    loaded = any(part.conditions.payload is not None for part in parts)
+    loaded = any(part.given.conditions.payload is not None for part in parts)
     kept = given.joints_scaled
     first = next(joint for joint in robot.joints if joint not in kept)
     every = kept if robot.ampere_joints or loaded else tuple(joint for joint in robot.joints if joint != first)
@@ -185,7 +185,7 @@ def choose_base(
     used = taken.processing
     if asked.low_pass is None:
         shown = [
-            _shown([thin_rows(part, robot, asked, band, wider=wider, shown=True) for part in parts], full, taken, band)
+            _shown([thin_rows(part, asked, band, wider=wider, shown=True) for part in parts], full, taken, band)
             for wider in _differentiation(asked, band)
         ]
         widest = min(shown, key=lambda one: one.score).wide
@@ -193,14 +193,14 @@ def choose_base(
             used = replace(used, band_derivative=widest)
         values = np.zeros(len(full.names))
         values[taken.kept] = taken.fitted.theta
-        wide = [prediction_bandwidth(part, full, values, used) or widest for part in parts]
+        wide = [prediction_bandwidth(part.given, full, values, used) or widest for part in parts]
         predicted = [
-            thin_rows(part, robot, asked, band, wider=x / band, shown=True) for part, x in zip(parts, wide, strict=True)
+            thin_rows(part, asked, band, wider=x / band, shown=True) for part, x in zip(parts, wide, strict=True)
         ]
         used = replace(used, band=_shown(predicted, full, taken, band).low_pass)
     notes = [_note_of(taken, candidates, band)]
     if len(parts) < len(recordings):
-        by = ", ".join(part.source for part in parts)
+        by = ", ".join(part.given.source for part in parts)
         notes.append(f"that error is of {by} alone: the payload of the others is open; see their residuals")
     if open_:
         alike = "; ".join(f"{', '.join(labels)} from {of}" for of, labels in open_.items())
@@ -213,15 +213,17 @@ def choose_base(
     return Choice(used, taken, band, tuple(candidates), tuple(notes), free)
 
 
-def _looked_at(recording: Recording, robot: Robot, asked: Processing) -> tuple[Recording, Measurement]:
+def _looked_at(recording: Recording, robot: Robot, asked: Processing) -> tuple[Opened, Measurement]:
     """Return as much of a recording as a choice needs, all of it where its beginning can't be used, and its rows."""
     part = recording[:_LONGEST] if recording.samples > _LONGEST else recording
     try:
-        return part, process(part, robot, asked)
+        opened = Opened.of(part, robot)
+        return opened, opened.processed(asked)
     except InputError:
         if part is recording:
             raise
-        return recording, process(recording, robot, asked)
+        opened = Opened.of(recording, robot)
+        return opened, opened.processed(asked)
 
 
 @dataclass(frozen=True)
@@ -248,13 +250,10 @@ def _with_candidates(structure: Structure) -> Structure:
 
 
 def _ways(
-    parts: Sequence[Recording], default: Sequence[Measurement], structure: Structure, asked: Processing, band: float
+    parts: Sequence[Opened], default: Sequence[Measurement], structure: Structure, asked: Processing, band: float
 ) -> list[_Way]:
     """Return the ways to process that are compared: one pass of several bandwidths, and averages where all repeats."""
-    robot = structure.robot
-    passes = [
-        [thin_rows(part, robot, asked, band, wider=wider) for part in parts] for wider in _differentiation(asked, band)
-    ]
+    passes = [[thin_rows(part, asked, band, wider=wider) for part in parts] for wider in _differentiation(asked, band)]
     # the same rows for every candidate
     used = [np.logical_and.reduce([way[k].used for way in passes]) for k in range(len(parts))]
     places = [_pieces(one, rows, here) for one, rows, here in zip(default, passes[0], used, strict=True)]
@@ -285,7 +284,7 @@ def _ways(
     if all(one.base_frequency is not None for one in default):
         averaged = _averaged(default, tuple(judges), structure, asked)
         # what is longer than a choice looks at is averaged: as one pass, its rows would be more than they tell
-        only = asks_periods or any(part.samples >= _LONGEST for part in parts)
+        only = asks_periods or any(part.given.samples >= _LONGEST for part in parts)
         return [averaged] if only else [*out, averaged]
     return out[:1] if asks_periods else out
 

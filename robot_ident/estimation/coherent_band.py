@@ -15,10 +15,8 @@ from robot_ident.effects.torque_ripple import TorqueRipple
 from robot_ident.estimation.held_out import Grams, fit
 from robot_ident.model.structure import Structure
 from robot_ident.recording.averaging import FINE
-from robot_ident.recording.clock import read_clock
 from robot_ident.recording.measurement import Measurement, Processing
-from robot_ident.recording.process import process
-from robot_ident.recording.recording import Recording
+from robot_ident.recording.process import Opened
 from robot_ident.robot.robot import Robot
 from robot_ident.signals.filters import ZeroPhaseLowPass
 from robot_ident.signals.motion import Array, Mask, Motion, joined
@@ -73,21 +71,19 @@ class ThinRows:
         return out.reshape(x.shape)
 
 
-def thin_rows(
-    recording: Recording, robot: Robot, processing: Processing, band: float, *, wider: float, shown: bool = False
-) -> ThinRows:
+def thin_rows(opened: Opened, processing: Processing, band: float, *, wider: float, shown: bool = False) -> ThinRows:
     """Return a recording as one pass, low-passed at `band` [Hz], its positions differentiated to `wider` times that;
     shown: velocities no further, as for predictions.
     """
-    nyquist = 0.5 / read_clock(recording.with_joints(robot.joints)).dt
+    nyquist = 0.5 / opened.clock.dt
     low_pass, wide = min(band, 0.8 * nyquist), min(wider * band, 0.8 * nyquist)
     asked = replace(processing, periodic=False, base_frequency=None, decimate=1, low_pass=low_pass)
     asked = replace(asked, derivative_bandwidth=wide, velocity_bandwidth=wide if shown else None)
-    measured = process(recording, robot, asked)
+    measured = opened.processed(asked)
     return ThinRows(measured, max(1, int(1.0 / (measured.dt * max(_SLOWEST, FINE * low_pass)))), wide)
 
 
-def coherent_band(recordings: Sequence[Recording], structure: Structure, processing: Processing, most: float) -> float:
+def coherent_band(recordings: Sequence[Opened], structure: Structure, processing: Processing, most: float) -> float:
     """Return the frequency [Hz], `most` at most, up to which torque and model have half of their power in common: the
     geometric mean of the two joints where that reaches furthest, since one alone may resonate. What ripples with a
     joint's angle counts as the model's.
@@ -99,7 +95,7 @@ def coherent_band(recordings: Sequence[Recording], structure: Structure, process
 
 
 def _once(
-    recordings: Sequence[Recording],
+    recordings: Sequence[Opened],
     structure: Structure,
     processing: Processing,
     band: float,
@@ -107,7 +103,7 @@ def _once(
     orders: Sequence[Sequence[float]] | None = None,
 ) -> tuple[float, list[Sequence[float]]]:
     """Return the band by a model low-passed at another, and the orders of ripple by joint, where they aren't told."""
-    first = [thin_rows(recording, structure.robot, processing, band, wider=_WIDER) for recording in recordings]
+    first = [thin_rows(recording, processing, band, wider=_WIDER) for recording in recordings]
     top = min(most, *(_WIDEST / one.measured.dt for one in first))
     cutoff = min(band, top)
     columns = [structure.columns(one.motion) for one in first]

@@ -6,7 +6,7 @@ repeat is differentiated and low-passed without phase.
 
 from __future__ import annotations
 
-from dataclasses import replace
+from dataclasses import dataclass, replace
 
 import numpy as np
 
@@ -28,7 +28,7 @@ from robot_ident.robot.robot import Robot
 from robot_ident.signals.derivatives import step
 from robot_ident.signals.filters import ZeroPhaseLowPass, there_and_back
 from robot_ident.signals.fourier import power_spectrum
-from robot_ident.signals.motion import Array, Motion
+from robot_ident.signals.motion import Array, Mask, Motion
 
 _STRAY = 30.0  # times its noise: how far the position may stray from one period to the next
 _BURSTS = 8.0  # kurtosis of the torque's scatter about the mean period; noise has 3, coloured noise little more
@@ -61,6 +61,78 @@ def disturbed(measured: Measurement, step: Array) -> tuple[int, ...]:
     return tuple(found)
 
 
+@dataclass(frozen=True)
+class Opened:
+    """A recording at a robot's joints and on its clock, which all ways to process it share.
+
+    given: as it was read; published: its efforts as the drives report them. q [N, n]: positions on the even grid.
+    stands, said: rows in which an effort is frozen, and what it says then. steps [n]: of the encoders.
+    """
+
+    given: Recording
+    recording: Recording
+    published: Recording
+    robot: Robot
+    clock: Clock
+    q: Array
+    steps: Array
+    stands: Mask | None
+    said: dict[int, str]
+    motion_only: bool
+
+    @classmethod
+    def of(cls, recording: Recording, robot: Robot, *, motion_only: bool = False) -> Opened:
+        """Return a recording checked and repaired; motion_only: its efforts aren't used, so that they may say nothing.
+
+        Raises InputError on a missing joint, wrong units, an effort that never changes, or a recording too short.
+        """
+        given, recording = recording, repaired(recording.with_joints(robot.joints), robot)
+        if not motion_only:
+            check_efforts(recording)
+        check_samples(recording, motion_only=motion_only)
+        recording = without_leaps(recording)
+        stands, said = find_frozen(recording, _units(robot)) if not motion_only else (None, {})
+        if stands is not None and said:
+            recording = bridged(recording, stands)
+        published = recording
+        recording = at_the_joints(recording, robot, motion_only=motion_only)
+        check_plausible(recording, robot)
+        clock = read_clock(recording)
+        q, steps = even_positions(recording, clock), position_step(recording.q)
+        return cls(given, recording, published, robot, clock, q, steps, stands, said, motion_only)
+
+    def processed(self, processing: Processing) -> Measurement:
+        """Return even time, derivatives, averaged torque and its noise.
+
+        Raises InputError on one that isn't periodic where it has to be, and on a low pass beyond half the sample rate.
+        """
+        recording, clock, robot = self.recording, self.clock, self.robot
+        if processing.low_pass is not None and not 0 < processing.low_pass < 0.5 / clock.dt:
+            raise InputError(
+                f"{recording.source}: low pass of {processing.low_pass:g} Hz;"
+                f" it must lie below half the sample rate, {0.5 / clock.dt:g} Hz"
+            )
+        made, note = _averaged(recording, clock, self.q, robot, processing)
+        if made is None:
+            made = low_passed(recording, clock, robot, processing)
+        if not self.motion_only and robot.effort.coupling is None:
+            made = without_clipped(made, self.published, clock)
+        if self.stands is not None:
+            made = without_frozen(made, self.stands, self.said, clock, robot)
+        coarse = coarse_notes(self.steps, robot.drives.encoder_step, robot.joints)
+        found = (line for line in (rate_note(self.q, clock.dt, robot.joints), *coarse, note) if line)
+        made = replace(
+            made,
+            stamps=clock.stamps,
+            sample_rate=1.0 / clock.dt,
+            start_ns=recording.start_ns,
+            notes=(*recording.notes, *clock.notes, *found, *made.notes),
+            time_scale=time_scale(recording, processing.base_frequency),
+            position_step=self.steps,
+        )
+        return arm_alone(made, recording.conditions, robot)
+
+
 def process(
     recording: Recording, robot: Robot, processing: Processing | None = None, *, motion_only: bool = False
 ) -> Measurement:
@@ -69,45 +141,7 @@ def process(
     motion_only: its efforts aren't used, so that they may say nothing. Raises InputError on a missing joint, wrong
     units, an effort that never changes, a recording too short, or one that isn't periodic where it has to be.
     """
-    processing = processing or Processing()
-    recording = repaired(recording.with_joints(robot.joints), robot)
-    if not motion_only:
-        check_efforts(recording)
-    check_samples(recording, motion_only=motion_only)
-    recording = without_leaps(recording)
-    stands, said = find_frozen(recording, _units(robot)) if not motion_only else (None, {})
-    if stands is not None and said:
-        recording = bridged(recording, stands)
-    published = recording
-    recording = at_the_joints(recording, robot, motion_only=motion_only)
-    check_plausible(recording, robot)
-    clock = read_clock(recording)
-    if processing.low_pass is not None and not 0 < processing.low_pass < 0.5 / clock.dt:
-        raise InputError(
-            f"{recording.source}: low pass of {processing.low_pass:g} Hz;"
-            f" it must lie below half the sample rate, {0.5 / clock.dt:g} Hz"
-        )
-    q = even_positions(recording, clock)
-    made, note = _averaged(recording, clock, q, robot, processing)
-    if made is None:
-        made = low_passed(recording, clock, robot, processing)
-    if not motion_only and robot.effort.coupling is None:
-        made = without_clipped(made, published, clock)
-    if stands is not None:
-        made = without_frozen(made, stands, said, clock, robot)
-    steps = position_step(recording.q)
-    coarse = coarse_notes(steps, robot.drives.encoder_step, robot.joints)
-    found = (line for line in (rate_note(q, clock.dt, robot.joints), *coarse, note) if line)
-    made = replace(
-        made,
-        stamps=clock.stamps,
-        sample_rate=1.0 / clock.dt,
-        start_ns=recording.start_ns,
-        notes=(*recording.notes, *clock.notes, *found, *made.notes),
-        time_scale=time_scale(recording, processing.base_frequency),
-        position_step=steps,
-    )
-    return arm_alone(made, recording.conditions, robot)
+    return Opened.of(recording, robot, motion_only=motion_only).processed(processing or Processing())
 
 
 def _units(robot: Robot) -> tuple[str, ...]:

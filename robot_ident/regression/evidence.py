@@ -55,13 +55,6 @@ class Trajectory:
         lines = np.fft.rfft(rows, axis=0) * self.whitening[:, chosen, None]
         return np.asarray(np.fft.irfft(lines, len(rows), axis=0))
 
-    def transposed(self, rows: Array) -> Array:
-        """Return rows [N, n, k] in units of the noise through the transpose of `in_noise` of what is no part."""
-        if self.whitening is not None:
-            lines = np.fft.rfft(rows, axis=0) * self.whitening[:, :, None]
-            rows = np.fft.irfft(lines, len(rows), axis=0)
-        return np.asarray(rows * self.weight[:, :, None])
-
     def cut(self, rows: Array) -> Array:
         """Return rows [N, ...] of the whole with zero outside of the part's; what is left zero takes no memory."""
         if self.whole is None:

@@ -30,13 +30,11 @@ from robot_ident.signals.motion import Array, Mask
 
 @dataclass(frozen=True)
 class Nuisance:
-    """Columns K of the trajectories at `places`, parts of one: low-passed torques T [N n, k] that these share, in units
-    of its noise, K = N T. K isn't held: K' X = T' N' X; square is K' K [k, k].
-    """
+    """Columns K [N n, k] of the trajectories at `places`, parts of one, in units of its noise; square: K' K [k, k]."""
 
     places: tuple[int, ...]
     parts: tuple[Trajectory, ...]
-    torques: Array
+    columns: Array
     square: Array
 
     @classmethod
@@ -47,20 +45,15 @@ class Nuisance:
         where none is.
         """
         kept: list[Array] = []
-        square = np.zeros((0, 0))
-        whole = parts[0].uncut
         for some in torques:
-            seen = whole.transposed(whole.in_noise(some))
-            matter = np.einsum("ijk,ijk->k", some, seen) > least
-            if not matter.any():
-                continue
-            kept.append(some[:, :, matter].reshape(some[:, :, 0].size, -1))
-            seen = seen[:, :, matter].reshape(kept[-1].shape)
-            cross = np.concatenate([one.T @ seen for one in kept])
-            old, new = len(square), len(cross)
-            square = np.pad(square, (0, new - old))
-            square[:, old:], square[old:, :old] = cross, cross[:old].T
-        return cls(tuple(places), tuple(parts), np.concatenate(kept, axis=1), square) if kept else None
+            seen = parts[0].uncut.in_noise(some).reshape(-1, some.shape[2])
+            matter = np.einsum("ij,ij->j", seen, seen) > least
+            if matter.any():
+                kept.append(seen[:, matter])
+        if not kept:
+            return None
+        columns = np.concatenate(kept, axis=1)
+        return cls(tuple(places), tuple(parts), columns, columns.T @ columns)
 
     @cached_property
     def _root(self) -> Array:
@@ -71,8 +64,8 @@ class Nuisance:
         """Return L^-1 K' X [k, c] for X [N, n, c] of the whole."""
         from scipy.linalg import solve_triangular
 
-        x = self.parts[0].uncut.transposed(rows).reshape(len(self.torques), -1)
-        return np.asarray(solve_triangular(self._root, self.torques.T @ x, lower=True))
+        x = rows.reshape(len(self.columns), -1)
+        return np.asarray(solve_triangular(self._root, self.columns.T @ x, lower=True))
 
     def without(self, parts: Sequence[Array]) -> list[Array]:
         """Return r - K h by place for r [N, n] each, h = (I + K' K)^-1 K' r: what the nuisance most likely has not
@@ -83,7 +76,7 @@ class Nuisance:
         mine = [parts[place] for place in self.places]
         rows = np.sum(mine, axis=0)
         sizes = solve_triangular(self._root, self.onto(rows[:, :, None]), lower=True, trans="T")
-        made = self.parts[0].uncut.in_noise((self.torques @ sizes).reshape(*rows.shape, 1))[:, :, 0]
+        made = (self.columns @ sizes).reshape(rows.shape)
         return [t.cut(rows - made) for t in self.parts]
 
 

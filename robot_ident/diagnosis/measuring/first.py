@@ -143,7 +143,7 @@ def _fault(
 
     after = with_columns(evidence, best.columns)
     names = evidence.structure.robot.joints
-    rest = lack_of_fit(replace(after, memory={}), base_gram(after))
+    rest = lack_of_fit(after, base_gram(after))
     own = _excess(best, evidence, excess)
     near = [f.label for f in found[1:] if best.held_out - f.held_out < _lead(best.held_out) and f.label != best.label]
     alone = f" in recording {best.single} alone" if best.single is not None else ""

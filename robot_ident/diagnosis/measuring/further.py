@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-from dataclasses import replace
 from functools import partial
 
 import numpy as np
@@ -73,7 +72,7 @@ def payloads(evidence: Evidence, base: BaseGram) -> list[FittedFault]:
         weightless = np.isfinite(std) and abs(weight) < _SIGMA * std
         if len(sources) == 2 and weight < -_SIGMA * std:
             continue  # what the one lacks the other carries: told of that one
-        if weightless and any(fit.fails for fit in lack_of_fit(replace(after, memory={}), with_load)):
+        if weightless and any(fit.fails for fit in lack_of_fit(after, with_load)):
             continue
         fix = (
             f"{source.source}.conditions.yaml: payload: estimate  # or its mass, com and inertia"
