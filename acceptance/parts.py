@@ -10,7 +10,7 @@ import sys
 from pathlib import Path
 
 MINUTES = {
-    "long": 20,
+    "long": 30,
     "estimation": 10,
     "diagnosis": 360,
     "foreign": 30,

@@ -170,11 +170,9 @@ class _Settled:
 
 
 def _told_from_noise(search: Search, selected: Selected) -> tuple[Selected, Mapping[str, float], list[Withheld]]:
-    """Return a set without the effects, one after the other, of which noise may be the cause, and every chance: 0 where
-    noise is known, since what is left beyond it is none.
+    """Return a set without the effects, one after the other, of which noise may be the cause, and every chance. Asked
+    where noise is measured, too: what repeats of a disturbance from period to period is not in it.
     """
-    if search.data.floor:
-        return selected, {h.label: 0.0 for h in selected}, []
     withheld: list[Withheld] = []
     while selected:
         chance = Chance(search, selected)
