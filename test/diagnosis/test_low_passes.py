@@ -13,6 +13,7 @@ from scipy import signal
 from robot_ident.diagnosis.diagnose import diagnose
 from robot_ident.diagnosis.diagnosis import FRICTION, Diagnosis
 from robot_ident.diagnosis.measuring.filtered import LOW_PASSES, WITHOUT_PHASE, Passage
+from robot_ident.diagnosis.measuring.lookalikes import with_line
 from robot_ident.recording import process
 
 RATE = 150.0
@@ -80,7 +81,13 @@ def test_a_delay_says_the_line_that_takes_it_out(bench: Any) -> None:
     found = found_behind(bench, lambda tau: np.concatenate([tau[:2], tau[:-2]]), 0)
     assert [s.label for s in found.missing] == ["time_delay@joint_1"]
     (named,) = found.missing
-    assert named.fix and "joints: {joint_1: {torque_delay: 0.013" in named.fix
+    value = named.parameters[0].value / 1000.0
+    assert value == pytest.approx(2.0 / 150.0, rel=0.05)
+    assert named.fix == f"joints: {{joint_1: {{torque_delay: {value:.4g}}}}}  # s, in the robot YAML"
+
+    steps = replace(named.parameters[1], value=3.0 * value)
+    both = with_line(replace(named, fix=None, parameters=(named.parameters[0], steps)))
+    assert both.fix == f"{named.fix}: of the torque as a whole; its steps at reversals are late by {3 * value:.4g}"
 
 
 def test_a_fast_low_pass_may_be_a_delay_but_no_friction(bench: Any) -> None:

@@ -48,20 +48,24 @@ def _tied(finding: Finding, low_pass: FittedFault) -> Finding:
         return finding
     experiment = finding.experiment or low_pass.effect.experiment
     fix = f"{low_pass.fix} (if it is {low_pass.label})"
-    fix = fix if finding.fix is None else f"{finding.fix}, or {fix}"
     return replace(finding, tied_with=(*finding.tied_with, low_pass.label), experiment=experiment, fix=fix)
 
 
 def with_line(finding: Finding) -> Finding:
-    """Return a delay with the line that takes it out of what is measured, any other finding as it is."""
+    """Return a delay with the line that takes it out of what is measured, any other finding as it is. Where the torque
+    as a whole is late by another time than its steps at reversals, there is no one line: both are told.
+    """
     effect = finding.effect
     if effect.name != _DELAY:
         return finding
-    declared = np.broadcast_to(effect.robot.torque_delay, (effect.robot.n,))[effect.joint if effect.place else 0]
-    line = f"torque_delay: {float(declared) + finding.parameters[0].value / 1000.0:.4g}"
-    if effect.place is not None:
-        line = f"joints: {{{effect.place}: {{{line}}}}}"
-    return replace(finding, fix=f"{line}  # s, in the robot YAML")
+    delay, steps = finding.parameters[0].value / 1000.0, [p.value for p in finding.parameters[1:]]
+    declared = float(np.broadcast_to(effect.robot.torque_delay, (effect.robot.n,))[effect.joint if effect.place else 0])
+    line = f"torque_delay: {declared + delay:.4g}"
+    line = f"{line if effect.place is None else f'joints: {{{effect.place}: {{{line}}}}}'}  # s, in the robot YAML"
+    low, high = (effect.at({"shift": steps[0]}) if steps else effect).ranges[0]
+    if not low <= 1000.0 * delay <= high:
+        line += f": of the torque as a whole; its steps at reversals are late by {declared + steps[0]:.4g}"
+    return replace(finding, fix=line if finding.fix is None else f"{line}, or {finding.fix}")
 
 
 def block_losses_of(found: FittedFault, evidence: Evidence) -> Array:

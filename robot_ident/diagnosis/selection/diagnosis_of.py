@@ -56,7 +56,8 @@ def diagnosis_of(
         effect for effect in (*(h.effect for h in named), *structure.effects) if isinstance(effect, TorqueRipple)
     ]
     said = replace(said, notes=(*said.notes, *hidden_lines(found.tested, ripples)))
-    return _as_fitted(said, measurements, structure)
+    said = _as_fitted(said, measurements, structure)
+    return replace(said, missing=tuple(map(with_line, said.missing)), others=tuple(map(with_line, said.others)))
 
 
 def _looked_again(
@@ -258,7 +259,6 @@ def _finding(
         experiment=experiment_between(h.effect, effects, found.data.structure.robot),
         probability=found.probability(h.label) if h in found.selected else None,
     )
-    finding = with_line(finding)
     return with_low_pass(finding, before, after) if found.data.floor and finding.probability is not None else finding
 
 
