@@ -62,7 +62,7 @@ class Chance:
         """Yield noises [K, N, n] of the spectra of what a set leaves, with what its fit took of them put back."""
         left, rng = self._whole(given.residual), np.random.default_rng(0)
         lines = int(np.ceil(given.parameters_of().max()))  # twice as many as the fit can take wholly
-        refitted = self._left(given, self._noises(left, [1.0] * len(left), rng))
+        refitted = self._left(given, self._noises(left, [1.0] * len(left), rng), range(self.data.n))
         power = zip(map(_power, left), map(_power, refitted), strict=True)
         taken = [
             np.sqrt(_smooth(own, lines) / np.maximum(_smooth(of.mean(axis=0), lines), _NOTHING)) for own, of in power
@@ -80,26 +80,27 @@ class Chance:
         triples = zip(left, factors, self.counted, strict=True)
         return [_of_spectrum(one, factor, rng) * counted for one, factor, counted in triples]
 
-    def _left(self, given: FittedSet, rows: _Series) -> _Series:
-        """Return what a set, fitted to rows [K, N, n], leaves of them."""
+    def _left(self, given: FittedSet, rows: _Series, joints: Sequence[int]) -> _Series:
+        """Return what a set, fitted to rows [K, N, n], leaves of some joints of them."""
         right, columns = np.zeros((len(rows[0]), given.q)), []
         for folds, one in zip(self.data.of_measurement, rows, strict=True):
             columns.append([np.concatenate([given.columns(j, f) for f in folds]) for j in range(self.data.n)])
             for j, own in enumerate(columns[-1]):
                 right += one[:, :, j] @ own / given.dispersion[0, j]
         values = right @ given.whole.inverse
-        taken = [np.stack([values @ own.T for own in of], axis=-1) for of in columns]
-        return [one - part for one, part in zip(rows, taken, strict=True)]
+        taken = [np.stack([values @ of[j].T for j in joints], axis=-1) for of in columns]
+        return [one[:, :, joints] - part for one, part in zip(rows, taken, strict=True)]
 
     def _explained(self, given: FittedSet, rows: _Series, hypotheses: Sequence[Hypothesis]) -> Array:
         """Return g n / L [K, H] of hypotheses beside a set in rows [K, N, n]."""
         data, count = self.data, len(rows[0])
-        left, right = np.zeros((count, data.n)), [np.zeros((count, pool.count)) for pool in data.pools]
-        for folds, rest in zip(data.of_measurement, self._left(given, rows), strict=True):
-            left += np.sum(rest**2, axis=1) / given.dispersion[0]
-            for j, pool in enumerate(data.pools):
-                own = np.concatenate([pool.rows(f, slice(None)) for f in folds])
-                right[j] += rest[:, :, j] @ own / given.dispersion[0, j]
+        left, touched = np.zeros((count, data.n)), sorted({j for h in hypotheses for j in h.joints})
+        right = {j: np.zeros((count, data.pools[j].count)) for j in touched}
+        for folds, rest in zip(data.of_measurement, self._left(given, rows, touched), strict=True):
+            left[:, touched] += np.sum(rest**2, axis=1) / given.dispersion[0, touched]
+            for place, j in enumerate(touched):
+                own = np.concatenate([data.pools[j].rows(f, slice(None)) for f in folds])
+                right[j] += rest[:, :, place] @ own / given.dispersion[0, j]
         independent = data.dof[: data.training].sum(axis=0)
         out = np.zeros((count, len(hypotheses)))
         for k, h in enumerate(hypotheses):
