@@ -106,14 +106,14 @@ test:
 	@requirements/lock.sh .locks/$(EDGE) $(if $(OLDEST),--resolution lowest-direct) --upgrade --python "$(PYTHON)"
 	@$(MAKE) --no-print-directory test VENV=.venv-$(EDGE) LOCKS=.locks/$(EDGE) NEWEST= OLDEST= LINT=
 else
-# The tests run on the installed package, as users have it; those of the nodes alone, since they keep
-# time, and whatever the others say: one run shows all failures. Long ones are a part of the acceptance.
+# The tests run on the installed package, as users have it; those of the nodes apart and two at a time, since they
+# keep time, and whatever the others say: one run shows all failures. Long ones are a part of the acceptance.
 test: $(TOOLS_STAMP) $(SOURCE_STAMP) $(LINT)
 	@log=$$(mktemp -d) && trap 'rm -rf "$$log"' EXIT && \
 	export ROS_LOG_DIR="$$log" ROBOT_IDENT_TEST_INSTALLED=1 && \
 	if [ -n "$(TEST_ARGS)" ]; then $(BIN)/pytest $(TEST_ARGS); else \
 	failed=0; $(BIN)/pytest -m "not long" -n auto --dist loadfile --ignore=test/nodes || failed=$$?; \
-	$(BIN)/pytest -m "not long" test/nodes || failed=$$?; exit $$failed; fi
+	$(BIN)/pytest -m "not long" -n 2 --dist loadfile test/nodes || failed=$$?; exit $$failed; fi
 endif
 
 acceptance: $(TOOLS_STAMP) $(SOURCE_STAMP)

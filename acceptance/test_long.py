@@ -1,4 +1,4 @@
-"""The tests of `test/` that are marked long, as `make test` runs the others: those of the nodes alone."""
+"""The tests of `test/` that are marked long, as `make test` runs the others: those of the nodes apart."""
 
 from __future__ import annotations
 
@@ -10,10 +10,13 @@ from pathlib import Path
 import pytest
 
 TESTS = Path(__file__).resolve().parents[1] / "test"
-ALONE = TESTS / "nodes"
+APART = TESTS / "nodes"
+SHARED = "--dist", "loadfile"
 
 
-@pytest.mark.parametrize("where", [("-n", "auto", "--dist", "loadfile", f"--ignore={ALONE}", TESTS), (ALONE,)], ids=str)
+@pytest.mark.parametrize(
+    "where", [("-n", "auto", *SHARED, f"--ignore={APART}", TESTS), ("-n", "2", *SHARED, APART)], ids=str
+)
 def test_long_ones(where: tuple[str | Path, ...], capfd: pytest.CaptureFixture[str]) -> None:
     environment = {**os.environ, "ROBOT_IDENT_TEST_INSTALLED": "1", "PYTEST_ADDOPTS": ""}
     with capfd.disabled():

@@ -218,7 +218,10 @@ def test_no_plane_where_nobody_knows_which_way_it_lies(run: Run, tmp_path: Path)
 
 @pytest.mark.parametrize(
     ("file", "lowered"),
-    [("ur_description/urdf/ur5_joint_limited_robot.urdf", True), ("panda_description/urdf/panda.urdf", False)],
+    [
+        ("ur_description/urdf/ur5_joint_limited_robot.urdf", True),
+        pytest.param("panda_description/urdf/panda.urdf", False, marks=pytest.mark.long),
+    ],
 )
 def test_the_guessed_floor_leaves_room_in_the_middle(
     run: Run, robots_folder: Path, tmp_path: Path, file: str, lowered: bool

@@ -155,6 +155,7 @@ def wrong(arm: Any, tmp_path_factory: pytest.TempPathFactory) -> Path:
     return path
 
 
+@pytest.mark.long
 def test_a_model_that_misses_its_own_torque_says_so_first_in_every_command(
     run: Run, wrong: Path, bag: Path, tmp_path: Path
 ) -> None:

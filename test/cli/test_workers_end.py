@@ -89,6 +89,7 @@ def test_no_worker_outlives_a_design(number: int, tmp_path: Path, started: list[
     assert not list(tmp_path.iterdir())
 
 
+@pytest.mark.long
 @pytest.mark.skipif(not hasattr(os, "sched_setaffinity"), reason="a process can't be given one processor here")
 @pytest.mark.parametrize("number", [signal.SIGTERM, pytest.param(signal.SIGHUP, marks=pytest.mark.long)])
 def test_a_design_in_compiled_code_ends(number: int, tmp_path: Path, started: list[subprocess.Popen[bytes]]) -> None:

@@ -102,6 +102,7 @@ def test_the_bound_of_a_design_is_the_information_of_its_recording(
         assert -decades / np.log(10.0) == pytest.approx(expected.log10_det_covariance, abs=1.0)
 
 
+@pytest.mark.long
 def test_criteria_of_iterates_agree_with_the_verdict(
     rough: Robot, first: tuple[DesignResult, Recording, Model]
 ) -> None:

@@ -58,6 +58,7 @@ def test_the_history_falls_and_begins_with_something_feasible(designed: DesignRe
     assert costs[0] > costs[-1] + 3
 
 
+@pytest.mark.long
 def test_a_seed_gives_the_same_trajectory_whatever_the_workers(gantry: Robot) -> None:
     one, two = (design(gantry, base_frequency=0.25, harmonics=3, starts=2, workers=n, seed=4) for n in (1, 2))
     assert np.array_equal(one.excitation.series.a, two.excitation.series.a)

@@ -44,6 +44,7 @@ def course(seconds: float = 8.0, rate: float = 1000.0) -> Course:
     return Course(q, dq, 100.0 * np.sin(q), np.ones(3))
 
 
+@pytest.mark.long
 def test_all_joints_but_one_have_causes_of_the_size_that_is_said() -> None:
     where, size = course(), np.array([50.0, 40.0, 20.0])
     seen = set()
@@ -74,6 +75,7 @@ def test_friction_with_memory_depends_on_the_way_and_not_on_its_speed() -> None:
                 assert np.sqrt(np.mean((one - other) ** 2)) < 0.02 * np.sqrt(np.mean(one**2))
 
 
+@pytest.mark.long
 def test_causes_leave_the_rest_of_a_recording_as_it_was(monkeypatch: pytest.MonkeyPatch) -> None:
     more = like_real(KUKA, 3, causes=True)
     monkeypatch.setattr("robot_ident.testbed.like_real.draw_causes", lambda *args: [])
@@ -104,6 +106,7 @@ def test_a_summary_counts_joint_by_joint() -> None:
     assert data["troubles"] == {"2": "no", "5": "no"}
 
 
+@pytest.mark.long
 def test_causes_of_a_joint_are_named_though_one_of_them_is_too_small() -> None:
     """Two causes and a rest without a name on joint 1, encoders and averages that leave little noise: 18 and 69 % of
     what the base model leaves of the joint are named, and nothing that isn't there.

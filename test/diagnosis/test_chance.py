@@ -51,7 +51,7 @@ def best_of(search: Search, joint: int = 1) -> Hypothesis:
     return max(settings, key=search.given(()).gain)
 
 
-@pytest.mark.parametrize("pole", [0.5, pytest.param(0.97, marks=pytest.mark.long)])
+@pytest.mark.parametrize("pole", [pytest.param(pole, marks=pytest.mark.long) for pole in (0.5, 0.97)])
 def test_noise_has_small_chances_as_often_as_they_say(arm: Robot, pole: float) -> None:
     """White nearly, or of a correlation of two thirds of a second; a tenth of the cases at a chance of three tenths:
     the joint is one of three.

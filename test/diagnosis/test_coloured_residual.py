@@ -40,7 +40,10 @@ def found_in(robot: Robot, torque: Array, q: Array, ddq: Array, rng: np.random.G
     return diagnose([measured], Structure.build(robot, ["torque_offset@slide"]), as_declared=True)
 
 
-@pytest.mark.parametrize(("seed", "periods"), [(0, 1), (1, 1), (2, 1), (3, 1), (0, 4), (7, 4)])
+@pytest.mark.parametrize(
+    ("seed", "periods"),
+    [(0, 1), *(pytest.param(*one, marks=pytest.mark.long) for one in ((1, 1), (2, 1), (3, 1), (0, 4), (7, 4)))],
+)
 def test_a_disturbance_of_an_effect_s_spectrum_is_not_named(slide: Robot, seed: int, periods: int) -> None:
     """The effect itself, of the same size on the same motion, is; one period has no noise of its own, four have."""
     rng = np.random.default_rng(seed)

@@ -20,9 +20,9 @@ HOSE = "external_force@joint_3:stiffness=20,free_length=0.2,x=0.1,y=0.3,z=0.5"
 HIDDEN = (
     (STRIBECK,),
     ("base_tilt:tilt_x=0.04,tilt_y=0.05",),
-    (HOSE, STRIBECK),
 )
 FURTHER = (
+    (HOSE, STRIBECK),
     (LOAD,),
     (OFFSET,),
     ("rotor_inertia@joint_3:rotor_inertia=5",),
@@ -59,7 +59,7 @@ def test_what_is_hidden_is_named(bench: Any, effects: tuple[str, ...]) -> None:
     assert {finding.label for finding in found.missing} == labels(effects)
 
 
-@pytest.mark.parametrize("joint", ["joint_1", "joint_3"])
+@pytest.mark.parametrize("joint", ["joint_1", pytest.param("joint_3", marks=pytest.mark.long)])
 def test_effort_that_is_half_a_sample_early_is_told(bench: Any, joint: str) -> None:
     """It shows in the one sample before a reversal that it carries across: too little to be sure of its size."""
     found = diagnose(bench.measure((f"time_delay@{joint}:time_delay=-0.003",)), bench.structure)
@@ -101,6 +101,7 @@ def test_size_is_that_of_the_truth(bench: Any) -> None:
     assert parameter.value == pytest.approx(5.0, abs=max(0.2, 5 * parameter.std))
 
 
+@pytest.mark.long
 def test_a_hose_is_told_with_its_stiffness(bench: Any) -> None:
     """It is slack below a free length, and pulls along itself: the spring of the catalogue is nearly as stiff."""
     (finding,) = bench.diagnose((HOSE,)).missing
@@ -148,7 +149,7 @@ def test_too_little_data_says_how_much_more(bench: Any) -> None:
 
 
 def test_contract_of_the_result(bench: Any) -> None:
-    found = bench.diagnose((STRIBECK, OFFSET)).to_dict()
+    found = bench.diagnose((STRIBECK,)).to_dict()
     listed = found["candidates"]
     assert [c["rank"] for c in listed] == list(range(1, len(listed) + 1))
     first = [(c["effect"], c["joint"]) for c in listed[: len(found["missing"])]]

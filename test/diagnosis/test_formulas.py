@@ -39,7 +39,12 @@ def with_law(measured: Measurement, label: str, law: Law) -> Measurement:
     return replace(measured, torque=torque)
 
 
-@pytest.mark.parametrize("label", LAWS)
+FAST = "viscous_nonlinear@joint_2", "torque_ripple@joint_2"
+
+
+@pytest.mark.parametrize(
+    "label", [label if label in FAST else pytest.param(label, marks=pytest.mark.long) for label in LAWS]
+)
 def test_other_formulas_get_the_name_of_their_cause(bench: Any, label: str) -> None:
     found = diagnose([with_law(m, label, LAWS[label]) for m in bench.measure(())], bench.structure)
     assert [finding.label for finding in found.missing] == [label]

@@ -29,6 +29,7 @@ def named_with(recordings: list[Recording], bench: Any, inertia: float) -> list[
     return [one.label for one in diagnose(added, bench.structure).missing]
 
 
+@pytest.mark.long
 def test_a_rotor_is_named_and_its_negative_is_not(bench: Any, recorded: list[Recording]) -> None:
     assert named_with(recorded, bench, 4.0) == ["rotor_inertia@joint_3"]
     assert "rotor_inertia@joint_3" not in named_with(recorded, bench, -4.0)

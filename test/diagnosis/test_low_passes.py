@@ -90,6 +90,7 @@ def test_a_delay_says_the_line_that_takes_it_out(bench: Any) -> None:
     assert both.fix == f"{named.fix}: of the torque as a whole; its steps at reversals are late by {3 * value:.4g}"
 
 
+@pytest.mark.long
 def test_a_fast_low_pass_may_be_a_delay_but_no_friction(bench: Any) -> None:
     """A smoothing of 2 ms beside the noise of the paper: the data tell it from nothing that is late."""
     found = found_behind(bench, lambda x: np.asarray(signal.lfilter([0.75], [1.0, -0.25], x)), 0, noise=1.0)
@@ -127,6 +128,7 @@ def test_filters_from_sample_to_sample_are_those_of_scipy(order: int) -> None:
     assert np.allclose(Passage(form, 9.0).response(frequency, RATE), h, atol=1e-9)
 
 
+@pytest.mark.long
 @pytest.mark.parametrize(
     ("form", "filtered"),
     [

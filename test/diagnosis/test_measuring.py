@@ -80,7 +80,10 @@ def test_the_fault_is_named_and_nothing_else(said: Any, text: str) -> None:
     assert found.to_dict()["candidates"][0]["fix"] == named.fix
 
 
-@pytest.mark.parametrize(("text", "true", "within"), [(GAIN, 1.25, 0.03), (SIGN, -1.0, 0.03), (FILTER, 8.0, 0.1)])
+@pytest.mark.parametrize(
+    ("text", "true", "within"),
+    [(GAIN, 1.25, 0.03), pytest.param(SIGN, -1.0, 0.03, marks=pytest.mark.long), (FILTER, 8.0, 0.1)],
+)
 def test_its_size_is_found(said: Any, text: str, true: float, within: float) -> None:
     (named,) = said(text).missing
     assert named.parameters[0].value == pytest.approx(true, rel=within)
@@ -92,6 +95,7 @@ def test_the_mass_of_a_load_is_found_and_which_recording_had_it(said: Any) -> No
     assert "recording 2" in named.parameters[0].name
 
 
+@pytest.mark.long
 @pytest.mark.parametrize("places", [(0, 1), (1, 0)])
 def test_of_two_recordings_the_one_that_weighs_more_has_a_load(
     bench: Any, spoiled: Any, places: tuple[int, ...]
@@ -117,6 +121,7 @@ def test_a_gain_of_one_recording_alone_is_no_load(bench: Any, spoiled: Any, wron
     assert any("effort_gain@joint_2 in recording 2 alone" in note for note in found.notes)
 
 
+@pytest.mark.long
 @pytest.mark.parametrize(
     ("angles", "named"),
     [((0.0, 90.0, 0.0), ["payload"]), ((0.0, 90.0, 215.0), [])],
@@ -151,7 +156,7 @@ def changed(robot: Robot, fix: str) -> Robot:
     return robot_of(Definition(content, known.urdf), robot.source)
 
 
-@pytest.mark.parametrize("text", [GAIN, SIGN, FILTER, pytest.param(LAG, marks=pytest.mark.long)])
+@pytest.mark.parametrize("text", [GAIN, *(pytest.param(one, marks=pytest.mark.long) for one in (SIGN, FILTER, LAG))])
 def test_the_line_puts_it_right(bench: Any, spoiled: Any, said: Any, text: str) -> None:
     """Written into the robot YAML as it stands, what was far from the noise comes near it, and no friction is named."""
     (named,) = said(text).missing

@@ -61,6 +61,7 @@ def test_any_whole_order_of_the_motor_is_found(bench: Any, h: float) -> None:
     assert orders(found) == {"torque_ripple@joint_2": h}
 
 
+@pytest.mark.long
 def test_two_lines_are_named_and_added(bench: Any) -> None:
     measured = bench.measure((TWO,))
     assert orders(diagnose(measured, bench.structure)) == {"torque_ripple@joint_2": 3.0, "torque_ripple_2@joint_2": 6.0}

@@ -94,6 +94,7 @@ def test_nothing_is_named_where_nothing_is_missing(bench: Any, noise: float) -> 
     assert found.verdict == "adequate" and found.missing == () and found.tied_sets == ()
 
 
+@pytest.mark.long
 def test_friction_that_drifts_over_the_periods_is_named_beside_what_their_mean_shows(bench: Any) -> None:
     drift = "temperature_drift@joint_3:temperature_drift=30,time_constant=80"
     found = by_sets(bench, bench.measure((OFFSET, drift)))
@@ -107,6 +108,7 @@ def _pulled(measured: Measurement, size: float) -> Measurement:
     return replace(measured, torque=measured.torque + np.outer(force, [1.0, 0.7, 0.4]))
 
 
+@pytest.mark.long
 def test_a_cause_outside_the_catalogue_gets_no_name(bench: Any) -> None:
     found = by_sets(bench, [_pulled(measured, 25.0) for measured in bench.measure(())])
     assert found.missing == () and found.verdict in ("unexplained", "not_decidable")
@@ -148,6 +150,7 @@ EARLY = "time_delay@joint_3:time_delay=-0.003"
 """Half a sample early: it shows in one sample before each reversal."""
 
 
+@pytest.mark.long
 def test_one_effect_beside_another_may_be_two(bench: Any) -> None:
     """A cable beside a third effect of its joint may be a spring and an offset."""
     spring = "gravity_spring@joint_2:stiffness=3000"
@@ -167,6 +170,7 @@ def test_what_a_formula_may_err_counts_in_the_model_as_in_the_set(bench: Any) ->
     np.testing.assert_allclose(longer.known_errors["stribeck@joint_2"], of_set, rtol=0.02)
 
 
+@pytest.mark.long
 def test_what_formulas_of_the_model_may_have_left_is_said(bench: Any) -> None:
     """Stribeck friction in the model at a speed that is a fifth off."""
     measured = bench.measure(("stribeck@joint_2:stribeck=60,speed=0.08",))
@@ -475,24 +479,13 @@ def test_a_joint_that_is_not_seen_gives_way_to_those_that_shake_it(bench: Any, h
     assert not with_unseen_reactions(known, None, torques)[1].any()
 
 
-def test_the_command_prints_probabilities(files: Any, verb: Any) -> None:
-    import json
-
-    code, out, err = verb("diagnose", files.model, *files.bags, "--json")
-    assert code == 0, err
-    found = json.loads(out)
-    assert found["missing"] == [{"effect": "stribeck", "joint": "joint_2"}]
-    assert found["candidates"][0]["probability"] >= 0.8
-    code, out, _ = verb("diagnose", files.model, *files.bags)
-    assert code == 0 and "probability" in out
-
-
 def one_pass(bench: Any, effects: Sequence[str], motions: Sequence[int]) -> list[Measurement]:
     """Recordings that do not tell their noise."""
     processing = Processing(periodic=False, low_pass=10.0)
     return [process(bench.record(effects, k), bench.robot, processing) for k in motions]
 
 
+@pytest.mark.long
 def test_recordings_that_do_not_tell_their_noise_are_searched_alike(bench: Any) -> None:
     pair = ("torque_offset@joint_1:torque_offset=20", STRIBECK)
     training, unseen = one_pass(bench, pair, (0, 1, 2)), one_pass(bench, pair, (3,))
@@ -542,6 +535,7 @@ def smeared(bench: Any, effect: str, noise: float) -> Measurement:
     return process(short, bench.robot, Processing(periodic=False, low_pass=3.0))
 
 
+@pytest.mark.long
 def test_friction_behind_a_play_is_named_only_where_chance_does_not_prefer_it(bench: Any) -> None:
     """A play fits a way to sliding as well as that; a wide gap shows."""
 
@@ -585,6 +579,7 @@ def test_without_a_noise_floor_a_size_is_known_as_well_before_it_is_selected_as_
     assert as_weighed > 1.3 * first
 
 
+@pytest.mark.long
 def test_without_a_noise_floor_nothing_is_called_adequate(bench: Any) -> None:
     found = by_sets(bench, one_pass(bench, (), (0, 1, 2)))
     assert found.verdict in ("not_decidable", "unexplained") and found.missing == ()
@@ -657,6 +652,7 @@ def test_friction_that_differs_between_directions_does_not_change_with_the_direc
     assert "with the direction of joint_2" not in words, "viscous friction holds the half of it"
 
 
+@pytest.mark.long
 def test_an_offset_of_the_model_hides_nothing_by_its_formula(bench: Any) -> None:
     measured = bench.measure(("torque_offset@joint_1:torque_offset=60", "load_friction@joint_1:load_friction=0.02"))
     structure = bench.structure.with_further(["torque_offset@joint_1"])

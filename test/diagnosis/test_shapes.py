@@ -69,6 +69,8 @@ def test_what_no_effect_of_the_catalogue_is_gets_no_name(bench: Any, hidden: Tor
     assert named(bench, hidden) == []
 
 
-@pytest.mark.parametrize(("hidden", "name"), [(coupled, "joint_coupling"), (hose, "cable")])
+@pytest.mark.parametrize(
+    ("hidden", "name"), [(coupled, "joint_coupling"), pytest.param(hose, "cable", marks=pytest.mark.long)]
+)
 def test_a_cause_keeps_its_name(bench: Any, hidden: Torque, name: str) -> None:
     assert named(bench, hidden) == [f"{name}@joint_3"]

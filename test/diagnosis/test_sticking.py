@@ -60,6 +60,7 @@ def test_a_delay_of_a_joint_is_named(found: Callable[[Hidden], Diagnosis], delay
     assert size == pytest.approx(1e3 * delay, rel=0.4)
 
 
+@pytest.mark.long
 def test_a_delay_of_all_joints_is_not_named_twice(found: Callable[[Hidden], Diagnosis]) -> None:
     assert [finding.label for finding in found(late(slice(None), 0.007)).missing] == ["time_delay"]
 

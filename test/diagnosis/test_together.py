@@ -53,6 +53,7 @@ def test_a_stop_that_one_motion_reaches_is_named_where_another_kept_aside_does(b
     assert finding.validation_after["joint_1"] < finding.validation_before["joint_1"]
 
 
+@pytest.mark.long
 @pytest.mark.parametrize("seed", [21, 22])
 def test_recordings_kept_aside_bring_no_false_name(bench: Any, seed: int) -> None:
     found = diagnose(

@@ -61,6 +61,7 @@ def test_what_does_not_lower_the_error_on_the_validation_is_not_named(
     assert added.last.missing == () and added.last.verdict != "adequate"
 
 
+@pytest.mark.long
 def test_an_adequate_end_that_misfits_what_was_kept_aside_says_so(
     bench: Any, inputs: Inputs, capsys: pytest.CaptureFixture[str]
 ) -> None:

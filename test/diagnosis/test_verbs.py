@@ -99,6 +99,7 @@ def test_diagnose_keeps_the_contract(verb: Verb, files: Any) -> None:
     keys = {"effect", "joint", "rank", "p_value", "explained", "parameters", "tied_with", "experiment"}
     keys |= {f"{kind}_mse_{when}" for kind in ("residual", "validation") for when in ("before", "after")}
     assert set(data["candidates"][0]) >= keys
+    assert data["candidates"][0]["probability"] >= 0.8
     assert set(data["candidates"][0]["parameters"][0]) >= {"name", "value", "std", "unit"}
 
 

@@ -307,6 +307,7 @@ def test_what_a_format_without_scales_loses_is_told(robot: Robot) -> None:
     assert np.all(lost[[0, 2, 3, 4, 5]] == 0.0)
 
 
+@pytest.mark.long
 def test_predictions_are_differentiated_as_comes_nearest_to_the_record() -> None:
     """With noisy encoders the fit takes positions up to twice the band; a prediction would amplify their noise."""
     robot = replace(load_robot(), base="prediction")
@@ -339,6 +340,7 @@ def test_predictions_are_differentiated_as_the_noise_of_the_recording_asks(robot
     assert chosen <= 0.7 * fixed[-1]
 
 
+@pytest.mark.long
 def test_averages_are_not_given_up_for_what_the_model_lacks() -> None:
     """Without them the noise is unknown, and nothing tells that friction grows with the load."""
     robot = replace(load_robot(), base="prediction")
@@ -381,7 +383,7 @@ def test_a_smoothed_torque_is_predicted_as_it_is_reported(robot: Robot) -> None:
             pytest.param([one], ["joint_2", "joint_3", "joint_4", "joint_5", "joint_6"], marks=pytest.mark.long)
             for one in ("torque_scale@joint_2", "torque_scale@*")
         ),
-        (["cable@joint_2", "torque_offset@joint_4"], None),
+        pytest.param(["cable@joint_2", "torque_offset@joint_4"], None, marks=pytest.mark.long),
     ],
 )
 def test_an_effect_that_is_asked_for_is_kept(robot: Robot, asked: list[str], scaled: list[str] | None) -> None:
@@ -397,6 +399,7 @@ def test_an_effect_that_is_asked_for_is_kept(robot: Robot, asked: list[str], sca
     assert "torque_scale@joint_3" in only.structure.labels
 
 
+@pytest.mark.long
 def test_filters_that_cost_an_inertia_are_told_first(robot: Robot) -> None:
     """Positions differentiated to 240 Hz: their noise makes the columns of inertias larger, and inertias too small."""
     noisy = recorded(robot, 1, offset=OFFSET, encoder=1e-4, rate=500.0)

@@ -28,7 +28,9 @@ def recordings(arm: Any, pole: float, shared: float, periods: int = 4) -> list[R
 
 
 @pytest.mark.parametrize(("pole", "shared"), [(0.9, 0.0), (0.7, 0.5)])
-@pytest.mark.parametrize(("estimator", "low_pass"), [("wls", None), ("ls", None), ("wls", 15.0)])
+@pytest.mark.parametrize(
+    ("estimator", "low_pass"), [("wls", None), pytest.param("ls", None, marks=pytest.mark.long), ("wls", 15.0)]
+)
 def test_intervals_are_honest(arm: Any, pole: float, shared: float, estimator: str, low_pass: float | None) -> None:
     truth = arm.structure.true_values()
     found = []
@@ -81,7 +83,7 @@ def test_colour_does_not_weigh_what_the_model_lacks(arm: Any) -> None:
     assert not any("not by its colour" in note for note in quiet.notes)
 
 
-@pytest.mark.parametrize("estimator", ["wls", "ml"])
+@pytest.mark.parametrize("estimator", ["wls", pytest.param("ml", marks=pytest.mark.long)])
 def test_intervals_without_the_weight_of_colour_are_honest(arm: Any, estimator: str) -> None:
     """The weights are forced to be plain; the covariance still counts the colour."""
     from robot_ident.estimation import least_squares

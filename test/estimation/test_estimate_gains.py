@@ -241,6 +241,7 @@ def test_a_weighed_payload_tells_the_gains_and_is_found_with_them(
     assert np.all(surer < 1.0), "what the gains leave open, the centre has too"
 
 
+@pytest.mark.long
 def test_gains_and_payload_both_unknown_are_told_in_one_line(
     robots: tuple[Robot, Robot], recordings: tuple[Recording, Recording], repeated: tuple[Recording, Recording]
 ) -> None:
@@ -275,6 +276,7 @@ def test_the_command_line_takes_the_payload_from_the_sidecar(
     assert "kg m^2" in captured.out
 
 
+@pytest.mark.long
 def test_a_drive_that_nothing_tells_of_does_not_harm_the_others(
     robots: tuple[Robot, Robot], recordings: tuple[Recording, Recording]
 ) -> None:

@@ -20,7 +20,7 @@ def _distance(model: Any, truth: np.ndarray) -> float:
     return float(error @ np.linalg.solve(model.covariance, error)) / len(truth)
 
 
-@pytest.mark.parametrize("estimator", ["ls", "wls"])
+@pytest.mark.parametrize("estimator", [pytest.param("ls", marks=pytest.mark.long), "wls"])
 def test_errors_are_as_large_as_their_covariance_says(arm: Any, estimator: str) -> None:
     truth = arm.structure.true_values()
     found = [
@@ -85,6 +85,7 @@ def test_low_pass_keeps_the_covariance_honest(arm: Any) -> None:
     assert np.mean(found) == pytest.approx(1.0, abs=4 * np.sqrt(2 / 420))
 
 
+@pytest.mark.long
 def test_residual_of_the_true_model_is_the_noise(arm: Any) -> None:
     ratios = []
     for seed in range(20):

@@ -82,6 +82,7 @@ def test_a_file_that_unfolds(reader: Any, tmp_path: Path) -> None:
     assert len(list(read_messages(tmp_path / "a.mcap.zstd"))) == 1
 
 
+@pytest.mark.long
 def test_as_many_channels_as_there_can_be(reader: Any, tmp_path: Path) -> None:
     records = b"".join(channel(number, f"/joint_{number}") + message(STATE, number) for number in range(20_000))
     (tmp_path / "a.mcap").write_bytes(HEAD + records)

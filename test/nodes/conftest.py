@@ -13,13 +13,16 @@ from typing import Any
 import pytest
 from processes import LONG, Process, environment, parameters, wait_until, write_trajectory
 
+DOMAINS = 100  # whose ports don't reach into those that the system gives away
 _numbers = itertools.count()
 
 
 @pytest.fixture
 def domain(monkeypatch: pytest.MonkeyPatch, tmp_path: Path) -> int:
     """Give the test, and what it starts, a domain of its own."""
-    number = 1 + (os.getpid() * 13 + next(_numbers)) % 100
+    worker, count = os.environ.get("PYTEST_XDIST_WORKER", "gw0"), os.environ.get("PYTEST_XDIST_WORKER_COUNT", "1")
+    own = DOMAINS // int(count)
+    number = 1 + int(worker.removeprefix("gw")) * own + (os.getpid() * 13 + next(_numbers)) % own
     monkeypatch.setenv("ROS_DOMAIN_ID", str(number))
     monkeypatch.setenv("ROS_AUTOMATIC_DISCOVERY_RANGE", "LOCALHOST")
     monkeypatch.setenv("ROS_LOG_DIR", str(tmp_path / "log"))

@@ -85,7 +85,7 @@ def judge_emps(found: Diagnosis, emps: Emps, low_pass: float) -> None:
     assert "% of the" in found.unexplained.where
 
 
-@pytest.mark.parametrize("low_pass", [10.0, 40.0])
+@pytest.mark.parametrize("low_pass", [10.0, pytest.param(40.0, marks=pytest.mark.long)])
 def test_emps_is_told_that_its_friction_differs_by_direction(emps: Emps, low_pass: float) -> None:
     measured = emps.measured(emps.first, low_pass)
     found = diagnose([measured], Structure.build(emps.robot))
@@ -108,6 +108,7 @@ def test_emps_periods_name_the_same(emps: Emps) -> None:
     assert found.unexplained is not None and found.remaining_rms["slide"] > 0.5
 
 
+@pytest.mark.long
 def test_the_validation_counts_as_evidence(emps: Emps) -> None:
     pulses = emps.measured(emps.pulses)
     found = diagnose([emps.measured(emps.whole)], Structure.build(emps.robot), [pulses])

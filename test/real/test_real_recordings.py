@@ -63,7 +63,7 @@ def test_emps_standard_deviations_are_the_published_ones_where_its_residual_is_c
     assert np.all(model.std < 6.0 * white)
 
 
-@pytest.mark.parametrize("estimator", ["wls", "ml"])
+@pytest.mark.parametrize("estimator", ["wls", pytest.param("ml", marks=pytest.mark.long)])
 def test_emps_by_its_periods_agrees_with_what_is_published(
     emps: tuple[Recording, Recording], checkout: Path, estimator: str
 ) -> None:

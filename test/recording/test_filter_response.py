@@ -63,6 +63,7 @@ def test_order_and_response_are_found_with_honest_uncertainty() -> None:
     assert 0.5 < np.std(far) < 1.6
 
 
+@pytest.mark.long
 def test_bessel_and_chebyshev_filters_are_found_too() -> None:
     from scipy import signal
 

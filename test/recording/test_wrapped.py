@@ -69,7 +69,7 @@ def test_estimates_are_true(arm: Any) -> None:
     assert np.abs((found.values - truth) / found.std).max() < 3.0
 
 
-@pytest.mark.parametrize("periods", [6, 200])
+@pytest.mark.parametrize("periods", [6, pytest.param(200, marks=pytest.mark.long)])
 def test_a_joint_that_goes_on_turning_says_so(arm: Any, periods: int) -> None:
     """One turn each period is no period of its position: one pass, and the reason; never an average, though asked for,
     nor where the turns are so many that one more hardly counts.

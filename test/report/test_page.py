@@ -67,6 +67,7 @@ def test_zoom_and_legend_work(open_once: Open, wait: Wait, design_page: Path) ->
     wait(page, "document.querySelector('.plot').data[0].visible === 'legendonly'")
 
 
+@pytest.mark.long
 def test_no_button_sends_a_figure_away(opened: Open, press_all: Callable[[Any], list[str]], design_page: Path) -> None:
     page = opened(design_page)
     titles = press_all(page)

@@ -127,7 +127,12 @@ def test_a_cable_and_an_offset_are_not_hidden_in_one_joint(kuka: Robot) -> None:
         draw_scenario(1, kuka, kinds=["same_joint"], names=["cable", "torque_offset"])
 
 
-@pytest.mark.parametrize("kind", KINDS)
+FAST = "null", "single", "same_joint"
+
+
+@pytest.mark.parametrize(
+    "kind", [kind if kind in FAST else pytest.param(kind, marks=pytest.mark.long) for kind in KINDS]
+)
 def test_kinds(kuka: Robot, kind: str) -> None:
     made = draw_scenario(11, kuka, kinds=[kind])
     names = [label.partition("@")[0] for label in made.labels]
@@ -176,6 +181,7 @@ def test_drift_trends_over_the_periods(kuka: Robot) -> None:
     assert slopes[-1] == pytest.approx(-10 * (np.exp(-5 / 40) - np.exp(-(t[-1] + 5) / 40)), rel=0.1)
 
 
+@pytest.mark.long
 def test_light_arms_have_small_effects(arm: Robot, kuka: Robot) -> None:
     assert usual_sizes(arm) == (0.1, 0.8)
     assert usual_sizes(kuka) == (1.0, 8.0)
@@ -190,7 +196,7 @@ def test_light_arms_have_small_effects(arm: Robot, kuka: Robot) -> None:
         ({"names": ["stribek"]}, "did you mean 'stribeck'"),
         ({"names": ["payload"]}, "'payload' can't be hidden"),
         ({"names": ["stribeck"], "kinds": ["unknown"]}, "no effect to choose from"),
-        ({"names": ["joint_elasticity"], "kinds": ["single"]}, "leaves 1 Nm rms"),
+        pytest.param({"names": ["joint_elasticity"], "kinds": ["single"]}, "leaves 1 Nm rms", marks=pytest.mark.long),
     ],
 )
 def test_impossible_wishes_are_refused(kuka: Robot, options: dict[str, list[str]], message: str) -> None:

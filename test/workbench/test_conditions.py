@@ -56,7 +56,9 @@ def write_runs(folder: Path, robot: Robot, conditions: Conditions) -> None:
             (folder / f"{name}.npz.conditions.yaml").write_text(conditions.text(), encoding="utf-8")
 
 
-@pytest.mark.parametrize("current", [True, False], ids=["unknown gains", "unknown payload"])
+@pytest.mark.parametrize(
+    "current", [True, pytest.param(False, marks=pytest.mark.long)], ids=["unknown gains", "unknown payload"]
+)
 def test_a_session_finds_what_the_command_line_finds(
     current: bool, tmp_path: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
 ) -> None:

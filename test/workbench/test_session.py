@@ -65,6 +65,7 @@ def test_figures_are_those_of_compare_and_diagnose(
         assert preview["validation_after"][name] == pytest.approx(first["validation_mse_after"][name])
 
 
+@pytest.mark.long
 def test_a_preview_is_drawn_as_it_is_told(bench: Any) -> None:
     view = View(bench.session, 0)
     label = view.diagnosis["named"][0]
