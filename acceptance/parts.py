@@ -12,6 +12,7 @@ from pathlib import Path
 MINUTES = {
     "long": 30,
     "estimation": 10,
+    "intervals": 6,
     "diagnosis": 360,
     "foreign": 30,
     "mujoco": 60,

@@ -9,10 +9,10 @@ import numpy as np
 from robot_ident.diagnosis.diagnosis import Estimate
 from robot_ident.effects import Effect
 from robot_ident.recording.measurement import Measurement
+from robot_ident.regression.block_jackknife import BLOCK, block_jackknife
 from robot_ident.regression.evidence import Evidence
 from robot_ident.signals.motion import Array
 
-_BLOCK = 0.5  # s: errors further apart are taken as independent
 _STEP = 1e-3  # of the range of an inner parameter, for derivatives
 
 
@@ -45,14 +45,13 @@ def errors(evidence: Evidence, validation: Sequence[Measurement]) -> dict[str, f
 def estimates(evidence: Evidence, effect: Effect) -> tuple[Estimate, ...]:
     """Return the parameters of an effect that the evidence's model holds, inner ones included, with their spread.
 
-    std: the largest of what the noise leaves, of the sandwich over blocks of half a second (errors of the model count,
-    however long they last), and of the spread when one trajectory is left out (jackknife), inner parameters linearised.
-    Those that only take values of a grid have no std (0).
+    std: the larger of what noise makes of them and of what leaving out half a second at a time does, as that of a
+    model; inner parameters linearised. Those that only take values of a grid have no std (0).
     """
     # in the model it lacks the coefficients whose columns another effect holds
     effect = next((one for one in evidence.structure.effects if one.label == effect.label), effect)
     jacobians, free = _jacobians(evidence, effect)
-    std = spread(evidence, jacobians, jackknife=not effect.trends)  # groups of periods are no repetitions of each other
+    std = spread(evidence, jacobians)
     place = {name: k for k, name in enumerate(evidence.structure.names)}
     linear = [
         Estimate(name, float(evidence.values[place[name]]), float(std[place[name]]), unit)
@@ -66,49 +65,29 @@ def estimates(evidence: Evidence, effect: Effect) -> tuple[Estimate, ...]:
     return (*linear, *inner)
 
 
-def spread(evidence: Evidence, jacobians: Sequence[Array], *, jackknife: bool) -> Array:
+def spread(evidence: Evidence, jacobians: Sequence[Array]) -> Array:
     """Return the standard deviation [p] of parameters of weighed derivatives [N, n, p] of every trajectory, as
-    `estimates` tells; jackknife: whether it counts what leaving one trajectory out moves.
+    `estimates` tells.
     """
-    parts = [j.reshape(-1, j.shape[2]) for j in jacobians]
-    scale = np.maximum(np.linalg.norm(np.concatenate(parts), axis=0), 1e-300)
-    parts = [part / scale for part in parts]
-    grams = [part.T @ part for part in parts]
-    bread = np.linalg.pinv(np.sum(grams, axis=0), rcond=1e-11, hermitian=True)
-    scores = [(j / scale) * r[:, :, None] for j, r in zip(jacobians, evidence.residual, strict=True)]
-    blocks = np.array(
-        [
-            block.sum(axis=(0, 1))
-            for t, s in zip(evidence.trajectories, scores, strict=True)
-            for block in np.array_split(s, _blocks(t.measured, len(s)))
-        ]
-    )
-    variance = np.maximum(np.diag(bread), np.sum((blocks @ bread) ** 2, axis=0))
-    if jackknife:
-        variance = np.maximum(variance, _jackknife(grams, [s.sum(axis=(0, 1)) for s in scores]))
-    return np.asarray(np.sqrt(np.maximum(variance, 0.0)) / scale)
+    along = evidence.trajectories
+    rows = np.concatenate([t.stacked(j) for t, j in zip(along, jacobians, strict=True)])
+    residual = np.concatenate([t.stacked(r) for t, r in zip(along, evidence.residual, strict=True)])
+    scale = np.maximum(np.linalg.norm(rows, axis=0), 1e-150)
+    noise = np.diag(np.linalg.pinv((rows / scale).T @ (rows / scale), rcond=1e-11, hermitian=True)) / scale**2
+    left_out = np.diag(block_jackknife(rows, rows, residual, _blocks(evidence)))
+    return np.asarray(np.sqrt(np.maximum(noise, left_out)))
 
 
-def _blocks(measured: Measurement, rows: int) -> int:
-    return max(1, round(rows * measured.dt * measured.decimate / _BLOCK))
-
-
-def _jackknife(grams: Sequence[Array], scores: Sequence[Array]) -> Array:
-    """Return the variance [p] of parameters by leaving out one trajectory at a time.
-
-    Leaving k out moves the estimate by (G - G_k)^-1 s_k; the variance is (T - 1) / T of the sum of their squares.
-    """
-    count = len(grams)
-    if count < 3:
-        return np.zeros(len(scores[0]))
-    whole = np.sum(grams, axis=0)
-    moved = np.array(
-        [
-            np.linalg.pinv(whole - gram, rcond=1e-9, hermitian=True) @ score
-            for gram, score in zip(grams, scores, strict=True)
-        ]
-    )
-    return np.asarray((count - 1) / count * np.sum((moved - moved.mean(axis=0)) ** 2, axis=0))
+def _blocks(evidence: Evidence) -> np.ndarray:
+    """Return the half second that a stacked row belongs to, the same in groups of periods of one recording."""
+    out: list[np.ndarray] = []
+    sources = [t.measured.source for t in evidence.trajectories]
+    most = max(len(t.y) for t in evidence.trajectories)
+    for t in evidence.trajectories:
+        size = max(1, round(BLOCK / (t.measured.dt * t.measured.decimate)))
+        place = np.repeat(np.arange(len(t.y))[t.rows] // size, t.y.shape[1])
+        out.append(most * sources.index(t.measured.source) + place)
+    return np.concatenate(out)
 
 
 def _jacobians(evidence: Evidence, effect: Effect) -> tuple[list[Array], list[str]]:

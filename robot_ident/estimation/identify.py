@@ -4,7 +4,7 @@ where it has some, for what is missing from a model gains make up for.
 
 from __future__ import annotations
 
-from collections.abc import Callable, Mapping, Sequence
+from collections.abc import Callable, Sequence
 from dataclasses import asdict, dataclass, replace
 
 import numpy as np
@@ -17,20 +17,21 @@ from robot_ident.estimation.declaration import unit_notes
 from robot_ident.estimation.drive_gains import Gains, robot_without, spread_by_gains, with_known_gains
 from robot_ident.estimation.driving import driven, implausible_notes, negative_notes
 from robot_ident.estimation.effort_checks import contradictions, taken_as_declared
-from robot_ident.estimation.equations import Equations, apart, stack
+from robot_ident.estimation.equations import apart, stack
 from robot_ident.estimation.identifiability import identifiability
 from robot_ident.estimation.maximum_likelihood import position_notes
 from robot_ident.estimation.payload import solve_carrying
 from robot_ident.estimation.prediction import processing_of
 from robot_ident.estimation.repeatability import by_day, drift_notes, per_period
 from robot_ident.estimation.solve import ESTIMATORS
-from robot_ident.model.model import Fit, Model, NoiseLevel
+from robot_ident.model.model import Model, NoiseLevel
 from robot_ident.model.structure import Structure
 from robot_ident.recording.checks import refuse_copies, refuse_same_rows
 from robot_ident.recording.measurement import Measurement, Processing, time_scale_notes
 from robot_ident.recording.process import process
 from robot_ident.recording.recording import Recording
 from robot_ident.robot.robot import Robot
+from robot_ident.signals.motion import Array
 
 
 def identify(
@@ -165,15 +166,16 @@ def estimate(
         )
     solved = solve_carrying(measurements, structure, estimator)
     solved = replace(solved, solution=solved.solution.whichever_form())
-    measurements, found, payloads = solved.measurements, solved.solution, solved.payloads
+    measurements, excited, payloads = solved.measurements, solved.solution, solved.payloads
+    found = excited.whatever_is_missing()
     taken = apart(measurements, structure.effects)
     # where a trend is part of the model, no period by itself tells it from the level
     periods = per_period(measurements, found, estimator) if taken is measurements else ()
     if gains is not None:
-        covariance, count = np.array(found.covariance), len(structure.parameters)
+        count = len(structure.parameters)
         spread = spread_by_gains(gains, solved, found.structure, found.values[:count])
-        covariance[:count, :count] += spread[:count, :count]
-        found, payloads = replace(found, covariance=covariance), solved.spread(spread[count:, count:])
+        excited, found = (one.wider(spread[:count, :count]) for one in (excited, found))
+        payloads = solved.spread(spread[count:, count:])
     notes = [
         *structure.notes,
         *structure.rotors_left_out,
@@ -188,7 +190,7 @@ def estimate(
     notes += [] if structure.robot.ampere_joints else unit_notes(measurements, found)
     days = by_day(measurements, found)
     notes += days.notes(structure.names)
-    determined = identifiability(found, measurements)
+    determined = identifiability(excited, measurements)
     notes += determined.notes
     notes += time_scale_notes(measurements)
     consistent = None
@@ -203,7 +205,7 @@ def estimate(
     residual = equations.fits(equations.torque - equations.phi @ linear, structure.robot.joints)
     implausible = implausible_notes(found.structure, equations, linear, np.sqrt(np.diag(found.covariance)))
     notes = [*determined.warnings, *before, *implausible, *notes]
-    _, logdet = np.linalg.slogdet(found.covariance[: len(linear), : len(linear)])
+    _, logdet = np.linalg.slogdet(excited.covariance[: len(linear), : len(linear)])
     return Model(
         structure=found.structure,
         values=found.values,
@@ -214,7 +216,11 @@ def estimate(
         condition_number=found.condition_number,
         log10_det_covariance=float(logdet / np.log(10.0)),
         processing=asdict(processing or Processing()),
-        notes=(*notes, *_misfit_notes(residual, equations), *position_notes(measurements, found, estimator)),
+        notes=(
+            *notes,
+            *_misfit_notes(excited.excess, structure.robot.joints),
+            *position_notes(measurements, found, estimator),
+        ),
         per_period=tuple(one.to_dict(structure.names) for one in periods),
         chi_square=found.chi_square if np.isfinite(found.chi_square) else None,
         dof=found.dof if np.isfinite(found.dof) else None,
@@ -223,22 +229,18 @@ def estimate(
         gains=None if gains is None else tuple(gains.to_dict()),
         days=days.to_dict(structure.names),
         payloads=tuple(payload.to_dict() for payload in payloads),
+        noise_covariance=excited.covariance if excited.misfits else None,
     )
 
 
-def _misfit_notes(residual: Mapping[str, Fit], equations: Equations) -> list[str]:
-    """Return a line that names the joints whose residual is more than their noise."""
-    joints = []
-    for number, (name, fit) in enumerate(residual.items()):
-        ratio = fit.mse / fit.noise_variance if fit.noise_variance else 0.0
-        rows = float(np.sum(equations.independent[equations.joint == number]))
-        if ratio > max(1.2, 1.0 + 5.0 * np.sqrt(2.0 / rows)):
-            joints.append(f"{name} {ratio:.3g}")
-    if not joints:
+def _misfit_notes(excess: Array, joints: Sequence[str]) -> list[str]:
+    """Return a line that names the joints whose residual is more than their noise; excess [n]: of `Solution`."""
+    beyond = [f"{joint} {ratio:.3g}" for joint, ratio in zip(joints, excess, strict=True) if ratio > 1.0]
+    if not beyond:
         return []
     return [
-        f"the residual exceeds the noise, in variance: {', '.join(joints)} times; the standard deviations hold for"
-        " noise alone, not for what the model lacks (robot_ident compare shows where it fails)"
+        f"the residual exceeds the noise, in variance: {', '.join(beyond)} times; the standard deviations count what"
+        " the model lacks, by leaving out half a second at a time (robot_ident compare shows where it fails)"
     ]
 
 

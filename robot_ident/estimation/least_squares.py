@@ -304,10 +304,10 @@ def long_run_scores(
         values = len(scores) * len(np.unique(equations.joint[rows]))
         # the fit has taken T n / (T n - p) from the residual
         meat = meat + long_run(scores) * (values / max(values - weighed.shape[1], 1))
-    return _at_least(meat, _LEAST * plain) if len(unknown) else meat
+    return at_least(meat, _LEAST * plain) if len(unknown) else meat
 
 
-def _at_least(meat: Array, least: Array) -> Array:
+def at_least(meat: Array, least: Array) -> Array:
     """Return `meat` [p, p] raised to `least` in the directions in which it is below."""
     scale, power, vectors = scaled_eigen(least)
     half = np.sqrt(np.maximum(power, 1e-14 * power[-1]))

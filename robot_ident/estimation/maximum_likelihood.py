@@ -231,13 +231,17 @@ def _finished(state: State, start: Solution, normal: Normal, neglected: tuple[st
     covariance = np.zeros_like(found.covariance)
     # coloured noise that is not weighed by its inverse: what it adds to the bound is added here
     bound, plain = (np.linalg.inv(part / scale) / scale for part in (information, normal.own))
-    excess = found.covariance[np.ix_(place, place)] - plain if not state.problem.noise.weighs else 0.0
-    covariance[np.ix_(place, place)] = bound + excess
+    colour = found.covariance[np.ix_(place, place)] - plain if not state.problem.noise.weighs else 0.0
+    covariance[np.ix_(place, place)] = bound + colour
     words = ": position noise matters here", ": position noise does not matter here"
     notes = [*found.notes, beside_wls("ml", found.values, start, covariance, _TELL, words)]
     if neglected:
         notes.append(f"ml holds the columns of {', '.join(neglected)} at the estimated trajectory, without their slope")
-    return replace(found, covariance=covariance, chi_square=state.cost, notes=tuple(notes))
+    excess = found.excess
+    if not np.isnan(found.dof):  # what the noise of positions makes of the residual is none
+        ratio = state.problem.beyond_chance(np.array([state.cost / found.dof]), np.array([found.dof]))
+        excess = np.where(found.excess > 1.0, ratio, 1.0)
+    return replace(found, covariance=covariance, chi_square=state.cost, notes=tuple(notes), excess=excess)
 
 
 def information(

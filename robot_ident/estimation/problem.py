@@ -4,19 +4,21 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from copy import copy
-from dataclasses import dataclass, replace
+from dataclasses import dataclass, field, replace
 
 import numpy as np
 
 from robot_ident.effects import Effect
 from robot_ident.effects.torque_scale import SPREAD, TorqueScale
 from robot_ident.estimation.equations import Compared, Equations, stack
-from robot_ident.estimation.least_squares import Factor, RowNoise, factor, row_noise, sandwich
+from robot_ident.estimation.least_squares import Factor, RowNoise, at_least, factor, row_noise, sandwich
 from robot_ident.model.structure import Structure
 from robot_ident.recording.measurement import Measurement
+from robot_ident.regression.block_jackknife import BLOCK, block_jackknife
 from robot_ident.signals.motion import Array
 
 _TORQUE_ROUNDS = 4  # of the fixed point: load friction of 10 % leaves 1e-4 of itself after four
+_CHANCE = 1e-3  # that noise alone leaves as much on any joint
 _WORTH_A_WORD = 0.05  # probability of another form
 STEP = 1e-3  # of the range between an inner parameter's bounds, for derivatives
 
@@ -41,7 +43,9 @@ class Solution:
     """Parameters [p + r] with covariance, the equations at the solution, and their noise variance [R].
 
     chi_square: weighted squared error, with dof degrees of freedom; nan where the noise is not known independently.
-    other_forms: of its effects.
+    other_forms: of its effects. over_blocks [p + r, p + r]: covariance by leaving out half a second at a time. excess
+    [n]: how many times their noise the residuals of joints are in variance, 1 where that is chance, nan where noise is
+    not known.
     """
 
     structure: Structure
@@ -54,6 +58,30 @@ class Solution:
     chi_square: float = float("nan")
     dof: float = float("nan")
     other_forms: tuple[OtherForm, ...] = ()
+    over_blocks: Array = field(default_factory=lambda: np.zeros((0, 0)))
+    excess: Array = field(default_factory=lambda: np.zeros(0))
+
+    @property
+    def misfits(self) -> bool:
+        """Whether more than noise is left, or noise is not known."""
+        return not np.all(self.excess == 1.0)
+
+    def wider(self, further: Array) -> Solution:
+        """Return the solution with a covariance [p, p] more of its linear parameters."""
+        covariance, p = np.array(self.covariance), len(further)
+        covariance[:p, :p] += further
+        return replace(self, covariance=covariance)
+
+    def whatever_is_missing(self) -> Solution:
+        """Return the solution with a covariance that counts what the model lacks, where it leaves more than noise or
+        noise is not known: in no direction smaller than noise makes it, nor than half a second left out at a time.
+        """
+        if not self.misfits:
+            return self
+        covariance, known = np.array(self.covariance), np.diag(self.covariance) > 0.0
+        own = np.ix_(known, known)
+        covariance[own] = at_least(self.over_blocks[own], covariance[own])
+        return replace(self, covariance=covariance)
 
     def whichever_form(self) -> Solution:
         """Return the solution with a covariance that holds whichever form an effect has, and notes on forms that fit
@@ -175,6 +203,35 @@ class Problem:
         weighed = self.noise.precision(jacobian) if self.weighted else jacobian
         return sandwich(bread, weighed, residual, equations, self.noise, self.unknown)
 
+    def over_blocks(self, equations: Equations, jacobian: Array, residual: Array) -> Array:
+        """Return the covariance [p, p] of the same parameters by leaving out half a second of a motion at a time."""
+        weighed = self.noise.precision(jacobian) if self.weighted else jacobian
+        sources = [measured.source for measured in self.measurements]  # of groups of periods the same
+        rows = [max(1, round(BLOCK / (measured.dt * measured.decimate))) for measured in self.measurements]
+        source = np.array([sources.index(one) for one in sources])[equations.block]
+        place = equations.sample // np.array(rows)[equations.block]
+        return block_jackknife(jacobian, weighed, residual, source * (1 + place.max()) + place)
+
+    def excess(self, equations: Equations, residual: Array) -> Array:
+        """Return how many times their noise the residuals [R] of joints are in variance [n], 1 where noise makes as
+        much once in a thousand times, nan where it is not known (F test of rows whitened).
+        """
+        joints = len(self.measurements[0].joints)
+        if self.unknown:
+            return np.full(joints, np.nan)
+        power = equations.independent * self.noise.whiten(residual) ** 2
+        rows = np.maximum(np.bincount(equations.joint, equations.independent, joints), 1.0)
+        return self.beyond_chance(np.bincount(equations.joint, power, joints) / rows, rows)
+
+    def beyond_chance(self, ratio: Array, rows: Array) -> Array:
+        """Return ratios [k] of the variance that independent rows [k] leave to that of noise, 1 where they are chance
+        (F test); of so many at once.
+        """
+        from scipy.special import fdtrc
+
+        chance = fdtrc(rows, sum(measured.variance_dof for measured in self.measurements), ratio)
+        return np.asarray(np.where(chance < _CHANCE / len(ratio), ratio, 1.0))
+
     def _without_torque_effects(self, structure: Structure) -> Array:
         """Return a first theta [p] from the columns that don't depend on torque, zero elsewhere."""
         equations = self.equations(structure, None)
@@ -190,13 +247,14 @@ def solution(problem: Problem, structure: Structure, values: Array, equations: E
     residual = equations.torque - equations.phi @ values
     jacobian, place = with_inner(problem, structure, values, equations)
     parameters = (*structure.parameters, *structure.inner)
-    covariance = np.zeros((len(parameters),) * 2)
+    covariance, over_blocks = np.zeros((2, len(parameters), len(parameters)))
     names = [parameters[k].name for k in place]
     covariance[np.ix_(place, place)] = problem.covariance(equations, jacobian, residual, names)
+    over_blocks[np.ix_(place, place)] = problem.over_blocks(equations, jacobian, residual)
     for k, scale in enumerate(structure.settings, len(structure.parameters)):
         if parameters[k].effect == TorqueScale.name:  # known before data: (C^-1 + 1 / (a SPREAD)^2)^-1
-            column = covariance[:, k]
-            covariance = covariance - np.outer(column, column) / (column[k] + (SPREAD * scale) ** 2)
+            for one in (covariance, over_blocks):
+                one -= np.outer(one[:, k], one[:, k]) / (one[k, k] + (SPREAD * scale) ** 2)
     known = not problem.unknown and not problem.noise.bands
     independent = equations.independent
     weighed = factor(equations.phi / np.sqrt(problem.variance)[:, None], structure.names, problem.source)
@@ -210,6 +268,8 @@ def solution(problem: Problem, structure: Structure, values: Array, equations: E
         notes=problem.notes,
         chi_square=float(np.sum(independent * problem.noise.whiten(residual) ** 2)) if known else float("nan"),
         dof=float(np.sum(independent) - len(place)) if known else float("nan"),
+        over_blocks=over_blocks,
+        excess=problem.excess(equations, residual),
     )
 
 

@@ -97,7 +97,7 @@ def _nearest(model: Model) -> tuple[Array, Array, float]:
     """Return what gives the nearest possible parameters [11 n], these [p], and how far they are, squared."""
     structure = model.structure
     p = len(structure.parameters)
-    program = Nearest.of(structure, model.linear, model.covariance[:p, :p])
+    program = Nearest.of(structure, model.linear, model.by_noise[:p, :p])
     x, values = program.to(model.linear)
     return x, values, program.squared_distance(values - model.linear)
 

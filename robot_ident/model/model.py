@@ -65,7 +65,8 @@ class Model:
     and the standard inertias that give it, None where none was asked for. gains: of drives, as the recordings told
     them, None where the robot's files know them. days: how estimates of single days scatter. payloads: those that the
     recordings carried and that were found with the arm; the model is that of the arm alone. base: how its processing
-    and its offsets and rotor inertias were chosen, None where they were declared.
+    and its offsets and rotor inertias were chosen, None where they were declared. covariance counts what the model
+    lacks; noise_covariance does not, None where it is the same.
     """
 
     structure: Structure
@@ -88,12 +89,15 @@ class Model:
     days: Mapping[str, Any] | None = None
     payloads: tuple[Mapping[str, Any], ...] = ()
     base: Mapping[str, Any] | None = None
+    noise_covariance: Array | None = None
 
     def __post_init__(self) -> None:
         """Freeze the arrays and check their shapes."""
         p = len(self.parameters)
         object.__setattr__(self, "values", frozen_array(self.values, p))
         object.__setattr__(self, "covariance", frozen_array(self.covariance, p, p))
+        if self.noise_covariance is not None:
+            object.__setattr__(self, "noise_covariance", frozen_array(self.noise_covariance, p, p))
 
     @classmethod
     def read(cls, path: Path | str) -> Model:
@@ -127,6 +131,11 @@ class Model:
     def std(self) -> Array:
         """Standard deviation of every parameter [p]: the root of the covariance's diagonal (eq. 9)."""
         return np.sqrt(np.diag(self.covariance))
+
+    @property
+    def by_noise(self) -> Array:
+        """Covariance [p + r, p + r] by noise alone: what it lets a model of these columns leave of other recordings."""
+        return self.covariance if self.noise_covariance is None else self.noise_covariance
 
     @property
     def at_bound(self) -> tuple[bool, ...]:
@@ -276,6 +285,7 @@ class Model:
             "provenance": dict(self.provenance),
             "notes": list(self.notes),
             "covariance": self.covariance.tolist(),
+            "noise_covariance": None if self.noise_covariance is None else self.noise_covariance.tolist(),
             "robot_definition": None
             if definition is None
             else {"yaml": dict(definition.yaml), "urdf": definition.urdf},

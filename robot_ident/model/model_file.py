@@ -172,6 +172,7 @@ class ModelFile(Closed):
     provenance: dict[str, Any] = {}
     notes: list[str] = []
     covariance: list[list[float]]
+    noise_covariance: list[list[float]] | None = None
     robot_definition: DefinitionFile | None = None
 
 
@@ -261,17 +262,23 @@ def write_model(model: Model, path: Path | str, *, force: bool = False) -> None:
     write_text(path, to_yaml(model.to_dict()), force=force)
 
 
+def _square(rows: list[list[float]], name: str, p: int, path: Path | str) -> Array:
+    """Return a matrix [p, p]; InputError where it isn't one."""
+    if len(rows) != p or any(len(row) != p for row in rows):
+        raise InputError(f"{path}: {name} must be {p} x {p}, one row a parameter")
+    return np.array(rows)
+
+
 def read_model(path: Path | str) -> Model:
     """Read a `model.yaml`; InputError names the field that can't be used."""
     file = read(ModelFile, path)
     robot = _robot(file, path)
     structure = _structure(file, robot, path)
     p = len(structure.parameters) + len(structure.inner)
-    covariance = np.array(file.covariance) if all(len(row) == p for row in file.covariance) else np.empty(0)
-    if covariance.shape != (p, p):
-        raise InputError(f"{path}: covariance must be {p} x {p}, one row a parameter")
+    covariance = _square(file.covariance, "covariance", p, path)
     check_parameters(file, structure, path)
     check_covariance(covariance, file, path)
+    by_noise = file.noise_covariance
     check_joints(file, robot, path)
     return Model(
         structure=structure,
@@ -298,6 +305,7 @@ def read_model(path: Path | str) -> Model:
         gains=None if file.gains is None else tuple(gain.model_dump() for gain in file.gains),
         days=file.days,
         base=file.base,
+        noise_covariance=None if by_noise is None else _square(by_noise, "noise_covariance", p, path),
         payloads=tuple(one.model_dump(mode="json") for one in file.payloads),
     )
 

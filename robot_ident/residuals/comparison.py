@@ -144,7 +144,7 @@ def compare(model: Model, measurements: Sequence[Measurement]) -> Comparison:
     evidence = _evidence(model, trajectories)
     tested = [t for t, yes in zip(trajectories, known, strict=True) if yes]
     testable = evidence if len(tested) == len(trajectories) else _evidence(model, tested) if tested else None
-    fits = None if testable is None else misfit(testable, model.covariance)
+    fits = None if testable is None else misfit(testable, model.by_noise)
     joints = tuple(
         _still_joint(evidence, measurements, joint)
         if still[joint]
@@ -158,7 +158,7 @@ def compare(model: Model, measurements: Sequence[Measurement]) -> Comparison:
     ]
     notes += [line for measured in measurements for line in still_notes(measured)]
     if testable is not None and any(joint.fails for joint in joints):
-        joints = _with_hidden_path(joints, testable, model.covariance)
+        joints = _with_hidden_path(joints, testable, model.by_noise)
     return Comparison(joints, (*notes, *_hidden_note(joints)))
 
 

@@ -145,7 +145,7 @@ def changed(old: Model, new: Model, names: tuple[str, str] = ("the old model", "
     """Return what has changed from one model to another of the same robot.
 
     Parameters of effects are matched by name, base parameters by what they are made of: another choice of them is
-    converted. A model that does not fit counts its sigma by the root of chi^2 / dof times larger. Raises InputError for
+    converted. Sigmas count what a model lacks. Raises InputError for
     models of other joints, of torque in other units, or from the same recordings.
     """
     _refuse(old, new, names)
@@ -153,9 +153,9 @@ def changed(old: Model, new: Model, names: tuple[str, str] = ("the old model", "
     shared = [p for p in new.parameters if p.name in there]
     place = {p.name: k for k, p in enumerate(new.parameters)}
     rows = np.array([there[p.name] for p in shared])
-    before, covariance = rows @ old.values, rows @ (old.covariance * _inflation(old)) @ rows.T
+    before, covariance = rows @ old.values, rows @ old.covariance @ rows.T
     chosen = np.array([place[p.name] for p in shared], dtype=int)
-    after, own = new.values[chosen], (new.covariance * _inflation(new))[np.ix_(chosen, chosen)]
+    after, own = new.values[chosen], new.covariance[np.ix_(chosen, chosen)]
     both = covariance + own
     std = np.sqrt(np.maximum(np.diag(both), 0.0))
     p_values = _holm(after - before, std)
@@ -215,13 +215,6 @@ def _converted(old: Model, new: Model) -> tuple[dict[str, Array], tuple[str, ...
             continue
         out[name] = np.concatenate([weights, np.zeros(count - len(weights))])
     return out, tuple(unmatched)
-
-
-def _inflation(model: Model) -> float:
-    """Return chi^2 / dof where a model leaves more than noise, else 1."""
-    if model.chi_square is None or not model.dof:
-        return 1.0
-    return max(1.0, model.chi_square / model.dof)
 
 
 def _holm(change: Array, std: Array) -> list[float | None]:

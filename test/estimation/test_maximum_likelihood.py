@@ -32,13 +32,13 @@ def coarse(arm: Any, seed: int, *, periods: int = 4, position: float = 2e-3, rou
 
 
 def errors(arm: Any, estimator: str, **options: Any) -> tuple[np.ndarray, np.ndarray]:
-    """Return the errors over sigma [runs, p] and the squared distances e' C^-1 e [runs]."""
+    """Return the errors over sigma [runs, p] and the squared distances e' C^-1 e [runs] by torque noise alone."""
     truth, scaled, distance = arm.structure.true_values(), [], []
     for seed in range(RUNS):
         model = identify([coarse(arm, seed, **options)], arm.robot, estimator=estimator, processing=PROCESSING)
         error = model.values - truth
-        scaled.append(error / model.std)
-        distance.append(error @ np.linalg.solve(model.covariance, error))
+        scaled.append(error / np.sqrt(np.diag(model.by_noise)))
+        distance.append(error @ np.linalg.solve(model.by_noise, error))
     return np.array(scaled), np.array(distance)
 
 

@@ -103,13 +103,21 @@ def test_staubli_has_61_base_parameters_and_its_published_friction(
     assert len(Structure.build(robot).parameters) == 61
     z = np.load(shared_data / "staubli_tx40/data.npz")
     recording = Recording(robot.joints, z["t"], z["q"], z["tau"], source="tx40")
-    model = identify([recording], robot, estimator="ls", processing=Processing(low_pass=100.0, decimate=10))
+    processing = Processing(low_pass=100.0, decimate=10)
+    model = identify([recording], robot, estimator="ls", processing=processing)
     found = dict(zip(model.structure.names, model.values, strict=True))
     std = dict(zip(model.structure.names, model.std, strict=True))
     published = np.array(TX40_VISCOUS) * TX40_VISCOUS_PERCENT / 100.0
-    # ours count in that the residual is not white
+    # ours count in that the residual is not white, and that halves of the recording differ
     ratio = np.array([std[f"viscous@{joint}"] for joint in robot.joints]) / published
-    assert 0.75 < ratio.min() < ratio.max() < 3.5
+    assert ratio.min() > 0.75
+    middle = len(recording.t) // 2
+    halves = [
+        identify([half], robot, estimator="ls", processing=processing)
+        for half in (recording[:middle], recording[middle:])
+    ]
+    apart = (halves[1].values - halves[0].values) / np.hypot(halves[0].std, halves[1].std)
+    assert 0.6 < np.sqrt(np.mean(apart**2)) < 1.2
     np.testing.assert_allclose([found[f"viscous@{joint}"] for joint in robot.joints], TX40_VISCOUS, rtol=0.05)
     np.testing.assert_allclose([found[f"coulomb@{joint}"] for joint in robot.joints], TX40_COULOMB, rtol=0.05)
     assert found["wrist_coupling.viscous@joint_6"] == pytest.approx(0.597492, rel=0.05)

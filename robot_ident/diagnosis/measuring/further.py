@@ -128,4 +128,4 @@ def _spread(after: Evidence) -> Array:
     values, vectors = np.linalg.eigh(own / np.outer(scale, scale))
     told = values > 1e-9 * values.max()
     open_ = (vectors[:, ~told] ** 2).sum(axis=1) > 1e-6
-    return np.where(open_, np.inf, spread(after, after.phi, jackknife=False))
+    return np.where(open_, np.inf, spread(after, after.phi))

@@ -14,8 +14,8 @@ import numpy as np
 from robot_ident.diagnosis.diagnosis import Finding
 from robot_ident.diagnosis.measuring.filtered import NAME, exact, filters, place_of
 from robot_ident.diagnosis.measuring.fitted_fault import FittedFault, folds
-from robot_ident.diagnosis.selection.constants import BLOCK
 from robot_ident.effects.catalogue import CATALOGUE
+from robot_ident.regression.block_jackknife import BLOCK
 from robot_ident.regression.evidence import Evidence, Trajectory
 from robot_ident.regression.gram import BaseFit, Folds, base_gram
 from robot_ident.signals.motion import Array

@@ -8,9 +8,6 @@ STANDARD_ERRORS = 2.5
 """By which the parts of an effect must predict held-out blocks better than the whole: .6 % one-sided by chance, since a
 dozen splits are tried."""
 
-BLOCK = 0.5
-"""s; errors of motion farther apart are taken as independent: the correlation time of what slow formulas leave."""
-
 FORMULA_ERROR = 0.15
 """Relative rms error of an effect's formula: what it leaves of a real cause is no second cause."""
 

@@ -9,7 +9,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from robot_ident.diagnosis.power import least_torque
-from robot_ident.diagnosis.selection.constants import BLOCK, CREEP
+from robot_ident.diagnosis.selection.constants import CREEP
 from robot_ident.diagnosis.selection.hypotheses import Hypothesis, formula_error, hypotheses_of
 from robot_ident.diagnosis.selection.reversals import near_reversals, unresolved_rows
 from robot_ident.diagnosis.selection.unseen_reactions import with_unseen_reactions
@@ -17,6 +17,7 @@ from robot_ident.effects import Effect, Torques
 from robot_ident.effects.effort_filter import EffortFilter
 from robot_ident.model.structure import Structure
 from robot_ident.recording.measurement import Measurement
+from robot_ident.regression.block_jackknife import BLOCK
 from robot_ident.regression.evidence import Evidence, Trajectory, fitted, gather, split, trajectory, weighed_uncut
 from robot_ident.regression.gram import FAINT
 from robot_ident.regression.normal_equations import pseudo_inverse

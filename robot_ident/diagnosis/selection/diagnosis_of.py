@@ -311,7 +311,9 @@ class Fitted:
 
 def known_parameters(solution: Solution) -> Mapping[str, Fitted]:
     """Return by label the parameters of every effect of a solution, without the coefficients that others hold too."""
-    model, spread, out = solution.structure, np.sqrt(np.diag(solution.whichever_form().covariance)), {}
+    model, out = solution.structure, {}
+    spread = np.sqrt(np.diag(solution.whichever_form().whatever_is_missing().covariance))
+    solution = solution.whatever_is_missing()
     first = len(model.parameters)
     for effect, own in model.placed:
         inner = np.arange(first, first + len(effect.inner))
