@@ -288,6 +288,8 @@ def identify_payload(
         values = holding.settled(values + change)
         if np.all(np.abs(change) <= _STILL * np.sqrt(np.diag(covariance))):
             break
+    spread = problem.whatever_is_missing(equations, jacobian, right - jacobian @ solved, before.T @ before, spread)
+    covariance = directions @ spread[p:, p:] @ directions.T
     found = body_of(values, covariance, robot, holding.given)
     if not all(found.told[:4]):
         raise InputError(
@@ -303,8 +305,8 @@ def identify_payload(
     loud = [joint for joint, level in noise.items() if level is not None and rms[joint] > _LOUD * level]
     if loud:
         notes.append(
-            f"the residual at {', '.join(loud)} is more than {_LOUD:g} times the noise: intervals hold for noise alone,"
-            " and what the model lacks there (or a hand that swings) goes into the payload"
+            f"the residual at {', '.join(loud)} is more than {_LOUD:g} times the noise: what the model lacks there (or"
+            " a hand that swings) goes into the payload; its intervals count that, half a second left out at a time"
         )
     return PayloadFit(found, rms, noise, stated, tuple(notes))
 
@@ -524,11 +526,12 @@ def _step(
     whole = np.hstack([jacobian, loads @ directions])
     before = np.hstack([np.zeros((len(vague), arm)), np.diag(1.0 / vague)])
     solved, spread = solve_beside(problem, equations, whole, right, before)
-    spread = spread[arm:, arm:]
+    counted = problem.whatever_is_missing(equations, whole, right - whole @ solved, before.T @ before, spread)
+    spread, counted = spread[arm:, arm:], counted[arm:, arm:]
     labels = [(*structure.parameters, *structure.inner)[k].name for k in place]
     slope = -problem.factored(jacobian, labels).solve(problem.right(loads))
     told = len(vague) - float(np.sum(np.diag(spread) / vague**2))
-    return _Step(directions @ solved[arm:], directions @ spread @ directions.T, slope, place, told)
+    return _Step(directions @ solved[arm:], directions @ counted @ directions.T, slope, place, told)
 
 
 def rows_of_payloads(

@@ -203,14 +203,27 @@ class Problem:
         weighed = self.noise.precision(jacobian) if self.weighted else jacobian
         return sandwich(bread, weighed, residual, equations, self.noise, self.unknown)
 
-    def over_blocks(self, equations: Equations, jacobian: Array, residual: Array) -> Array:
-        """Return the covariance [p, p] of the same parameters by leaving out half a second of a motion at a time."""
+    def over_blocks(self, equations: Equations, jacobian: Array, residual: Array, before: Array | None = None) -> Array:
+        """Return the covariance [p, p] of the same parameters by leaving out half a second of a motion at a time;
+        before [p, p]: information before data.
+        """
         weighed = self.noise.precision(jacobian) if self.weighted else jacobian
         sources = [measured.source for measured in self.measurements]  # of groups of periods the same
         rows = [max(1, round(BLOCK / (measured.dt * measured.decimate))) for measured in self.measurements]
         source = np.array([sources.index(one) for one in sources])[equations.block]
         place = equations.sample // np.array(rows)[equations.block]
-        return block_jackknife(jacobian, weighed, residual, source * (1 + place.max()) + place)
+        return block_jackknife(jacobian, weighed, residual, source * (1 + place.max()) + place, before)
+
+    def whatever_is_missing(
+        self, equations: Equations, jacobian: Array, residual: Array, before: Array, spread: Array
+    ) -> Array:
+        """Return a covariance [p, p] that counts what is missing where more than noise is left [R]; spread: by noise
+        and by what is known before data, information [p, p].
+        """
+        if np.all(self.excess(equations, residual) == 1.0):
+            return spread
+        left_out = self.over_blocks(equations, jacobian, residual, before)
+        return at_least(left_out + spread @ before @ spread, spread)
 
     def excess(self, equations: Equations, residual: Array) -> Array:
         """Return how many times their noise the residuals [R] of joints are in variance [n], 1 where noise makes as

@@ -6,6 +6,7 @@ from dataclasses import replace
 from typing import Any
 
 import numpy as np
+import pytest
 
 from robot_ident.estimation.identify import identify
 from robot_ident.recording import Processing, Recording
@@ -16,22 +17,25 @@ PROCESSING = Processing(base_frequency=0.5, periodic=True)
 PERIODS, RUNS = 6, 12
 
 
-def test_it_is_that_of_fits_without_one_block() -> None:
+@pytest.mark.parametrize("known", [0.0, 20.0])
+def test_it_is_that_of_fits_without_one_block(known: float) -> None:
+    """known: root of the information before data, that the first parameter is 1."""
     rng = np.random.default_rng(0)
     x, blocks = rng.normal(size=(120, 4)), np.repeat(np.arange(12), 10)
     y = x @ [1.0, -2.0, 0.5, 3.0] + rng.normal(size=12).repeat(10)
     weights = rng.uniform(0.5, 2.0, size=120)
-    root = np.sqrt(weights)
+    root, prior = np.sqrt(weights), known * np.eye(1, 4)
 
     def fit(rows: np.ndarray) -> np.ndarray:
-        found: np.ndarray = np.linalg.lstsq(root[rows, None] * x[rows], root[rows] * y[rows], rcond=None)[0]
+        left = np.vstack([root[rows, None] * x[rows], prior])
+        found: np.ndarray = np.linalg.lstsq(left, np.append(root[rows] * y[rows], known), rcond=None)[0]
         return found
 
     theta = fit(np.ones(120, dtype=bool))
     without = np.array([fit(blocks != k) for k in range(12)]) - theta
     centred = without - without.mean(axis=0)
     expected = 11 / 12 * centred.T @ centred
-    found = block_jackknife(x, weights[:, None] * x, y - x @ theta, blocks)
+    found = block_jackknife(x, weights[:, None] * x, y - x @ theta, blocks, prior.T @ prior)
     np.testing.assert_allclose(found, expected, rtol=1e-6, atol=1e-9)
 
 
