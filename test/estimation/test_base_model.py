@@ -180,7 +180,7 @@ def test_scales_are_found_within_their_sigma_and_none_where_all_report_alike(rob
     for seed in (4, 5):
         alike = identify([recorded(robot, seed)], robot)
         assert not any(p.effect == "torque_scale" for p in alike.parameters)
-    assert 0.5 < np.sqrt(np.mean(np.square(normalised))) < 1.8
+    assert 0.4 < np.sqrt(np.mean(np.square(normalised))) < 1.8  # the larger of two sigmas: by pieces, by half seconds
     assert np.mean(np.abs(normalised) < 2.0) > 0.8
 
 
