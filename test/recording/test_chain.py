@@ -85,7 +85,7 @@ def test_noise_variance_behind_the_filter_is_that_in_front_of_it(arm: Any) -> No
 def test_the_filter_forgotten_is_a_delay_that_shows(arm: Any) -> None:
     model = identify([recorded(arm, 1, filtered=True)], arm.robot)
     truth = arm.structure.true_values()
-    assert np.abs((model.values - truth) / model.std).max() > 10
+    assert np.abs((model.values - truth) / np.sqrt(np.diag(model.by_noise))).max() > 10
     assert any("residual exceeds the noise" in note for note in model.notes)
 
 

@@ -32,6 +32,7 @@ from robot_ident.recording.measurement import Measurement
 from robot_ident.regression.evidence import Evidence, extended
 from robot_ident.regression.gram import Folds, base_gram
 from robot_ident.regression.misfit import LackOfFit, lack_of_fit
+from robot_ident.signals.motion import Array
 
 _LISTED = 3  # effects that are listed besides, those that explain most by themselves
 _STRUCTURE = 0.1  # of the error that a curve over a variable must predict on unseen motion to call it unexplained
@@ -311,43 +312,46 @@ class Fitted:
 
 def known_parameters(solution: Solution) -> Mapping[str, Fitted]:
     """Return by label the parameters of every effect of a solution, without the coefficients that others hold too."""
-    model, out = solution.structure, {}
-    spread = np.sqrt(np.diag(solution.whichever_form().whatever_is_missing().covariance))
-    solution = solution.whatever_is_missing()
+    model, out, form = solution.structure, {}, solution.whichever_form()
+    noise, counted = (np.sqrt(np.diag(one.covariance)) for one in (form, form.whatever_is_missing()))
     first = len(model.parameters)
     for effect, own in model.placed:
         inner = np.arange(first, first + len(effect.inner))
         first += len(effect.inner)
-        spread[[k for k, one in zip(inner, effect.inner, strict=True) if one.at_bound(effect.setting[one.name])]] = 0.0
+        at_bound = [k for k, one in zip(inner, effect.inner, strict=True) if one.at_bound(effect.setting[one.name])]
+        noise[at_bound] = counted[at_bound] = 0.0
         places = [*range(own.start, own.stop), *inner]
         names = (*effect.parameter_names(), *effect.inner_names())
         units = (*effect.parameter_units(), *effect.inner_units())
         found = tuple(
-            Estimate(name, float(solution.values[k]), float(spread[k]), unit)
+            Estimate(name, float(solution.values[k]), float(counted[k]), unit)
             for name, k, unit in zip(names, places, units, strict=True)
         )
         if found:
-            out[effect.label] = _fitted(effect, found, solution, places)
+            out[effect.label] = _fitted(effect, found, noise[places], solution, places)
     return out
 
 
-def _fitted(effect: Effect, found: tuple[Estimate, ...], solution: Solution, places: Sequence[int]) -> Fitted:
+def _fitted(
+    effect: Effect, found: tuple[Estimate, ...], noise: Array, solution: Solution, places: Sequence[int]
+) -> Fitted:
     """Judge the linear parameters and those inside a column that define the effect, together (Wald's test): what is
     known of both may be their product alone. Each of the latter must be larger than its standard deviation besides, and
-    than the least that it can be.
+    than the least that it can be. By noise alone [k]: what is missing beside an effect makes its size uncertain, but is
+    no reason that there be none.
     """
     from scipy.special import chdtrc
 
     count = len(effect.coefficients)
     defining = [(k, one) for k, one in enumerate(effect.inner, count) if one.defining]
     for k, one in defining:
-        if one.at_least(found[k].value) or abs(found[k].value) < found[k].std:
+        if one.at_least(found[k].value) or abs(found[k].value) < noise[k]:
             return Fitted(found, found[k], 1.0)
-    judged = [*range(count), *(k for k, _ in defining if found[k].std > 0.0)]
+    judged = [*range(count), *(k for k, _ in defining if noise[k] > 0.0)]
     if not judged:
         return Fitted(found, found[0], 0.0)
     at = [places[k] for k in judged]
     scale = np.sqrt(np.maximum(np.diag(solution.covariance)[at], 1e-300))
     z, together = solution.values[at] / scale, solution.covariance[np.ix_(at, at)] / np.outer(scale, scale)
-    least = min(judged, key=lambda k: abs(found[k].value) / max(found[k].std, 1e-300))
+    least = min(judged, key=lambda k: abs(found[k].value) / max(float(noise[k]), 1e-300))
     return Fitted(found, found[least], float(chdtrc(len(judged), z @ np.linalg.pinv(together, hermitian=True) @ z)))
