@@ -17,11 +17,11 @@ from robot_ident.estimation.identify import estimate
 from robot_ident.model.structure import Structure
 from robot_ident.parallel import completed
 from robot_ident.recording import Processing, process
-from robot_ident.robot import Robot, load_robot
+from robot_ident.robot import load_robot
+from robot_ident.testbed.calibrate import standard_motions
 from robot_ident.testbed.phenomena import plant_physics
 from robot_ident.testbed.scenario import draw_scenario
 from robot_ident.testbed.simulation import Play
-from robot_ident.trajectories.fourier_series import FourierSeries
 
 ROBOTS = int(os.environ.get("ROBOT_IDENT_INTERVAL_CASES", "50"))
 MOTIONS, FITTED = 12, 3
@@ -30,28 +30,13 @@ WAYS = {"periods": (8, 0.1, Processing()), "one pass": (2, 0.1, Processing(perio
 """Periods recorded, share of the robot's noise, processing."""
 
 
-def _series(robot: Robot, rng: np.random.Generator) -> FourierSeries:
-    """Return a random motion that reaches the limits of every joint in position, speed or acceleration."""
-    a, b = rng.normal(size=(2, robot.n, 5))
-    series, t, limits = FourierSeries(0.1, np.zeros(robot.n), a, b), np.arange(1500) / 150.0, robot.limits
-    motion = series.motion(t)
-    most = (
-        (limits.upper - limits.lower) / np.ptp(motion.q, axis=0),
-        limits.velocity / np.abs(motion.dq).max(axis=0),
-        limits.acceleration / np.abs(motion.ddq).max(axis=0),
-    )
-    size = 0.95 * np.min(most, axis=0)
-    ends = motion.q.max(axis=0) + motion.q.min(axis=0)
-    middle = 0.5 * (limits.lower + limits.upper) - 0.5 * size * ends
-    return FourierSeries(0.1, middle, size[:, None] * a, size[:, None] * b)
-
-
 def _errors(seed: int, way: str) -> list[list[float]]:
     """Return errors over sigma [p]: counting what is missing, and of noise alone."""
     robot, rng = load_robot(), np.random.default_rng(seed)
     structure, hidden = Structure.build(robot), draw_scenario(seed, robot, kinds=["single"]).effects
     physics = plant_physics(robot, hidden)
-    plays = [Play.of(robot, physics, _series(robot, rng)) for _ in range(MOTIONS)]
+    motions = standard_motions(robot, 2 * MOTIONS)
+    plays = [Play.of(robot, physics, motions[k]) for k in rng.permutation(len(motions))[:MOTIONS]]
     clean = [process(play.record(4, noise=QUIET, seed=100 * seed + k), robot) for k, play in enumerate(plays)]
     agreed = estimate(clean, structure).values
     periods, noise, processing = WAYS[way]

@@ -9,7 +9,7 @@ import numpy as np
 from robot_ident.diagnosis.diagnosis import Estimate
 from robot_ident.effects import Effect
 from robot_ident.recording.measurement import Measurement
-from robot_ident.regression.block_jackknife import BLOCK, block_jackknife
+from robot_ident.regression.block_jackknife import block_jackknife, half_seconds
 from robot_ident.regression.evidence import Evidence
 from robot_ident.signals.motion import Array
 
@@ -74,20 +74,11 @@ def spread(evidence: Evidence, jacobians: Sequence[Array]) -> Array:
     residual = np.concatenate([t.stacked(r) for t, r in zip(along, evidence.residual, strict=True)])
     scale = np.maximum(np.linalg.norm(rows, axis=0), 1e-150)
     noise = np.diag(np.linalg.pinv((rows / scale).T @ (rows / scale), rcond=1e-11, hermitian=True)) / scale**2
-    left_out = np.diag(block_jackknife(rows, rows, residual, _blocks(evidence)))
+    samples = [np.arange(len(t.y))[t.rows].repeat(t.y.shape[1]) for t in along]
+    number = np.repeat(np.arange(len(along)), [len(own) for own in samples])
+    blocks = half_seconds([t.measured for t in along], number, np.concatenate(samples))
+    left_out = np.diag(block_jackknife(rows, rows, residual, blocks))
     return np.asarray(np.sqrt(np.maximum(noise, left_out)))
-
-
-def _blocks(evidence: Evidence) -> np.ndarray:
-    """Return the half second that a stacked row belongs to, the same in groups of periods of one recording."""
-    out: list[np.ndarray] = []
-    sources = [t.measured.source for t in evidence.trajectories]
-    most = max(len(t.y) for t in evidence.trajectories)
-    for t in evidence.trajectories:
-        size = max(1, round(BLOCK / (t.measured.dt * t.measured.decimate)))
-        place = np.repeat(np.arange(len(t.y))[t.rows] // size, t.y.shape[1])
-        out.append(most * sources.index(t.measured.source) + place)
-    return np.concatenate(out)
 
 
 def _jacobians(evidence: Evidence, effect: Effect) -> tuple[list[Array], list[str]]:

@@ -17,8 +17,9 @@ from typing import Any
 import numpy as np
 
 from robot_ident.configuration import line_of
-from robot_ident.estimation.declaration import BLOCK, LOSSES, SHAPE, USUAL, Declared, clustered
+from robot_ident.estimation.declaration import LOSSES, SHAPE, USUAL, Declared, clustered
 from robot_ident.recording.measurement import Measurement
+from robot_ident.regression.block_jackknife import rows_in_block
 from robot_ident.robot.drives import Effort
 from robot_ident.robot.robot import Robot
 from robot_ident.signals.motion import Array
@@ -429,7 +430,7 @@ def _rows(measured: Measurement, robot: Robot, coupling: Array) -> tuple[Array, 
     residual, plain = torque - scaled @ values, np.linalg.lstsq(scaled[:, n:], torque, rcond=1e-9)[0]
     without = np.sum((torque - scaled[:, n:] @ plain) ** 2, axis=0)
     explained = 1.0 - np.sum(residual**2, axis=0) / np.maximum(without, 1e-300)
-    block = max(1, round(BLOCK / (measured.dt * measured.decimate)))
+    block = rows_in_block(measured)
     spread = np.column_stack([np.sqrt(np.maximum(np.diag(clustered(scaled, rest, block)), 0.0)) for rest in residual.T])
     found, std = (np.asarray((part / scale[:, None])[:n].T) for part in (values, spread))
     relative = std / np.linalg.norm(found, axis=1)[:, None]

@@ -18,11 +18,11 @@ from robot_ident.estimation.problem import Solution
 from robot_ident.recording.measurement import Measurement, Processing
 from robot_ident.recording.process import process
 from robot_ident.recording.recording import Recording
+from robot_ident.regression.block_jackknife import rows_in_block
 from robot_ident.robot.robot import Robot
 from robot_ident.signals.motion import Array, joined
 
 NOT_TOLD = float("nan")
-BLOCK = 0.5  # s within which residuals depend on each other
 
 
 @dataclass(frozen=True)
@@ -170,7 +170,7 @@ def _judge(robot: Robot, measured: Measurement, gravity: Array, inertial: Array,
     apart = _apart_from_rotor(scaled)
     scaled = scaled if apart else scaled[:, :_ROTOR]
     solved, *_ = np.linalg.lstsq(scaled, tau, rcond=1e-9)
-    covariance = clustered(scaled, tau - scaled @ solved, max(1, round(BLOCK / (measured.dt * measured.decimate))))
+    covariance = clustered(scaled, tau - scaled @ solved, rows_in_block(measured))
     spread = np.sqrt(np.maximum(np.diag(covariance), 0.0))
     found = {k: (float(solved[k] / size[k]), float(spread[k] / size[k])) for k in (0, 1) if np.isfinite(size[k])}
     told = {k: (s, std) for k, (s, std) in found.items() if 0.0 < std < _HARDLY or abs(s) > _SURE * std > 0.0}

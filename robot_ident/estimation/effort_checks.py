@@ -25,7 +25,6 @@ import numpy as np
 from robot_ident.errors import InputError
 from robot_ident.estimation.contradiction import Contradiction, contradiction, coupling_contradiction, weight_removed
 from robot_ident.estimation.declaration import (
-    BLOCK,
     Declared,
     at_all_rows,
     by_clock,
@@ -37,6 +36,7 @@ from robot_ident.estimation.declaration import (
 from robot_ident.recording.conditions import sidecar
 from robot_ident.recording.effort import EXPLAINED, folded_back, one_sided
 from robot_ident.recording.measurement import Measurement, beyond_base, with_payload
+from robot_ident.regression.block_jackknife import rows_in_block
 from robot_ident.robot.robot import Robot
 from robot_ident.signals.motion import Array
 
@@ -376,7 +376,7 @@ class EffortRows:
         self.drive = measured.passed(np.stack(parts, axis=2))  # [N, n, 5]
         self.used = measured.used[measured.rows]
         self.spacing = measured.dt * measured.decimate
-        self.block = max(1, round(BLOCK / self.spacing))
+        self.block = rows_in_block(measured)
         enough = self.used.sum(axis=0) > 5 * self.drive.shape[2]
         self.moving = np.flatnonzero((np.ptp(motion.q, axis=0) > _MOVES) & enough).tolist()
 

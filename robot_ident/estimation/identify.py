@@ -98,11 +98,16 @@ def with_scale_spread(model: Model) -> Model:
     spread = (model.base or {}).get("scale_spread")
     if spread is None:
         return model
-    factor = np.ones(len(model.values))
-    for place, (parameter, std) in enumerate(zip(model.parameters, model.std, strict=True)):
-        if parameter.effect == TorqueScale.name and std > 0.0:
-            factor[place] = max(1.0, spread[model.robot.joint_index(parameter.joint or "")] / std)
-    return replace(model, covariance=np.asarray(model.covariance * factor * factor[:, None]))
+    scales = [k for k, one in enumerate(model.parameters) if one.effect == TorqueScale.name]
+    least = np.array([spread[model.robot.joint_index(model.parameters[k].joint or "")] for k in scales])
+
+    def wider(covariance: Array) -> Array:
+        std, factor = np.sqrt(np.diag(covariance)[scales]), np.ones(len(covariance))
+        factor[scales] = np.where(std > 0.0, np.maximum(1.0, least / np.maximum(std, 1e-300)), 1.0)
+        return np.asarray(covariance * factor * factor[:, None])
+
+    noise = None if model.noise_covariance is None else wider(model.noise_covariance)
+    return replace(model, covariance=wider(model.covariance), noise_covariance=noise)
 
 
 def _lagging(model: Model, chosen: Sequence[str]) -> list[str]:

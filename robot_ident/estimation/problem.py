@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from copy import copy
-from dataclasses import dataclass, field, replace
+from dataclasses import dataclass, replace
 
 import numpy as np
 
@@ -14,7 +14,7 @@ from robot_ident.estimation.equations import Compared, Equations, stack
 from robot_ident.estimation.least_squares import Factor, RowNoise, at_least, factor, row_noise, sandwich
 from robot_ident.model.structure import Structure
 from robot_ident.recording.measurement import Measurement
-from robot_ident.regression.block_jackknife import BLOCK, block_jackknife
+from robot_ident.regression.block_jackknife import block_jackknife, half_seconds
 from robot_ident.signals.motion import Array
 
 _TORQUE_ROUNDS = 4  # of the fixed point: load friction of 10 % leaves 1e-4 of itself after four
@@ -55,11 +55,11 @@ class Solution:
     variance: Array
     condition_number: float
     notes: tuple[str, ...]
+    over_blocks: Array
+    excess: Array
     chi_square: float = float("nan")
     dof: float = float("nan")
     other_forms: tuple[OtherForm, ...] = ()
-    over_blocks: Array = field(default_factory=lambda: np.zeros((0, 0)))
-    excess: Array = field(default_factory=lambda: np.zeros(0))
 
     @property
     def misfits(self) -> bool:
@@ -208,11 +208,8 @@ class Problem:
         before [p, p]: information before data.
         """
         weighed = self.noise.precision(jacobian) if self.weighted else jacobian
-        sources = [measured.source for measured in self.measurements]  # of groups of periods the same
-        rows = [max(1, round(BLOCK / (measured.dt * measured.decimate))) for measured in self.measurements]
-        source = np.array([sources.index(one) for one in sources])[equations.block]
-        place = equations.sample // np.array(rows)[equations.block]
-        return block_jackknife(jacobian, weighed, residual, source * (1 + place.max()) + place, before)
+        blocks = half_seconds(self.measurements, equations.block, equations.sample)
+        return block_jackknife(jacobian, weighed, residual, blocks, before)
 
     def whatever_is_missing(
         self, equations: Equations, jacobian: Array, residual: Array, before: Array, spread: Array

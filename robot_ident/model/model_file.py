@@ -189,16 +189,8 @@ def check_parameters(file: ModelFile, structure: Structure, path: Path | str) ->
 
 
 def check_covariance(covariance: Array, file: ModelFile, path: Path | str) -> None:
-    """Raise InputError where the matrix can't be a covariance, or is that of other standard deviations."""
-    scale = np.sqrt(np.maximum(np.diag(covariance), 0.0))
-    if np.any(np.diag(covariance) < 0):
-        name = file.parameters[int(np.argmin(np.diag(covariance)))].name
-        raise InputError(f"{path}: covariance: the variance of {name} is negative")
-    unit = np.outer(scale, scale) + 1e-300
-    if np.abs((covariance - covariance.T) / unit).max() > 1e-6:
-        raise InputError(f"{path}: covariance is not symmetric")
-    if np.abs(covariance / unit).max() > 1.0 + 1e-6:
-        raise InputError(f"{path}: covariance holds a correlation above 1")
+    """Raise InputError where a covariance is that of other standard deviations."""
+    scale = np.sqrt(np.diag(covariance))
     for parameter, own in zip(file.parameters, scale, strict=True):
         if parameter.std is not None and abs(parameter.std - own) > 1e-6 * max(own, parameter.std):
             raise InputError(
@@ -262,11 +254,21 @@ def write_model(model: Model, path: Path | str, *, force: bool = False) -> None:
     write_text(path, to_yaml(model.to_dict()), force=force)
 
 
-def _square(rows: list[list[float]], name: str, p: int, path: Path | str) -> Array:
-    """Return a matrix [p, p]; InputError where it isn't one."""
-    if len(rows) != p or any(len(row) != p for row in rows):
-        raise InputError(f"{path}: {name} must be {p} x {p}, one row a parameter")
-    return np.array(rows)
+def _covariance(rows: list[list[float]], key: str, file: ModelFile, path: Path | str) -> Array:
+    """Return the matrix [p, p] of a key; InputError where it can't be a covariance."""
+    p, out = len(file.parameters), np.array(rows) if len({len(row) for row in rows}) == 1 else np.empty(0)
+    if out.shape != (p, p):
+        raise InputError(f"{path}: {key} must be {p} x {p}, one row a parameter")
+    if np.any(np.diag(out) < 0):
+        name = file.parameters[int(np.argmin(np.diag(out)))].name
+        raise InputError(f"{path}: {key}: the variance of {name} is negative")
+    scale = np.sqrt(np.diag(out))
+    unit = np.outer(scale, scale) + 1e-300
+    if np.abs((out - out.T) / unit).max() > 1e-6:
+        raise InputError(f"{path}: {key} is not symmetric")
+    if np.abs(out / unit).max() > 1.0 + 1e-6:
+        raise InputError(f"{path}: {key} holds a correlation above 1")
+    return out
 
 
 def read_model(path: Path | str) -> Model:
@@ -274,11 +276,9 @@ def read_model(path: Path | str) -> Model:
     file = read(ModelFile, path)
     robot = _robot(file, path)
     structure = _structure(file, robot, path)
-    p = len(structure.parameters) + len(structure.inner)
-    covariance = _square(file.covariance, "covariance", p, path)
     check_parameters(file, structure, path)
+    covariance, by_noise = _covariance(file.covariance, "covariance", file, path), file.noise_covariance
     check_covariance(covariance, file, path)
-    by_noise = file.noise_covariance
     check_joints(file, robot, path)
     return Model(
         structure=structure,
@@ -305,7 +305,7 @@ def read_model(path: Path | str) -> Model:
         gains=None if file.gains is None else tuple(gain.model_dump() for gain in file.gains),
         days=file.days,
         base=file.base,
-        noise_covariance=None if by_noise is None else _square(by_noise, "noise_covariance", p, path),
+        noise_covariance=None if by_noise is None else _covariance(by_noise, "noise_covariance", file, path),
         payloads=tuple(one.model_dump(mode="json") for one in file.payloads),
     )
 

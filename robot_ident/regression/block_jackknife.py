@@ -2,14 +2,31 @@
 
 from __future__ import annotations
 
+from collections.abc import Sequence
+
 import numpy as np
 
+from robot_ident.recording.measurement import Measurement
 from robot_ident.signals.motion import Array
 
-BLOCK = 0.5
+_BLOCK = 0.5
 """s; errors of a model farther apart are taken as independent: the correlation time of what slow formulas leave."""
 
 _RIDGE = 1e-9  # of a column's square, added: what one block alone excites stays bounded without it
+
+
+def rows_in_block(measured: Measurement) -> int:
+    """Return how many rows of a measurement half a second takes."""
+    return max(1, round(_BLOCK / (measured.dt * measured.decimate)))
+
+
+def half_seconds(measurements: Sequence[Measurement], number: np.ndarray, sample: np.ndarray) -> np.ndarray:
+    """Return which half second [R] of which recording rows belong to, the same in all groups of periods of one; number,
+    sample [R]: their measurement, and their place in it.
+    """
+    sources = [measured.source for measured in measurements]
+    place = sample // np.array([rows_in_block(measured) for measured in measurements])[number]
+    return np.asarray(np.array([sources.index(one) for one in sources])[number] * (1 + place.max()) + place)
 
 
 def block_jackknife(

@@ -145,8 +145,8 @@ def changed(old: Model, new: Model, names: tuple[str, str] = ("the old model", "
     """Return what has changed from one model to another of the same robot.
 
     Parameters of effects are matched by name, base parameters by what they are made of: another choice of them is
-    converted. Sigmas count what a model lacks. Raises InputError for
-    models of other joints, of torque in other units, or from the same recordings.
+    converted. Sigmas count what a model lacks, but for models of release 0.1.0, of which a note tells that. Raises
+    InputError for models of other joints, of torque in other units, or from the same recordings.
     """
     _refuse(old, new, names)
     there, unmatched = _converted(old, new)
@@ -271,6 +271,11 @@ def _notes(
             notes.append(
                 f"{name} does not fit at {', '.join(misfits)}: on another motion what it lacks moves its parameters as"
                 " well; repeat the same motion, or add what is missing first"
+            )
+        if misfits and model.noise_covariance is None:
+            notes.append(
+                f"the standard deviations of {name} count noise alone, as those of release 0.1.0 do: identify such a"
+                " model anew"
             )
     return tuple(notes)
 

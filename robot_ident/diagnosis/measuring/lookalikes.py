@@ -15,7 +15,7 @@ from robot_ident.diagnosis.diagnosis import Finding
 from robot_ident.diagnosis.measuring.filtered import NAME, exact, filters, place_of
 from robot_ident.diagnosis.measuring.fitted_fault import FittedFault, folds
 from robot_ident.effects.catalogue import CATALOGUE
-from robot_ident.regression.block_jackknife import BLOCK
+from robot_ident.regression.block_jackknife import rows_in_block
 from robot_ident.regression.evidence import Evidence, Trajectory
 from robot_ident.regression.gram import BaseFit, Folds, base_gram
 from robot_ident.signals.motion import Array
@@ -90,7 +90,7 @@ def _alike(lead: Array, gain: float) -> bool:
 def _in_blocks(residual: Array, t: Trajectory) -> list[float]:
     """Return the squared error of a trajectory's residual [N, n] in blocks of half a second."""
     squared = np.sum(residual**2, axis=1)
-    size = max(1, round(BLOCK / (t.measured.dt * t.measured.decimate)))
+    size = rows_in_block(t.measured)
     used = np.flatnonzero(t.weight.any(axis=1))
     span = squared[used[0] : used[-1] + 1] if len(used) else squared
     return [float(block.sum()) for block in np.array_split(span, max(1, len(span) // size))]

@@ -17,7 +17,7 @@ from robot_ident.effects import Effect, Torques
 from robot_ident.effects.effort_filter import EffortFilter
 from robot_ident.model.structure import Structure
 from robot_ident.recording.measurement import Measurement
-from robot_ident.regression.block_jackknife import BLOCK
+from robot_ident.regression.block_jackknife import rows_in_block
 from robot_ident.regression.evidence import Evidence, Trajectory, fitted, gather, split, trajectory, weighed_uncut
 from robot_ident.regression.gram import FAINT
 from robot_ident.regression.normal_equations import pseudo_inverse
@@ -312,7 +312,7 @@ class DataSet:
 
 
 def _blocks(t: Trajectory) -> NDArray[np.intp]:
-    size = max(1, round(BLOCK / (t.measured.dt * t.measured.decimate)))
+    size = rows_in_block(t.measured)
     of_recording = np.arange(len(t.y))[t.rows] // size
     return of_recording - of_recording[:1]
 
