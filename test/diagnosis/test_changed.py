@@ -88,6 +88,15 @@ def test_base_parameters_of_another_choice_are_converted(bench: Any, before: lis
     assert friction[0] == pytest.approx(friction[1], rel=1e-6, abs=1e-6)
 
 
+def test_of_a_misfit_whose_sigmas_count_noise_alone_it_is_said(bench: Any, before: list[Model]) -> None:
+    """As models of release 0.1.0 are; one of today counts what it lacks."""
+    lacking = bench.model(bench.measure(("stribeck@joint_2:stribeck=60,speed=0.08",), [1]))
+    assert lacking.noise_covariance is not None
+    old = replace(lacking, covariance=lacking.by_noise, noise_covariance=None)
+    said = [any("count noise alone" in note for note in changed(before[0], one).notes) for one in (lacking, old)]
+    assert said == [False, True]
+
+
 def test_an_effect_of_one_model_alone_is_said(bench: Any, before: list[Model]) -> None:
     (_, more) = extend(
         before[1], bench.measure((), [2], noise=1.0), [make_effect("torque_offset@joint_2", bench.robot)]

@@ -58,6 +58,8 @@ CHANGES: dict[str, Callable[[dict[str, Any]], object]] = {
     "covariance must be 21 x 21": lambda d: d["covariance"].pop(),
     "the variance of p2 is negative": lambda d: d["covariance"][1].__setitem__(1, -1.0),
     "covariance is not symmetric": lambda d: d["covariance"][0].__setitem__(3, 7.0),
+    "noise_covariance must be 21 x 21": lambda d: d.update(noise_covariance=[[1.0, 0.0], [0.0]]),
+    "noise_covariance: the variance of p1 is negative": lambda d: d.update(noise_covariance=(-np.eye(21)).tolist()),
     "p1: std 9 is not the root of its variance": lambda d: d["parameters"][0].update(std=9.0),
     "residual is of elbow, joint_1, joint_2": lambda d: d["residual"].update(elbow=d["residual"].pop("joint_3")),
     "noise.torque_variance must have 3 values": lambda d: d["noise"]["torque_variance"].pop(),
