@@ -43,9 +43,9 @@ class Solution:
     """Parameters [p + r] with covariance, the equations at the solution, and their noise variance [R].
 
     chi_square: weighted squared error, with dof degrees of freedom; nan where the noise is not known independently.
-    other_forms: of its effects. over_blocks [p + r, p + r]: covariance by leaving out half a second at a time. excess
-    [n]: how many times their noise the residuals of joints are in variance, 1 where that is chance, nan where noise is
-    not known.
+    other_forms: of its effects. over_blocks [p + r, p + r]: covariance by leaving out half a second at a time,
+    zero where nothing is missing. excess [n]: how many times their noise the residuals of joints are in variance, 1
+    where that is chance, nan where noise is not known.
     """
 
     structure: Structure
@@ -260,7 +260,9 @@ def solution(problem: Problem, structure: Structure, values: Array, equations: E
     covariance, over_blocks = np.zeros((2, len(parameters), len(parameters)))
     names = [parameters[k].name for k in place]
     covariance[np.ix_(place, place)] = problem.covariance(equations, jacobian, residual, names)
-    over_blocks[np.ix_(place, place)] = problem.over_blocks(equations, jacobian, residual)
+    excess = problem.excess(equations, residual)
+    if np.any(excess != 1.0):
+        over_blocks[np.ix_(place, place)] = problem.over_blocks(equations, jacobian, residual)
     for k, scale in enumerate(structure.settings, len(structure.parameters)):
         if parameters[k].effect == TorqueScale.name:  # known before data: (C^-1 + 1 / (a SPREAD)^2)^-1
             for one in (covariance, over_blocks):
@@ -279,7 +281,7 @@ def solution(problem: Problem, structure: Structure, values: Array, equations: E
         chi_square=float(np.sum(independent * problem.noise.whiten(residual) ** 2)) if known else float("nan"),
         dof=float(np.sum(independent) - len(place)) if known else float("nan"),
         over_blocks=over_blocks,
-        excess=problem.excess(equations, residual),
+        excess=excess,
     )
 
 
